@@ -21,13 +21,14 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     """
     from phasemap._kernels.law import parameters
     from phasemap._kernels.orbits.time.march import march_period
+    from phasemap._kernels.orbits.time.tip import PeriodResult
 
     reference, amplitude = known.reference, known.case.amplitude
     assert reference is not None
     omega, lag = float(work.lever[0]), math.radians(90 - reference.phase)
     # At drive phase 0; the higher harmonics are not there, but a tenth of a percent of the path costs no time.
     state = [reference.mean_deflection + amplitude * math.cos(lag), omega * amplitude * math.sin(lag)]
-    y, acc = np.empty(2), np.zeros(7)
+    y, acc = np.empty(2), PeriodResult()
     p = parameters(work.rows[known.index])  # as kernels have them, for which the march is compiled
 
     def several() -> None:

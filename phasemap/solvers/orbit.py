@@ -83,14 +83,14 @@ def solve_from_far(
     What time does not decide no curve does: it may have left the curve for motion that is not periodic. But a tip that
     was followed along its orbits until it never left the surface, deeper than time lowers it, stays on them.
     """
-    from phasemap._kernels.engagement.lowering import deepest
+    from phasemap._kernels.engagement.lowering import deepest_offset
 
     pressed = march.engage(work, np.arange(first, last), answers, periods)
     if not len(pressed):
         return pressed
     some = answers.of(pressed)
     solve_on_curves(work.part(pressed), limits, average, 0, len(pressed), some)
-    held = (some.status == col.GOOD) & (some.rows[:, col.TIP_OFFSET] < deepest(work.lever))
+    held = (some.status == col.GOOD) & (some.rows[:, col.TIP_OFFSET] < deepest_offset(work.lever))
     answers.put(pressed[held], some.of(held))
     return np.asarray(pressed[held])
 

@@ -38,15 +38,15 @@ class Passage:
         from phasemap._kernels.law import Oscillator, parameters
         from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
         from phasemap._kernels.orbits.averaged.orbits import far_start
-        from phasemap._kernels.orbits.time.elements import STATE
-        from phasemap._kernels.orbits.time.tip import Z0, swing
+        from phasemap._kernels.orbits.time.elements import MEMORY_STATE
+        from phasemap._kernels.orbits.time.tip import Z0, swing_state
 
         p, free = parameters(work.rows[0]), free_amplitude(work.lever)
         far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
         phasor = free_phasor(work.lever)
-        self._state = np.zeros(STATE)
+        self._state = np.zeros(MEMORY_STATE)
         self._state[Z0] = max(far, farthest)
-        swing(work.lever, 0.0, phasor.real, -work.lever[col.OMEGA] * phasor.imag, self._state)
+        swing_state(work.lever, 0.0, phasor.real, -work.lever[col.OMEGA] * phasor.imag, self._state)
 
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""

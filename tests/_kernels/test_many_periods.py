@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time.many_periods import FLOW, begin_flow, pass_many
-from phasemap._kernels.orbits.time.period_map import pass_period
-from phasemap._kernels.orbits.time.tip import DEEPEST, Z0, V, Z, new_tip
+from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
+from phasemap._kernels.orbits.time.period_map import march_tip
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, V, Z, new_state
 from phasemap.solvers.problem import work_of_material
 
 ETA, PERIODS = 0.5, 400
@@ -25,19 +23,21 @@ def test_a_tip_that_falls_below_resonance_moves_as_it_does_period_by_period() ->
     swing = lever[col.BASE] / complex(1 - omega**2, 2 * lever[col.ALPHA0] * omega)
     # From an amplitude from contact 4 pm a period for three ring-down times: the amplitude rises, and the tip touches.
     pace, allowed, start = 4e-12, 1e-12, amplitude + 1.5e-9
-    one = new_tip(law, lever, 0.0, swing.real, -omega * swing.imag, start)
-    many = new_tip(law, lever, 0.0, swing.real, -omega * swing.imag, start)
-    flow, passed, steps, deepest = np.zeros(FLOW), 0, 0, -math.inf
+    one, many = (
+        Tip(new_state(law, lever, 0.0, swing.real, -omega * swing.imag, start), PeriodResult(), PeriodMap(), Periods())
+        for _ in range(2)
+    )
+    flow, passed, steps, deepest = Flow(), 0, 0, -math.inf
     assert begin_flow(Oscillator(law, p, lever), ETA, pace, many, flow)
     while passed < PERIODS:
         steps += 1
         passed += pass_many(Oscillator(law, p, lever), ETA, pace, allowed, many, flow)
     for _ in range(passed):
         one.u[Z0] -= pace
-        assert pass_period(Oscillator(law, p, lever), ETA, one)
-        deepest = max(deepest, one.acc[DEEPEST])
+        assert march_tip(Oscillator(law, p, lever), ETA, one)
+        deepest = max(deepest, one.acc.deepest)
     assert deepest > 0.0
-    assert many.periods[0] < 0.4 * passed
+    assert many.periods.marched < 0.4 * passed
     # Errors of single steps grow no more than the motion's: neighbours keep apart to within a factor of some, here 3.
     assert math.hypot(many.u[Z] - one.u[Z], (many.u[V] - one.u[V]) / omega) < 3 * steps * allowed
     assert abs(many.u[Z0] - one.u[Z0]) < 1e-6 * allowed * passed

@@ -11,7 +11,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN
+from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap._kernels.scanning.one_tap import WAIT, Taps, tap_or_march
 from phasemap._kernels.scanning.pieces import (
     PIECE_NODES,
@@ -53,14 +53,14 @@ class Tap:
 
     def period(self, y: np.ndarray, z0: float, eta: float = FINE, material: int = 0, pieces: bool = False) -> complex:
         """Let one pass, and return its first harmonic."""
-        acc, p = np.zeros(GIVEN), parameters(self.work.rows[material])
+        acc, p = PeriodResult(), parameters(self.work.rows[material])
         if pieces:
             steps = tap_or_march(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc, self.taps)
             self.followed = steps == 1  # the march takes many
         else:
             steps = march_period(Oscillator(self.work.law, p, self.lever), z0, eta, y, acc)
         assert steps > 0
-        return complex(acc[COS], -acc[SIN])
+        return complex(acc.cos, -acc.sin)
 
 
 PLASTIC = pm.Material(1e9, 0.05, damping=0.01)

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding, in_time, lowering
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
-from phasemap._kernels.orbits.time.tip import Tip, new_tip
+from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.periods import new_periods
@@ -33,7 +33,8 @@ MORE = 100
 
 
 def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
-    return new_tip(law, lever_of(scope), 0.0, 0.0, 0.5 * scope.driven_amplitude, z0)
+    u = new_state(law, lever_of(scope), 0.0, 0.0, 0.5 * scope.driven_amplitude, z0)
+    return Tip(u, PeriodResult(), PeriodMap(), Periods())
 
 
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])
@@ -47,13 +48,13 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
     tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
     {
         "hold": lambda: holding.hold(problem, amplitude, 0.25, most, tip, row),
-        "hold_mean": lambda: holding.hold_mean(problem, amplitude, holding.EAGER, 0.25, most, tip, row),
+        "hold_mean": lambda: holding.hold_mean(problem, amplitude, holding.EAGER_GAIN, 0.25, most, tip, row),
         "move_slowly": lambda: in_time.move_slowly(problem, amplitude, 0.0, tolerance, most, tip),
         "follow_down": lambda: lowering.follow_down(problem, amplitude, 1e-10, 0.0, tolerance, most, tip),
-        "fall": lambda: lowering.fall(problem, amplitude, 1e-12, 0.0, tolerance, most, tip),
+        "fall": lambda: lowering.fall_to_setpoint(problem, amplitude, 1e-12, 0.0, tolerance, most, tip),
         "rest": lambda: period_map.rest(problem, tolerance, most, tip),
     }[what]()
-    assert tip.periods[0] <= most + MORE
+    assert tip.periods.marched <= most + MORE
 
 
 def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:

@@ -15,6 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment.excitation import of_tip, show
 from phasemap.experiment.lever import lever_of
 from phasemap.scenes.scene import load_scene
@@ -104,11 +105,11 @@ def test_the_spread_is_that_of_the_deflection_behind_a_lock_in() -> None:
     assert pixel.motion == "irregular"
     work = work_of_material(sticky, scope, pixel.amplitude)
     amplitude, phase = of_tip(work.lever, pixel.amplitude, math.radians(pixel.phase))
-    tip, acc = np.array([amplitude * math.sin(phase), amplitude * math.cos(phase), 0.0]), np.zeros(7)
+    tip, acc = np.array([amplitude * math.sin(phase), amplitude * math.cos(phase), 0.0]), PeriodResult()
     shown, low = np.empty(6000, complex), 0j
     for i in range(-3000, len(shown)):
         march_period(Oscillator(work.law, work.rows[0], work.lever), pixel.tip_offset, 0.5, tip, acc)
-        now = complex(acc[0] - work.lever[col.SHAKER], acc[1])
+        now = complex(acc.cos - work.lever[col.SHAKER], acc.sin)
         low = now + math.exp(-2 * math.pi / 100) * (low - now)
         if i >= 0:
             shown[i] = low

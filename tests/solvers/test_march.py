@@ -13,7 +13,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding, in_time
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time import march, period_map, runge_kutta
-from phasemap._kernels.orbits.time.tip import BY_V, BY_Z
+from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
 
 Problem = Oscillator
@@ -61,7 +61,7 @@ def settled(problem: Problem, orbit: dict[str, float], eta: float, most: int = 1
 
 
 def marched(problem: Problem, z0: float, y: np.ndarray, eta: float, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    y, acc = y.copy(), np.empty(7)
+    y, acc = y.copy(), PeriodResult()
     for _ in range(periods):
         assert march.march_period(problem, z0, eta, y, acc) > 0
     return y, acc
@@ -103,14 +103,14 @@ def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
     def v(t: float) -> float:
         return 1.2 - 1.8 * t - 0.6 * t * t
 
-    assert v(march.turning.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
-    assert x(march.root_of.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert v(march.time_of_turn.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert x(march.time_of_crossing.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
 
 
 def test_a_measured_decay_is_summed_and_its_multipliers_found() -> None:
     change = np.array([[-0.1, 0.3], [-0.2, -0.05]])  # P' - 1
-    linear = np.zeros((4, 3))
-    linear[BY_Z, :2], linear[BY_V, :2] = change[:, 0], change[:, 1]
+    linear = PeriodMap()
+    (linear.by_z.z, linear.by_v.z), (linear.by_z.v, linear.by_v.v) = change
     assert period_map.relaxed.py_func(linear, 1.0, 2.0) == pytest.approx(tuple(np.linalg.solve(-change, [1.0, 2.0])))
     assert period_map.multiplier_of.py_func(linear) == pytest.approx(
         np.abs(np.linalg.eigvals(np.eye(2) + change)).max()
@@ -138,11 +138,11 @@ def test_the_free_lever_swings_as_the_formula_says(omega: float) -> None:
 
     driven = np.array([response.real, -omega * response.imag])
     _, acc = marched((law, p, np.array([omega, alpha0, stiffness, base])), 1e-7, driven, 0.1)
-    np.testing.assert_allclose(acc[:2], [response.real, -response.imag], rtol=0, atol=1e-13 * abs(response))
-    assert abs(acc[2]) < 1e-13 * abs(response)
-    assert acc[3] == acc[4] == 0
-    assert acc[5] == pytest.approx(abs(response) - 1e-7, rel=1e-9)
-    assert acc[6] == pytest.approx(2 * math.pi * alpha0 * omega * stiffness * abs(response) ** 2, rel=1e-11)
+    np.testing.assert_allclose([acc.cos, acc.sin], [response.real, -response.imag], rtol=0, atol=1e-13 * abs(response))
+    assert abs(acc.mean_z) < 1e-13 * abs(response)
+    assert acc.loss == acc.virial == 0
+    assert acc.deepest == pytest.approx(abs(response) - 1e-7, rel=1e-9)
+    assert acc.air == pytest.approx(2 * math.pi * alpha0 * omega * stiffness * abs(response) ** 2, rel=1e-11)
 
 
 def test_a_period_with_contact_agrees_with_another_integrator() -> None:
@@ -166,12 +166,12 @@ def test_a_period_with_contact_agrees_with_another_integrator() -> None:
 
 def test_the_compiled_period_is_the_python_one() -> None:
     problem = problem_of(TAPPING)
-    y, acc = state_of(TAPPING_ORBIT), np.empty(7)
+    y, acc = state_of(TAPPING_ORBIT), PeriodResult()
     steps = march.march_elastic.py_func(problem, TAPPING_ORBIT["tip_offset"], 0.5, y, acc)
     compiled, acc_compiled = marched(problem, TAPPING_ORBIT["tip_offset"], state_of(TAPPING_ORBIT), 0.5)
     assert steps > 0
     np.testing.assert_allclose(y, compiled, rtol=1e-12)
-    np.testing.assert_allclose(acc, acc_compiled, rtol=1e-11)
+    np.testing.assert_allclose(acc.tolist(), acc_compiled.tolist(), rtol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ def test_the_error_is_of_order_eight_down_to_1e_11(number: int, change: dict[str
     errors = []
     for eta in etas:
         end, acc = marched(problem, orbit["tip_offset"], y, eta, 3)
-        errors.append([np.abs(end - exact_y).max(), np.abs(acc[:3] - exact_acc[:3]).max()])
+        errors.append([np.abs(end - exact_y).max(), np.abs(np.subtract(acc.tolist(), exact_acc.tolist())[:3]).max()])
     slopes = np.polyfit(np.log(etas), np.log(errors), 1)[0]
     assert slopes == pytest.approx([8, 8], abs=0.31)
     assert np.all(np.array(errors[-1]) < 1e-11 * orbit["amplitude"])
@@ -215,12 +215,12 @@ def test_a_touch_at_the_top_of_the_swing_is_neither_missed_nor_invented(
     for eta in (0.7, 0.45, 0.2):  # steps that end elsewhere beside the top
         _, acc = marched((law, p, lever), z0, np.array([0.0, amplitude]), eta)
         if decay_length is None and apart > -1e-12:  # too shallow to shorten the swing
-            assert acc[5] == pytest.approx(-apart, abs=1e-16 if eta < 0.5 else 1e-13)
+            assert acc.deepest == pytest.approx(-apart, abs=1e-16 if eta < 0.5 else 1e-13)
         if apart < 0:
-            assert acc[5] > 0 or apart > -1e-14
-            assert acc[5] < 1.01 * abs(apart) + 1e-10
+            assert acc.deepest > 0 or apart > -1e-14
+            assert acc.deepest < 1.01 * abs(apart) + 1e-10
         if apart > 1e-10:
-            assert acc[5] < 0
+            assert acc.deepest < 0
 
 
 @pytest.mark.parametrize("speed", [-1e-9, -1e-20, 0.0, 1e-20, 1e-9])
@@ -243,7 +243,7 @@ def test_a_fast_tip_does_not_step_over_the_force_before_contact() -> None:
 
 
 def test_a_hopeless_period_ends_with_a_status() -> None:
-    problem, acc = problem_of(TAPPING), np.empty(6)
+    problem, acc = problem_of(TAPPING), PeriodResult()
     y = state_of(TAPPING_ORBIT)
     assert march.march_period(problem, TAPPING_ORBIT["tip_offset"], 1e-6, y, acc) == -col.NOT_SETTLED
     assert march.march_period(problem, TAPPING_ORBIT["tip_offset"], 0.3, np.array([math.nan, 0.0]), acc) < 0
@@ -306,8 +306,8 @@ def test_the_transient_that_is_skipped_is_the_one_that_time_takes(number: int) -
     y = state_of(orbit) * [1.01, 0.98]
     decay_times = 16
     _, acc = marched(problem, row[col.TIP_OFFSET], y, 0.3, math.ceil(decay_times * case["quality_factor"] / math.pi))
-    assert math.degrees(math.pi / 2 - math.atan2(acc[1], acc[0]) - row[col.PHASE]) == pytest.approx(0, abs=1e-5)
-    assert math.hypot(acc[0], acc[1]) == pytest.approx(row[col.AMPLITUDE], rel=1e-7)
+    assert math.degrees(math.pi / 2 - math.atan2(acc.sin, acc.cos) - row[col.PHASE]) == pytest.approx(0, abs=1e-5)
+    assert math.hypot(acc.cos, acc.sin) == pytest.approx(row[col.AMPLITUDE], rel=1e-7)
 
 
 @pytest.mark.parametrize("number", [0, 4, 19, 20, 38])
@@ -351,7 +351,9 @@ def test_engaging_ends_where_brute_force_engagement_ended(case: Case) -> None:
     free = lever[3] / abs(complex(1 - lever[0] ** 2, 2 * lever[1] * lever[0]))
     row = np.empty(col.COLUMNS)
     amplitude = case["setpoint"] * free
-    status = in_time.approach(Oscillator(law, p, lever), amplitude, engaged["start"], 1e-9, 0.3, 1_000_000, row)
+    status = in_time.approach_by_march(
+        Oscillator(law, p, lever), amplitude, engaged["start"], 1e-9, 0.3, 1_000_000, row
+    )
     assert status == col.GOOD
     if engaged["branch"] == "none":  # the reference found no orbit that repeats itself
         assert row[col.SPREAD_AMPLITUDE] > 0
@@ -366,7 +368,8 @@ def test_engaging_above_the_free_amplitude_finds_no_orbit() -> None:
     law, p, lever = problem_of(TAPPING)
     amplitude = 1.02 * TAPPING["free_amplitude"]
     assert (
-        in_time.approach(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 1_000_000, row) == col.NO_STABLE_ORBIT
+        in_time.approach_by_march(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 1_000_000, row)
+        == col.NO_STABLE_ORBIT
     )
 
 
@@ -374,5 +377,5 @@ def test_engaging_that_takes_too_long_is_reported() -> None:
     row = np.empty(col.COLUMNS)
     law, p, lever = problem_of(TAPPING)
     amplitude = 0.5 * TAPPING["free_amplitude"]
-    assert in_time.approach(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 50, row) == col.NOT_SETTLED
+    assert in_time.approach_by_march(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 50, row) == col.NOT_SETTLED
     assert np.isnan(row).all()

@@ -12,28 +12,66 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import COS, DEEPEST, GIVEN, MARCHED, SIN, Z0, Tip, ring_down
+from phasemap._kernels.orbits.time.tip import (
+    Z0,
+    PeriodResult,
+    Tip,
+    add_period,
+    ring_down_periods,
+)
+from phasemap._kernels.records import clear, record
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 BANDWIDTH = 0.01
 """Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
-FEWEST = 16  # periods, or a ring-down time, that are averaged before the controller acts
+FEWEST_AVERAGED = 16  # periods, or a ring-down time, that are averaged before the controller acts
 FEWEST_GROUPS = 6  # whose scatter tells the error of their mean
 UNSURE = 0.25  # share of what the mean amplitude misses, by which the tip offset may be wrong beside its own slope
 LEAST_COS = 1e-3  # of the lag's cosine, for a slope that ends at the resonance of the free lever
-STEPS_PHASE, STEPS_LENGTH = math.radians(2e-4), 2e-14  # errors [rad, m] by the steps, found against an independent code
-# What is added up over periods: the seven of `march_period` (the largest depth is kept), their number, the amplitude
-# and angle behind the lock-in, their squares, and the tip offset. Carried on: the phasor behind the lock-in, the one
-# from which angles count, that of the last period; the largest change of it in a period, and the least depth.
-COUNT, SIZE, SIZE2, ANGLE, ANGLE2, OFFSET, ADDED = 7, 8, 9, 10, 11, 12, 13
-LOW_COS, LOW_SIN, FROM_COS, FROM_SIN, LAST_COS, LAST_SIN, CHANGE, LEAST, SUMS = 13, 14, 15, 16, 17, 18, 19, 20, 21
-# A series of averages: tip offset and phasor [m] of each.
-AT_OFFSET, AT_COS, AT_SIN = 0, 1, 2
+STEPS_PHASE = math.radians(2e-4)  # error by the steps, found against an independent code [rad]
+STEPS_LENGTH = 2e-14  # the same [m]
+
+
+@record
+class Total:
+    """Sums over periods."""
+
+    period: PeriodResult  # but the largest depth
+    count: float  # of periods
+    amplitude: float  # amplitude behind the lock-in [m]
+    amplitude2: float  # its square
+    angle: float  # [rad], from a phasor of `LockIn`
+    angle2: float  # its square
+    offset: float  # tip offset [m]
+
+
+@record
+class LockIn:
+    """What a lock-in shows over some periods: sums, and what is carried on from one average to the next."""
+
+    total: Total
+    low_cos: float  # phasor behind the low-pass [m]
+    low_sin: float
+    from_cos: float  # that from which angles count [m]
+    from_sin: float
+    last_cos: float  # that of the last period [m]
+    last_sin: float
+    change: float  # largest change of it from period to period [m]
+    least_depth: float  # of all periods [m]
+
+
+class Series(NamedTuple):
+    """A series of averages: tip offset and phasor [m] of each."""
+
+    offset: np.ndarray
+    cos: np.ndarray
+    sin: np.ndarray
 
 
 class Errors(NamedTuple):
@@ -57,80 +95,109 @@ class Errors(NamedTuple):
 
 
 @kernel
-def begin_sums(lever: np.ndarray, acc: np.ndarray) -> np.ndarray:
-    """Return empty sums of a lock-in that shows the phasor of the last period, as the detector sees it."""
-    sums = np.zeros(SUMS)
-    sums[LOW_COS] = sums[FROM_COS] = sums[LAST_COS] = acc[COS] - lever[col.SHAKER]
-    sums[LOW_SIN] = sums[FROM_SIN] = sums[LAST_SIN] = acc[SIN]
-    return sums
+def begin_lock_in(lever: np.ndarray, acc: PeriodResult, lock_in: LockIn) -> None:
+    """Let a lock-in show the phasor of the last period, as the detector sees it."""
+    clear(lock_in)
+    lock_in.low_cos = lock_in.from_cos = lock_in.last_cos = acc.cos - lever[col.SHAKER]
+    lock_in.low_sin = lock_in.from_sin = lock_in.last_sin = acc.sin
 
 
 @kernel
-def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: Tip, sums: np.ndarray) -> bool:
+def add_total(total: Total, more: Total) -> None:
+    """Add sums over other periods."""
+    add_period(total.period, more.period)
+    total.count += more.count
+    total.amplitude += more.amplitude
+    total.amplitude2 += more.amplitude2
+    total.angle += more.angle
+    total.angle2 += more.angle2
+    total.offset += more.offset
+
+
+@kernel
+def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn) -> bool:
     """March so many periods, and sum up what is seen; z0 falls by way + gain (A - setpoint) [m] in each.
 
     A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
     """
-    lever = oscillator.lever
-    for j in range(ADDED):
-        sums[j] = 0.0
-    sums[CHANGE], sums[DEEPEST], sums[LEAST] = 0.0, -math.inf, math.inf
+    lever, total = oscillator.lever, lock_in.total
+    clear(total)
+    lock_in.change, total.period.deepest, lock_in.least_depth = 0.0, -math.inf, math.inf
     keep = math.exp(-2.0 * math.pi * BANDWIDTH)
     acc, (way, gain, setpoint) = tip.acc, move
     for _ in range(count):
-        tip.u[Z0] -= way + gain * (math.hypot(sums[LOW_COS], sums[LOW_SIN]) - setpoint)
-        tip.periods[MARCHED] += 1
+        tip.u[Z0] -= way + gain * (math.hypot(lock_in.low_cos, lock_in.low_sin) - setpoint)
+        tip.periods.marched += 1
         if march_period(oscillator, tip.u[Z0], eta, tip.u, acc) < 0:
             return False
-        for j in range(GIVEN):
-            sums[j] = max(sums[j], acc[j]) if j == DEEPEST else sums[j] + acc[j]
-        sums[LEAST] = min(sums[LEAST], acc[DEEPEST])
-        cosine, sine = acc[COS] - lever[col.SHAKER], acc[SIN]
-        x = keep * sums[LOW_COS] + (1.0 - keep) * cosine
-        y = keep * sums[LOW_SIN] + (1.0 - keep) * sine
-        from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
+        add_period(total.period, acc)
+        lock_in.least_depth = min(lock_in.least_depth, acc.deepest)
+        cosine, sine = acc.cos - lever[col.SHAKER], acc.sin
+        x = keep * lock_in.low_cos + (1.0 - keep) * cosine
+        y = keep * lock_in.low_sin + (1.0 - keep) * sine
+        from_x, from_y = lock_in.from_cos, lock_in.from_sin
         size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
-        sums[COUNT] += 1.0
-        sums[OFFSET] += tip.u[Z0]
-        sums[SIZE] += size
-        sums[SIZE2] += size * size
-        sums[ANGLE] += angle
-        sums[ANGLE2] += angle * angle
-        sums[CHANGE] = max(sums[CHANGE], math.hypot(cosine - sums[LAST_COS], sine - sums[LAST_SIN]))
-        sums[LOW_COS], sums[LOW_SIN], sums[LAST_COS], sums[LAST_SIN] = x, y, cosine, sine
+        total.count += 1.0
+        total.offset += tip.u[Z0]
+        total.amplitude += size
+        total.amplitude2 += size * size
+        total.angle += angle
+        total.angle2 += angle * angle
+        lock_in.change = max(lock_in.change, math.hypot(cosine - lock_in.last_cos, sine - lock_in.last_sin))
+        lock_in.low_cos, lock_in.low_sin, lock_in.last_cos, lock_in.last_sin = x, y, cosine, sine
     return True
 
 
 @kernel
-def seen(lever: np.ndarray, sums: np.ndarray) -> float:
-    """Amplitude [m] of the mean phasor that the detector sees."""
-    return math.hypot(sums[COS] / sums[COUNT] - lever[col.SHAKER], sums[SIN] / sums[COUNT])
+def mean_phasor(lever: np.ndarray, total: Total) -> tuple[float, float]:
+    """Mean phasor [m] that the detector sees."""
+    return total.period.cos / total.count - lever[col.SHAKER], total.period.sin / total.count
 
 
 @kernel
-def alike(sums: np.ndarray) -> bool:
+def mean_amplitude(lever: np.ndarray, lock_in: LockIn) -> float:
+    """Amplitude [m] of the mean phasor that the detector sees."""
+    x, y = mean_phasor(lever, lock_in.total)
+    return math.hypot(x, y)
+
+
+@kernel
+def touches_alike(lock_in: LockIn) -> bool:
     """Whether the tip touched in every period, or in none: in some only, its motion does not repeat itself."""
-    return (sums[LEAST] >= 0.0) == (sums[DEEPEST] >= 0.0)
+    return (lock_in.least_depth >= 0.0) == (lock_in.total.period.deepest >= 0.0)
 
 
 @kernel
 def block_of(lever: np.ndarray) -> int:
     """Periods that are averaged at a time: a multiple of 12, in which orbits of 2, 3, 4 or 6 periods repeat."""
-    return 12 * (max(FEWEST, ring_down(lever)) // 12 + 1)
+    return 12 * (max(FEWEST_AVERAGED, ring_down_periods(lever)) // 12 + 1)
 
 
 @kernel
-def noted(lever: np.ndarray, sums: np.ndarray, series: np.ndarray, count: int) -> np.ndarray:
-    """The series, longer if it must be, with its row `count` filled: tip offset and phasor [m] of this average."""
-    if count == len(series):
-        longer = np.zeros((2 * count, 3))
-        for i in range(count):
-            for j in range(3):
-                longer[i, j] = series[i, j]
+def fill_spread(total: Total, row: np.ndarray) -> None:
+    """Fill in how amplitude and phase behind the lock-in scatter."""
+    size, angle = total.amplitude / total.count, total.angle / total.count
+    row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total.amplitude2 / total.count - size * size, 0.0))
+    row[col.SPREAD_PHASE] = math.sqrt(max(total.angle2 / total.count - angle * angle, 0.0))
+
+
+@kernel
+def new_series(count: int) -> Series:
+    """Return a series with room for so many averages."""
+    return Series(np.zeros(count), np.zeros(count), np.zeros(count))
+
+
+@kernel
+def with_average(lever: np.ndarray, total: Total, series: Series, count: int) -> Series:
+    """The series, longer if it must be, with its entry `count` filled by this average."""
+    if count == len(series.offset):
+        longer = new_series(2 * count)
+        copy(series.offset, longer.offset[:count])
+        copy(series.cos, longer.cos[:count])
+        copy(series.sin, longer.sin[:count])
         series = longer
-    series[count, AT_OFFSET] = sums[OFFSET] / sums[COUNT]
-    series[count, AT_COS] = sums[COS] / sums[COUNT] - lever[col.SHAKER]
-    series[count, AT_SIN] = sums[SIN] / sums[COUNT]
+    series.offset[count] = total.offset / total.count
+    series.cos[count], series.sin[count] = mean_phasor(lever, total)
     return series
 
 
@@ -178,7 +245,7 @@ def branch_slope(lever: np.ndarray, x: float, y: float) -> float:
 
 
 @kernel
-def errors_of_mean(lever: np.ndarray, series: np.ndarray, first: int, count: int, amplitude: float) -> Errors:
+def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, amplitude: float) -> Errors:
     """Errors of averages from `first` on: theory, Eq. (irregular-6).
 
     Where an amplitude is held, lag and tip offset go with it, whether a tap more or less or the way to the setpoint is
@@ -187,12 +254,12 @@ def errors_of_mean(lever: np.ndarray, series: np.ndarray, first: int, count: int
     """
     x = y = 0.0
     for i in range(first, count):
-        x, y = x + series[i, AT_COS], y + series[i, AT_SIN]
+        x, y = x + series.cos[i], y + series.sin[i]
     held, a, z, w = amplitude > 0.0, np.empty(count), np.empty(count), np.empty(count)
     for i in range(count):
-        a[i] = math.atan2(series[i, AT_SIN] * x - series[i, AT_COS] * y, series[i, AT_COS] * x + series[i, AT_SIN] * y)
-        z[i] = math.hypot(series[i, AT_COS], series[i, AT_SIN]) - amplitude
-        w[i] = series[i, AT_OFFSET] - z[i]
+        a[i] = math.atan2(series.sin[i] * x - series.cos[i] * y, series.cos[i] * x + series.sin[i] * y)
+        z[i] = math.hypot(series.cos[i], series.sin[i]) - amplitude
+        w[i] = series.offset[i] - z[i]
     slope = w_slope = missed = branch = 0.0
     if held:
         slope, w_slope, branch = slope_on(z, a), slope_on(z, w), branch_slope(lever, x, y)

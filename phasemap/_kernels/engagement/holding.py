@@ -16,47 +16,51 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import (
-    ADDED,
-    ANGLE,
-    ANGLE2,
-    CHANGE,
-    COUNT,
-    FROM_COS,
-    FROM_SIN,
-    OFFSET,
-    SIZE,
-    SIZE2,
-    alike,
+    LockIn,
+    Total,
+    add_total,
     average,
-    begin_sums,
+    begin_lock_in,
     block_of,
     errors_of_mean,
-    noted,
-    seen,
+    fill_spread,
+    mean_amplitude,
+    mean_phasor,
+    new_series,
+    touches_alike,
+    with_average,
 )
-from phasemap._kernels.engagement.lowering import STILL
+from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.elements import FREE, MODE
+from phasemap._kernels.orbits.time.elements import CONTACT_MODE, OFF_SURFACE
 from phasemap._kernels.orbits.time.forming import form_dents
-from phasemap._kernels.orbits.time.period_map import Tolerance, fill, fill_orbit, hold_periodic, skip
-from phasemap._kernels.orbits.time.tip import COS, DEEPEST, MARCHED, SIN, Z0, Tip, new_tip
+from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, skip
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, divide_result, new_state
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
-COARSE, WIDE = 2.0, 100.0  # steps and errors allowed on the way to the setpoint, over those of a periodic orbit
-STATE_ERROR, OFFSET_ERROR = math.radians(1e-5), 1e-14  # of a periodic orbit, of its amplitude in (z, z'), and [m]
-NECK = 0.6  # steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
-GROUP, LEAST_GROUPS = 4, 5  # such averages are one independent value of the mean, and so many of these are needed
-STICKY_GROUP, STICKY_GROUPS = 2, 6  # the same of a contact with hysteresis, whose motion forgets sooner
-CALM = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
-EAGER, SLOW = 0.5, 0.1  # integral gains of the controller: to come to the setpoint, and to stay there
-PHASE, LENGTH = math.radians(0.01), 2e-12  # standard errors [rad, m] at which averaging ends
-ASTRAY = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
-WORST_PHASE, WORST_LENGTH = math.radians(0.05), 1e-11  # the same with which a mean still counts as held
-SERIES = 64  # averages that are kept, before room is made for more
+COARSER_STEPS = 2.0  # on the way to the setpoint, over those of a periodic orbit
+WIDER_ERRORS = 100.0  # the same of the errors allowed
+STATE_ERROR = math.radians(1e-5)  # of a periodic orbit in (z, z'), of its amplitude
+OFFSET_ERROR = 1e-14  # of a periodic orbit [m]
+# Steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
+NECK_STEPS = 0.6
+GROUP = 4  # averages that are one independent value of the mean
+LEAST_GROUPS = 5  # of these that are needed
+STICKY_GROUP = 2  # the same of a contact with hysteresis, whose motion forgets sooner
+STICKY_GROUPS = 6
+CALM_ENOUGH = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
+EAGER_GAIN = 0.5  # integral gain of the controller, to come to the setpoint
+SLOW_GAIN = 0.1  # the same, to stay there
+PHASE_SOUGHT = math.radians(0.01)  # standard error at which averaging ends [rad]
+LENGTH_SOUGHT = 2e-12  # the same [m]
+MEAN_MISS = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
+WORST_PHASE = math.radians(0.05)  # standard error with which a mean still counts as held [rad]
+WORST_LENGTH = 1e-11  # the same [m]
+SERIES_START = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
@@ -65,7 +69,7 @@ WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a 
 @kernel
 def fine(p: np.ndarray, eta: float) -> float:
     """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
-    return eta if p[col.RELEASE] == 0.0 else NECK * eta
+    return eta if p[col.RELEASE] == 0.0 else NECK_STEPS * eta
 
 
 @kernel
@@ -79,51 +83,55 @@ def hold_mean(
     is wider: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if it is still large when `most` periods
     were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
     nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
-    `gain` is that of the controller at first, but at most SLOW past a contact with hysteresis: a tip that is moved
+    `gain` is that of the controller at first, but at most SLOW_GAIN past a contact with hysteresis: a tip that is moved
     faster takes to another pattern of taps than the one that it lands on.
     """
     p, lever = oscillator.p, oscillator.lever
     held = amplitude > 0.0
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * (amplitude if held else free_amplitude(lever)), OFFSET_ERROR)
-    block, sums, total = block_of(lever), begin_sums(lever, tip.acc), np.zeros(ADDED)
+    block, lock_in, total = block_of(lever), LockIn(), Total()
+    begin_lock_in(lever, tip.acc, lock_in)
     sticky = p[col.RELEASE] != 0.0
     size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
-    if tip.periods[MARCHED] + 3 * GROUP * block > most:
+    if tip.periods.marched + 3 * GROUP * block > most:
         return col.NOT_SETTLED
     # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
     follows = 1.0 / block if sticky else 0.0
-    gain, count, series = min(gain, SLOW) if sticky else gain, 0, np.zeros((SERIES, 3))
+    gain, count, series = min(gain, SLOW_GAIN) if sticky else gain, 0, new_series(SERIES_START)
     for j in range(3 * GROUP):
-        if not average(oscillator, COARSE * eta, block, (0.0, follows * gain, amplitude), tip, sums):
+        if not average(oscillator, COARSER_STEPS * eta, block, (0.0, follows * gain, amplitude), tip, lock_in):
             return col.NOT_SETTLED
-        series, count = noted(lever, sums, series, count), count + 1
-        tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
-        if sticky and j >= GROUP and abs(seen(lever, sums) - amplitude) < CALM * amplitude:
+        series, count = with_average(lever, lock_in.total, series, count), count + 1
+        tip.u[Z0] += 0.0 if sticky else gain * (amplitude - mean_amplitude(lever, lock_in))
+        if sticky and j >= GROUP and abs(mean_amplitude(lever, lock_in) - amplitude) < CALM_ENOUGH * amplitude:
             break
-    gain, first = min(gain, SLOW), count
+    gain, first = min(gain, SLOW_GAIN), count
     slow = (0.0, follows * gain, amplitude)
-    sums[FROM_COS], sums[FROM_SIN] = sums[COS] / sums[COUNT] - lever[col.SHAKER], sums[SIN] / sums[COUNT]
+    lock_in.from_cos, lock_in.from_sin = mean_phasor(lever, lock_in.total)
     # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
     groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     z_error, a_error, astray = math.inf, math.inf, True
-    while tip.periods[MARCHED] + size * block <= most:
+    while tip.periods.marched + size * block <= most:
         z0 = cosine = sine = 0.0
         for _ in range(size):
-            if not average(oscillator, COARSE * eta, block, slow, tip, sums):
+            if not average(oscillator, COARSER_STEPS * eta, block, slow, tip, lock_in):
                 return col.NOT_SETTLED
-            for j in range(ADDED):
-                total[j] = max(total[j], sums[j]) if j == DEEPEST else total[j] + sums[j]
-            z0 += sums[OFFSET] / (size * block)
-            cosine += sums[COS]
-            sine += sums[SIN]
-            series, count = noted(lever, sums, series, count), count + 1
-            missed += (seen(lever, sums) - amplitude) ** 2
-            tip.u[Z0] += 0.0 if sticky else gain * (amplitude - seen(lever, sums))
-        if sums[CHANGE] < STILL * seen(lever, sums) and alike(sums) and skip(oscillator, tolerance, amplitude, tip):
+            add_total(total, lock_in.total)
+            z0 += lock_in.total.offset / (size * block)
+            cosine += lock_in.total.period.cos
+            sine += lock_in.total.period.sin
+            series, count = with_average(lever, lock_in.total, series, count), count + 1
+            missed += (mean_amplitude(lever, lock_in) - amplitude) ** 2
+            tip.u[Z0] += 0.0 if sticky else gain * (amplitude - mean_amplitude(lever, lock_in))
+        if (
+            lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in)
+            and touches_alike(lock_in)
+            and skip(oscillator, tolerance, amplitude, tip)
+        ):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
         x, y = cosine / (size * block) - lever[col.SHAKER], sine / (size * block)
-        from_x, from_y = sums[FROM_COS], sums[FROM_SIN]
+        from_x, from_y = lock_in.from_cos, lock_in.from_sin
         z = z0 + amplitude - math.hypot(x, y)
         short += amplitude - math.hypot(x, y)
         a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
@@ -137,8 +145,8 @@ def hold_mean(
         if groups >= fewest:
             z_error = math.sqrt(z_square / (groups - 1) / groups)
             a_error = math.sqrt(a_square / (groups - 1) / groups)
-            astray = held and abs(short) > ASTRAY * amplitude * groups
-            if z_error < LENGTH and a_error < PHASE and not astray:
+            astray = held and abs(short) > MEAN_MISS * amplitude * groups
+            if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray:
                 errors = errors_of_mean(lever, series, first, count, amplitude)
                 if errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH:
                     break
@@ -152,15 +160,11 @@ def hold_mean(
     errors = errors_of_mean(lever, series, first, count, amplitude)
     if astray or not (errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH):
         return col.NOT_SETTLED
-    periods = total[COUNT]
-    for j in range(ADDED):
-        if j != DEEPEST:
-            total[j] /= periods
-    fill(lever, z_mean if held else tip.u[Z0], total, row)
+    divide_result(total.period, total.count)
+    fill_row(lever, z_mean if held else tip.u[Z0], total.period, row)
     if held and lever[col.SHAKER] == 0.0:
         row[col.AMPLITUDE] = amplitude
-    row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total[SIZE2] - total[SIZE] ** 2, 0.0))
-    row[col.SPREAD_PHASE] = math.sqrt(max(total[ANGLE2] - total[ANGLE] ** 2, 0.0))
+    fill_spread(total, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
     if sticky:
         row[col.PHASE] += errors.lag_off
@@ -180,13 +184,13 @@ def hold(oscillator: Oscillator, amplitude: float, eta: float, most: int, tip: T
     law, p = oscillator.law, oscillator.p
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     status = hold_periodic(oscillator, tolerance, amplitude, most, tip, row)
-    if status == col.GOOD and law.memory != 0 and tip.u[MODE] != FREE and lingering(oscillator) == 0:
+    if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and lingering(oscillator) == 0:
         again = row.copy()
         if settle_near(oscillator, amplitude, eta, most, again):
             copy(again, row)
     if status != col.NOT_SETTLED:
         return status
-    return hold_mean(oscillator, amplitude, EAGER, eta, most, tip, row)
+    return hold_mean(oscillator, amplitude, EAGER_GAIN, eta, most, tip, row)
 
 
 @kernel
@@ -196,7 +200,7 @@ def settle(oscillator: Oscillator, amplitude: float, eta: float, most: int, row:
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
     law, lever = oscillator.law, oscillator.lever
-    tip = tip_on(law, lever, amplitude, row)
+    tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
     return hold(oscillator, amplitude, eta, most, tip, row)
 
@@ -205,7 +209,7 @@ def settle(oscillator: Oscillator, amplitude: float, eta: float, most: int, row:
 def settle_near(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
     """As `settle`, by a periodic orbit; False where time leads to none, or to the other side of resonance."""
     law, lever = oscillator.law, oscillator.lever
-    tip = tip_on(law, lever, amplitude, row)
+    tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
     return hold_near(oscillator, amplitude, eta, most, row[col.PHASE] > 0.0, tip, row)
 
 
@@ -224,7 +228,10 @@ def hold_near(
 def settle_dents(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
     """As `settle_near`, where dents last so long that they have to form first."""
     law, p, lever = oscillator
-    tip, repelled = tip_on(law, lever, amplitude, row), row[col.PHASE] > 0.0
+    tip, repelled = (
+        Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods()),
+        row[col.PHASE] > 0.0,
+    )
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     if not form_dents(oscillator, tolerance, amplitude, most, tip):
         return False
@@ -232,9 +239,9 @@ def settle_dents(oscillator: Oscillator, amplitude: float, eta: float, most: int
 
 
 @kernel
-def tip_on(law: Law, lever: np.ndarray, amplitude: float, row: np.ndarray) -> Tip:
-    """Return a tip on a harmonic orbit of this amplitude [m], with phase, mean and offset of a row."""
+def state_on(law: Law, lever: np.ndarray, amplitude: float, row: np.ndarray) -> np.ndarray:
+    """Return the state of a tip on a harmonic orbit of this amplitude [m], with phase, mean and offset of a row."""
     lag = 0.5 * math.pi - row[col.PHASE]
     z = row[col.MEAN] + amplitude * math.cos(lag)
     v = lever[col.OMEGA] * amplitude * math.sin(lag)
-    return new_tip(law, lever, row[col.MEAN], z, v, row[col.TIP_OFFSET])
+    return new_state(law, lever, row[col.MEAN], z, v, row[col.TIP_OFFSET])

@@ -21,17 +21,17 @@ from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_reso
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, free_amplitude, reach_of
-from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, rest
-from phasemap._kernels.orbits.time.tip import COS, Z0, Tip, V, Z, amplitude_of, ring_down
+from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest
+from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z, amplitude_of, ring_down_periods
 
 if TYPE_CHECKING:
     pass
 
-SETTLES = 4.0  # ring-down times in which it comes to rest there
+LANDED_SETTLES = 4.0  # ring-down times in which it comes to rest there
 
 
 @kernel
-def repelled_at(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> bool:
+def repulsive_at(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this amplitude on the repulsive branch, if averaging knows it well."""
     law, p, lever = oscillator
     reach, top = reach_of(law, p), Maximum()
@@ -44,20 +44,20 @@ def repelled_at(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> 
 
 
 @kernel
-def skip_to(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, tip: Tip) -> bool:
+def move_to_setpoint(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, tip: Tip) -> bool:
     """Move a tip that landed on a periodic repulsive orbit on to the setpoint; where it cannot, it stays."""
     p, lever = oscillator.p, oscillator.lever
     guess, u, above = np.zeros(col.GUESS), tip.u, amplitude_of(lever, tip.acc) > amplitude
-    if not (tip.acc[COS] > 0.0 and above) or presses(p, tip) or not repelled_at(oscillator, amplitude, guess):
+    if not (tip.acc.cos > 0.0 and above) or presses(p, tip) or not repulsive_at(oscillator, amplitude, guess):
         return False
     before = u.copy()
     x, y = drive_needed(lever, amplitude, guess[col.G_P], guess[col.G_S])
     whole = math.hypot(x, y)
     u[Z], u[V] = guess[col.G_MEAN] + amplitude * x / whole, lever[col.OMEGA] * amplitude * y / whole
     u[Z0] = guess[col.G_Z0]
-    patience = int(SETTLES * ring_down(lever))
-    if rest(oscillator, tolerance, patience, tip) and tip.acc[COS] > 0.0:
+    patience = int(LANDED_SETTLES * ring_down_periods(lever))
+    if rest(oscillator, tolerance, patience, tip) and tip.acc.cos > 0.0:
         return True
     copy(before, u)
-    pass_period(oscillator, tolerance.eta, tip)
+    march_tip(oscillator, tolerance.eta, tip)
     return False

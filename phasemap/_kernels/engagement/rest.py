@@ -26,8 +26,8 @@ from phasemap._kernels.orbits.collocation.system import (
 )
 
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
-LINEAR = 0.3  # of the depth, a swing that the surface answers like a spring
-PRECISION = 1e-6  # of the amplitude, at which a landing is known
+LINEAR_SWING = 0.3  # of the depth, a swing that the surface answers like a spring
+LANDING_PRECISION = 1e-6  # of the amplitude, at which a landing is known
 
 
 @kernel
@@ -73,7 +73,7 @@ def lets_go(oscillator: Oscillator) -> bool:
 
 
 @kernel
-def swing(oscillator: Oscillator, d: float) -> float:
+def resting_amplitude(oscillator: Oscillator, d: float) -> float:
     """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
     law, p, lever = oscillator
     omega = lever[col.OMEGA]
@@ -92,7 +92,7 @@ def loosened(oscillator: Oscillator, z0: float, amplitude: float) -> float:
     d = static_depth(oscillator, z0)
     for _ in range(2000):
         following = 0.98 * d
-        if not swing(oscillator, following) < min(0.9 * amplitude, LINEAR * following):
+        if not resting_amplitude(oscillator, following) < min(0.9 * amplitude, LINEAR_SWING * following):
             break
         offset = -following - contact_force(law, following, p) / lever[col.STIFFNESS]
         if not offset > z0:
@@ -111,7 +111,7 @@ def resting(oscillator: Oscillator, z0: float, guess: np.ndarray) -> bool:
         return False
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
     alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
-    amplitude = swing(oscillator, d)
+    amplitude = resting_amplitude(oscillator, d)
     guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, z0 + d, amplitude
     guess[col.G_P], guess[col.G_S] = slope * amplitude, -2.0 * alpha * omega * amplitude
     return amplitude > 0.0 and math.isfinite(amplitude)
@@ -125,7 +125,7 @@ def held_there(
     if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, tables, orbit, guess, level):
         return False, orbit, spare
     status, _, orbit, spare = solve_orbit(
-        oscillator, tables, orbit, spare, the_offset(z0), level, PRECISION * guess[col.G_A], 20
+        oscillator, tables, orbit, spare, the_offset(z0), level, LANDING_PRECISION * guess[col.G_A], 20
     )
     good = (
         status == col.GOOD and head_of(orbit).amplitude > 0.0 and linearise_orbit(oscillator, tables, orbit, no_drift())

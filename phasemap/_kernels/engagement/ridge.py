@@ -17,7 +17,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import settle_side, worst_amplitude
-from phasemap._kernels.engagement.holding import COARSE, hold_near, tip_on
+from phasemap._kernels.engagement.holding import COARSER_STEPS, hold_near, state_on
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
@@ -34,8 +34,16 @@ from phasemap._kernels.lever import drive_needed, free_amplitude, low_q, reach_o
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.period_map import apart, linearise, pass_from, relaxed, slope_of, way_to_rest
-from phasemap._kernels.orbits.time.tip import AMPLITUDE, BY_Z0, COS, DEEPEST, NOW, Z0, Tip, V, Z, amplitude_of, carry
+from phasemap._kernels.orbits.time.period_map import (
+    amplitude_slope,
+    differentiate,
+    linearise_period,
+    neighbour_distance,
+    pass_from,
+    relaxed,
+    way_to_rest,
+)
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, V, Z, amplitude_of, copy_memory
 from phasemap._kernels.records import assign, record
 
 TIGHT, CLOSEST = 0.015, 1e-4  # h at the saddle that decides: as first predicted, and once it is known
@@ -78,21 +86,23 @@ class Ridge(NamedTuple):
     driven : ndarray
         The lever, with the drive that the motion needs.
     tip : Tip
-    by : ndarray, shape (4, 3)
+    by : PeriodMap
         As tip.linear, with derivatives by the drive in place of those by the tip offset.
     """
 
     place: RidgePoint
     driven: np.ndarray
     tip: Tip
-    by: np.ndarray
+    by: PeriodMap
 
 
 @kernel
-def begin_on(oscillator: Oscillator, amplitude: float, gap: float, place: RidgePoint, row: np.ndarray) -> Ridge:
-    """Return the harmonic orbit of this gap at an empty place, with the curvatures of averaging, and fill the row."""
+def begin_on(
+    oscillator: Oscillator, amplitude: float, gap: float, place: RidgePoint, driven: np.ndarray, row: np.ndarray
+) -> None:
+    """Fill an empty place, a row and the drive of a lever with the harmonic orbit of this gap, and averaged curvatures."""
     law, p, lever = oscillator
-    reach, guess, driven = reach_of(law, p), np.zeros(col.GUESS), lever.copy()
+    reach, guess = reach_of(law, p), np.zeros(col.GUESS)
     push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     put_harmonic_orbit(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
     x, y = drive_needed(lever, amplitude, push, drag)
@@ -107,26 +117,22 @@ def begin_on(oscillator: Oscillator, amplitude: float, gap: float, place: RidgeP
     less = pull_at(oscillator, reach, amplitude - more, gap)[0]
     larger = pull_at(oscillator, reach, amplitude + more, gap)[0]
     place.by_amplitude_twice = (less - 2.0 * h + larger) / more**2
-    return Ridge(place, driven, tip_on(law, lever, amplitude, row), np.zeros((4, 3)))
 
 
 @kernel
 def derive(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
-    """Fill the derivatives of a place; returns as `linearise`."""
+    """Fill the derivatives of a place; returns as `linearise_period`."""
     _, driven, tip, by = ridge
-    if not linearise(Oscillator(law, p, driven), eta, tip):
+    if not linearise_period(Oscillator(law, p, driven), eta, tip):
         return False
     u, y = tip.u, np.empty(len(tip.u))
-    base, size = driven[col.BASE], apart(driven, tip)
+    base, size = driven[col.BASE], neighbour_distance(driven, tip)
     driven[col.BASE] = base + size
     good = pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y)
     driven[col.BASE] = base
-    for j in range(3):
-        for i in range(BY_Z0):
-            by[i, j] = tip.linear[i, j]
-    now = (y[Z] - u[Z], y[V] - u[V], amplitude_of(driven, tip.acc))
-    for j in range(3):
-        by[BY_Z0, j] = (now[j] - by[NOW, j]) / size
+    assign(by, tip.linear)
+    by.by_z0.z, by.by_z0.v, by.by_z0.amplitude = y[Z] - u[Z], y[V] - u[V], amplitude_of(driven, tip.acc)
+    differentiate(by.by_z0, by.now, size)
     return good
 
 
@@ -141,7 +147,7 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
     for _ in range(MOST_NEWTON):
         if not derive(law, p, eta, ridge):
             return False
-        z, v, more = way_to_rest(by, by[NOW, Z], by[NOW, V], by[NOW, AMPLITUDE] - place.amplitude, True)
+        z, v, more = way_to_rest(by, by.now.z, by.now.v, by.now.amplitude - place.amplitude, True)
         before = FIRST_RIDGE_STEP
         while True:
             way = math.hypot(z, v) / scale + abs(more) / driven[col.BASE]
@@ -154,7 +160,7 @@ def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridg
                 break
             if not pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y):
                 return False
-            carry(y, u)
+            copy_memory(y, u)
             off = amplitude_of(driven, tip.acc) - place.amplitude
             z, v, more = way_to_rest(by, y[Z] - u[Z], y[V] - u[V], off, True)
             before = way
@@ -166,11 +172,11 @@ def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridg
     """Find h and its slopes at a place; False where no motion is found, or none that the lever is attracted in."""
     law, p, lever = oscillator
     place, driven, tip, by = ridge
-    if not hold_by_drive(law, p, eta, scale, ridge) or not tip.acc[COS] < 0.0:
+    if not hold_by_drive(law, p, eta, scale, ridge) or not tip.acc.cos < 0.0:
         return False
-    f, by_drive = driven[col.BASE] / lever[col.BASE], slope_of(by)
+    f, by_drive = driven[col.BASE] / lever[col.BASE], amplitude_slope(by)
     place.mismatch = f * f - 1.0
-    place.by_gap = -2.0 * f * slope_of(tip.linear) / by_drive / lever[col.BASE]
+    place.by_gap = -2.0 * f * amplitude_slope(tip.linear) / by_drive / lever[col.BASE]
     place.by_amplitude = place.by_gap + 2.0 * f / by_drive / lever[col.BASE]
     return True
 
@@ -180,9 +186,9 @@ def go(ridge: Ridge, of_b: float, of_a: float) -> None:
     """Move in b and A, and the tip and its drive as their derivatives say."""
     place, driven, tip, by = ridge
     u, linear, of_z0 = tip.u, tip.linear, of_b + of_a
-    more = (of_a - slope_of(linear) * of_z0) / slope_of(by)
-    z, v = relaxed(linear, linear[BY_Z0, Z], linear[BY_Z0, V])
-    z_drive, v_drive = relaxed(by, by[BY_Z0, Z], by[BY_Z0, V])
+    more = (of_a - amplitude_slope(linear) * of_z0) / amplitude_slope(by)
+    z, v = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
+    z_drive, v_drive = relaxed(by, by.by_z0.z, by.by_z0.v)
     u[Z] += z * of_z0 + z_drive * more
     u[V] += v * of_z0 + v_drive * more
     u[Z0] += of_z0
@@ -238,7 +244,7 @@ def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Max
     for i in range(MOST_RIDGE_POINTS):
         if not evaluate_ridge(oscillator, eta, scale, ridge):
             return UNCLEAR
-        lifted = -top.gap - ridge.tip.acc[DEEPEST]
+        lifted = -top.gap - ridge.tip.acc.deepest
         if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top.gap):
             go(ridge, -lifted, 0.0)
             continue
@@ -294,18 +300,20 @@ def settle_open(
     reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
     if p[col.LONGRANGE] == 0.0 or narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
         return False
-    ridge, rough = begin_on(oscillator, worst, top.gap, RidgePoint(), row), COARSE * eta
+    place, driven, rough = RidgePoint(), lever.copy(), COARSER_STEPS * eta
+    begin_on(oscillator, worst, top.gap, place, driven, row)
+    tip = Tip(state_on(law, lever, worst, row), PeriodResult(), PeriodMap(), Periods())
+    ridge = Ridge(place, driven, tip, PeriodMap())
     side = REPULSIVE
     if not (low_q(lever) and weak(lever, worst, top.mismatch)):
         side = side_by_ridge(oscillator, amplitude, rough, top, ridge)
     if side == UNCLEAR:
         return False
-    tip = ridge.tip
     if settle_side(oscillator, reach, amplitude, side, top, guess):
         if side == REPULSIVE and rebounds(oscillator, guess[col.G_P]):
             return False
         averaged_row(lever, guess, row)
-        tip = tip_on(law, lever, amplitude, row)
+        tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
     elif side == REPULSIVE or not go_outside(oscillator, amplitude, rough, reach + abs(top.gap), ridge):
         return False
     return hold_near(oscillator, amplitude, eta, most, side == REPULSIVE, tip, row)

@@ -19,34 +19,33 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.rest import loosened, static_depth
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.time.period_map import Tolerance, relaxed, rest, slope_of
+from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, relaxed, rest
 from phasemap._kernels.orbits.time.tip import (
-    BY_Z0,
-    COS,
-    DEEPEST,
-    MARCHED,
-    MEAN,
-    SIN,
+    PLAIN_STATE,
     TOUCHES,
     Z0,
     Tip,
     V,
     Z,
     amplitude_of,
-    ring_down,
+    ring_down_periods,
 )
 
 FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
 SWING = 1.5  # least depth that a tip comes to: so many amplitudes of the first harmonic above its mean
-TOO_STIFF, BEYOND = 2.0, 2.0  # over what the drive has for P, and over the largest amplitude of the free lever
-LOOKS = 32  # at depths along the neck, and at angles of a swing
-STRIDE = 0.1  # of the amplitude, the first step of a tip that is raised
-SHORTEST = 0.0125  # of the amplitude, the last one: as closely is its end known
-EXPECTED = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
-JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
-PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step
-REACHED, FREE, LOOSE, UNKNOWN = 0, 1, 2, 3
-"""What becomes of a tip that is raised: it comes to the amplitude, or jumps across it, and touches nothing or does."""
+TOO_STIFF = 2.0  # over what the drive has for P
+BEYOND_FREE = 2.0  # over the largest amplitude of the free lever
+ANGLES = 32  # at depths along the neck, and at angles of a swing
+RAISING_STRIDE = 0.1  # of the amplitude, the first step of a tip that is raised
+LAST_STRIDE = 0.0125  # of the amplitude, the last one: as closely is its end known
+RAISING_MISS = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
+END_JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
+RAISING_PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step
+# What becomes of a tip that is raised.
+COMES_TO_IT = 0  # to the amplitude
+JUMPS_FREE = 1  # across it, and touches nothing
+JUMPS_LOOSE = 2  # across it, and touches
+NOT_KNOWN = 3
 
 
 @kernel
@@ -54,7 +53,7 @@ def presses(p: np.ndarray, tip: Tip) -> bool:
     """Whether the tip was in contact, or the neck, all the last period."""
     acc = tip.acc
     touches = p[col.RELEASE] == 0.0 or tip.u[TOUCHES] != 0.0
-    return touches and acc[MEAN] - tip.u[Z0] - SWING * math.hypot(acc[COS], acc[SIN]) >= p[col.RELEASE]
+    return touches and acc.mean_z - tip.u[Z0] - SWING * math.hypot(acc.cos, acc.sin) >= p[col.RELEASE]
 
 
 @kernel
@@ -68,8 +67,8 @@ def pull_off(oscillator: Oscillator) -> float:
     """Highest tip offset [m] at which the lever rests in contact or neck."""
     law, p, lever = oscillator
     highest = -math.inf
-    for i in range(LOOKS + 1):
-        d = p[col.RELEASE] * i / LOOKS
+    for i in range(ANGLES + 1):
+        d = p[col.RELEASE] * i / ANGLES
         highest = max(highest, -contact_force(law, d, p) / lever[col.STIFFNESS] - d)
     return highest
 
@@ -79,10 +78,10 @@ def least_push(oscillator: Oscillator, amplitude: float) -> float:
     """In-phase force P [m] of a swing in contact that just reaches release."""
     law, p, lever = oscillator
     total = 0.0
-    for i in range(LOOKS):
-        cosine = math.cos(math.pi * (i + 0.5) / LOOKS)
+    for i in range(ANGLES):
+        cosine = math.cos(math.pi * (i + 0.5) / ANGLES)
         total += contact_force(law, p[col.RELEASE] + amplitude * (1.0 + cosine), p) * cosine
-    return 2.0 * total / LOOKS / lever[col.STIFFNESS]
+    return 2.0 * total / ANGLES / lever[col.STIFFNESS]
 
 
 @kernel
@@ -96,7 +95,7 @@ def too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
     if p[col.RELEASE] == 0.0 and p[col.LONGRANGE] != 0.0:
         return False
     of_tip, drive = amplitude - lever[col.SHAKER], lever[col.BASE]
-    if not of_tip > 0.0 or pull_off(oscillator) < BEYOND * drive / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA]):
+    if not of_tip > 0.0 or pull_off(oscillator) < BEYOND_FREE * drive / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA]):
         return False
     needed = drive + of_tip * abs(1.0 - lever[col.OMEGA] ** 2)
     return least_push(oscillator, of_tip) > TOO_STIFF * needed
@@ -106,34 +105,37 @@ def too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
 def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most: int, tip: Tip) -> int:
     """Raise a tip that sticks along its orbits in contact, to where they end.
 
-    As long as it swings by little about the lever's rest there is nothing to follow. Returns REACHED with the tip near
-    the amplitude, FREE or LOOSE where it jumps across it at the end, which is known to `SHORTEST`, or UNKNOWN.
+    As long as it swings by little about the lever's rest there is nothing to follow. Returns COMES_TO_IT with the tip
+    near the amplitude, JUMPS_FREE or JUMPS_LOOSE where it jumps across it at the end, which is known to `LAST_STRIDE`,
+    or NOT_KNOWN.
     """
     p, lever = oscillator.p, oscillator.lever
-    u, acc, linear, before = tip.u, tip.acc, tip.linear, np.empty(4)
+    u, acc, linear, before = tip.u, tip.acc, tip.linear, np.empty(PLAIN_STATE)
     copy(u, before)
     z0 = loosened(oscillator, u[Z0], amplitude)
     if z0 > u[Z0]:
         u[Z], u[V], u[TOUCHES], u[Z0] = z0 + static_depth(oscillator, z0), 0.0, 1.0, z0
-    patience, shortest = int(PATIENCE * ring_down(lever)) + LOOKS, SHORTEST * amplitude
-    stride, step, ceiling = STRIDE * amplitude, 0.0, math.inf
+    patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + ANGLES, LAST_STRIDE * amplitude
+    stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
     z_slope = v_slope = slope = low = 0.0
-    while tip.periods[MARCHED] + patience < most:
+    while tip.periods.marched + patience < most:
         rests, now = rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
-        as_said = least or (abs(now - low - slope * step) < EXPECTED * amplitude and slope_of(linear) * slope >= 0.0)
+        as_said = least or (
+            abs(now - low - slope * step) < RAISING_MISS * amplitude and amplitude_slope(linear) * slope >= 0.0
+        )
         if now < amplitude and (as_said if rests else least and step > 0.0 and now < FALLEN * amplitude):
             copy(u, before)
             if rests:
-                z_slope, v_slope = relaxed(linear, linear[BY_Z0, Z], linear[BY_Z0, V])
-                slope = slope_of(linear)
+                z_slope, v_slope = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
+                slope = amplitude_slope(linear)
             stride = max(stride, 2.0 * step) if ceiling == math.inf else 2.0 * step
             low, ceiling = now, ceiling if u[Z0] < ceiling else math.inf
         elif rests and presses(p, tip) and now >= amplitude:
-            return REACHED
+            return COMES_TO_IT
         elif least:
-            if rests and step > 0.0 and now > low + JUMP * amplitude:
-                return FREE if acc[DEEPEST] < p[col.RELEASE] else LOOSE
+            if rests and step > 0.0 and now > low + END_JUMP * amplitude:
+                return JUMPS_FREE if acc.deepest < p[col.RELEASE] else JUMPS_LOOSE
             break
         else:
             if not (rests and now < amplitude):
@@ -142,4 +144,4 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
             copy(before, u)
         step = min(stride, max(0.5 * (ceiling - u[Z0]), shortest))
         u[Z], u[V], u[Z0] = u[Z] + z_slope * step, u[V] + v_slope * step, u[Z0] + step
-    return UNKNOWN
+    return NOT_KNOWN

@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, UNDECIDED
 from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
-from phasemap._kernels.engagement.in_time import approach
+from phasemap._kernels.engagement.in_time import approach_by_march
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side
 from phasemap._kernels.engagement.response import engage_by_response
@@ -19,11 +19,12 @@ from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.averaged.row import averaged_row
-from phasemap._kernels.orbits.time.tip import ring_down
+from phasemap._kernels.orbits.time.tip import ring_down_periods
 from phasemap._kernels.records import clear
 
-FINER = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
-NEAR, FEWEST = 5.0, 40  # ring-down times, and periods, in which a tip comes to rest that starts next to its orbit
+SECOND_TRY = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
+NEAR_TIMES = 5.0  # ring-down times in which a tip comes to rest that starts next to its orbit
+NEAR_PERIODS = 40  # and at least so many periods
 
 
 @kernel
@@ -49,7 +50,7 @@ def march_rows(
         else:
             far = free * far_start(Oscillator(law, p, lever), reach_of(law, p), free, amplitude)
             step = 0.1 * scale_of(Oscillator(law, p, lever), free) + 1e-3 * free
-            status[i] = approach(Oscillator(law, p, lever), amplitude, far, step, eta, most, out[i])
+            status[i] = approach_by_march(Oscillator(law, p, lever), amplitude, far, step, eta, most, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
 
@@ -89,7 +90,7 @@ def remembering_rows(
     Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
     guess, top = np.zeros(col.GUESS), Maximum()
-    near = min(most, int(NEAR * ring_down(lever)) + FEWEST)
+    near = min(most, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for i in range(len(rows)):
         p, amplitude = parameters(rows[i]), amplitudes[i]
         status[i] = col.PENDING
@@ -102,7 +103,7 @@ def remembering_rows(
         if surety == UNDECIDED and settle_open(Oscillator(law, p, lever), amplitude, eta, near, top, guess, out[i]):
             status[i] = col.GOOD
         elif surety == SURE:
-            for finer in (1.0, FINER):
+            for finer in (1.0, SECOND_TRY):
                 averaged_row(lever, guess, out[i])
                 if settle_near(Oscillator(law, p, lever), amplitude, finer * eta, near, out[i]):
                     status[i] = col.GOOD

@@ -17,7 +17,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_slope
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import COS, SIN, V, Z
+from phasemap._kernels.orbits.time.tip import PeriodResult, V, Z
 from phasemap._kernels.records import clear, record
 from phasemap._kernels.scanning.pieces import (
     PIECE_NODES,
@@ -88,10 +88,10 @@ class Piece(NamedTuple):
 
 
 @kernel
-def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray, taps: Taps) -> int:
+def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult, taps: Taps) -> int:
     """Solve a period as one tap or by `march_period`; returns steps: 1, or what that returns.
 
-    Of `acc`, COS and SIN are filled.
+    Of `acc`, the first harmonic is filled.
     """
     law, p, lever = oscillator
     apt = abs(lever[col.OMEGA] - 1.0) < OFF_RESONANCE and lever[col.ALPHA0] < HARDLY_RINGS
@@ -104,15 +104,15 @@ def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, a
 
 
 @kernel(shared=True)
-def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: np.ndarray, taps: Taps) -> bool:
+def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: PeriodResult, taps: Taps) -> bool:
     """Solve a period with one tap; returns True if it was one that the pieces can follow.
 
     Parameters
     ----------
     y : ndarray
         State as `tip` names it, at drive phase 0. Advanced if the period was followed.
-    acc : ndarray
-        COS and SIN are filled if it was.
+    acc : PeriodResult
+        The first harmonic is filled if it was.
     taps : Taps
         Left by the period before; zeros at first.
     """
@@ -282,10 +282,10 @@ def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps
 
 
 @kernel
-def _first_harmonic(lever: SprungLever, start: Instant, end: Instant, push: complex, acc: np.ndarray) -> None:
+def _first_harmonic(lever: SprungLever, start: Instant, end: Instant, push: complex, acc: PeriodResult) -> None:
     """Fill in the first harmonic of the motion in a period that begins at drive phase 0: theory, Eq. (time-10)."""
     omega, alpha0 = lever.omega, lever.alpha0
     dz, dv = end.z - start.z, end.v - start.v
     left = complex(dv + 2.0 * alpha0 * dz, omega * dz)
     x = (lever.base * math.pi / omega - push - left) / complex(1.0 - omega * omega, 2.0 * alpha0 * omega)
-    acc[COS], acc[SIN] = x.real * omega / math.pi, -x.imag * omega / math.pi
+    acc.cos, acc.sin = x.real * omega / math.pi, -x.imag * omega / math.pi

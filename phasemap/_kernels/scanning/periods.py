@@ -15,7 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.time import elements
-from phasemap._kernels.orbits.time.tip import COS, GIVEN, SIN, TOUCHES, V, Z
+from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z
 from phasemap._kernels.records import clear, record
 from phasemap._kernels.scanning.loop import (
     A_IMAG,
@@ -51,7 +51,7 @@ class Periods(NamedTuple):
 
     y: np.ndarray  # state of the loop, shape (LOOP_STATE,)
     tip: np.ndarray  # state of the tip where a period begins, as `tip` names it
-    sums: np.ndarray  # what a period gives, as `tip` names it
+    sums: PeriodResult
     memory: PeriodMemory
     taps: Taps
 
@@ -60,7 +60,7 @@ def new_periods(eta: float) -> Periods:
     """Return a lever at rest, to be marched in steps of this size."""
     memory = PeriodMemory()
     memory.eta = eta
-    return Periods(np.zeros(LOOP_STATE), np.zeros(elements.STATE), np.zeros(GIVEN), memory, Taps())
+    return Periods(np.zeros(LOOP_STATE), np.zeros(elements.MEMORY_STATE), PeriodResult(), memory, Taps())
 
 
 @kernel
@@ -105,7 +105,7 @@ def march_on(setup: Setup, row: np.ndarray, stretch: Stretch, state: Periods, ta
         z0 = y[SCANNER] - ground - slope * (at + 0.5 * period)
         if tap_or_march(oscillator, z0, memory.eta, state.tip, state.sums, state.taps) < 0:
             return col.DIVERGED
-        y[A_REAL], y[A_IMAG] = state.sums[COS], -state.sums[SIN]
+        y[A_REAL], y[A_IMAG] = state.sums.cos, -state.sums.sin
         if noisy:
             _add_noise(lever, loop, period, noise, state)
         amplitude, phase = lock_in_output(loop, y)

@@ -8,11 +8,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averages import average, begin_sums, block_of
-from phasemap._kernels.engagement.holding import COARSE
+from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
+from phasemap._kernels.engagement.holding import COARSER_STEPS
 from phasemap._kernels.engagement.in_time import pace_of
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.orbits.time.tip import COS, MARCHED, Z0, new_tip
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state
 
 
 @kernel
@@ -33,13 +33,14 @@ def reach_rows(
         orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
         z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)
         v = lever[col.OMEGA] * orbit[col.AMPLITUDE] * math.sin(lag)
-        tip = new_tip(law, lever, orbit[col.MEAN], z, v, orbit[col.TIP_OFFSET])
-        sums, top = begin_sums(lever, tip.acc), reach[i]
+        u = new_state(law, lever, orbit[col.MEAN], z, v, orbit[col.TIP_OFFSET])
+        tip, lock_in, top = Tip(u, PeriodResult(), PeriodMap(), Periods()), LockIn(), reach[i]
+        begin_lock_in(lever, tip.acc, lock_in)
         reach[i] = math.inf
-        while tip.periods[MARCHED] < most and tip.u[Z0] < top:
+        while tip.periods.marched < most and tip.u[Z0] < top:
             if (
-                not average(Oscillator(law, parameters(rows[i]), lever), COARSE * eta, block, up, tip, sums)
-                or sums[COS] < 0.0
+                not average(Oscillator(law, parameters(rows[i]), lever), COARSER_STEPS * eta, block, up, tip, lock_in)
+                or lock_in.total.period.cos < 0.0
             ):
                 reach[i] = tip.u[Z0]
                 break

@@ -220,7 +220,7 @@ class Interaction(Shown):
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
         if not remembers:
             return found
-        from phasemap._kernels.orbits.time.by_memory import address
+        from phasemap._kernels.orbits.time.compiled_memory import address
 
         return found._replace(memory=address())
 

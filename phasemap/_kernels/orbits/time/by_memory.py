@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import carray
 from numba.core import cgutils, types
-from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.law import Law, Oscillator
+from phasemap._kernels.orbits.time.tip import PeriodResult
 
-LEAST = 0.03  # of a dent that a period must leave if the next one is to see it
+LEAST_LEFT = 0.03  # of a dent that a period must leave if the next one is to see it
 
-_NUMBERS, _ADDRESSES = types.CPointer(types.float64), len(Law._fields)
-_SIGNATURE = types.int64(
-    *(types.int64,) * _ADDRESSES, _NUMBERS, _NUMBERS, types.float64, types.float64, _NUMBERS, types.int64, _NUMBERS,
-    types.int64,
-)  # fmt: skip
+ADDRESSES = len(Law._fields)
 
 
 @kernel(inline=True)
@@ -49,32 +42,7 @@ def lingering(oscillator: Oscillator) -> float:
     if law.memory == 0 or not remembers(p):
         return 0.0
     share = math.exp(-recovery_of(p, lever) * 2 * math.pi / lever[col.OMEGA])
-    return share if share > LEAST else 0.0
-
-
-@functools.cache
-def address() -> int:
-    """Where the compiled march is; 1 where numba's compiler is off."""
-    from phasemap._kernels.orbits.time.remembering import remember_period
-
-    if numba.config.DISABLE_JIT:
-        return 1
-
-    def march(f0, f1, f2, f3, f4, f5, f6, p, lever, z0, eta, y, size, acc, sums):  # type: ignore[no-untyped-def]
-        row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
-        law = Law(f0, f1, f2, f3, f4, f5, f6)
-        return remember_period(
-            Oscillator(law, row, carray(lever, (5,))), z0, eta, carray(y, (size,)), carray(acc, (sums,))
-        )
-
-    code = CFunc(march, (_SIGNATURE.args, _SIGNATURE.return_type), {}, {"error_model": "numpy"})
-    code._cache = DiskCache(march)
-    code.compile()
-    _KEPT.append(code)
-    return int(code.address)
-
-
-_KEPT: list[CFunc] = []
+    return share if share > LEAST_LEFT else 0.0
 
 
 @intrinsic
@@ -84,32 +52,30 @@ def by_memory(_context: Any, law: Any, p: Any, lever: Any, z0: Any, eta: Any, y:
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         addresses, row, lever_, z0_, eta_, y_, acc_ = arguments
         number, whole = ir.DoubleType(), ir.IntType(64)
-        laws = [builder.extract_value(addresses, j) for j in range(_ADDRESSES)]
+        laws = [builder.extract_value(addresses, j) for j in range(ADDRESSES)]
         if isinstance(p, types.Array):
             place = context.make_array(p)(context, builder, row).data
         else:
             place = cgutils.alloca_once(builder, number, col.ROW)
             for j in range(col.ROW):
                 builder.store(builder.extract_value(row, j), cgutils.gep_inbounds(builder, place, j))
-        of_lever, of_y, of_acc = (
-            context.make_array(kind)(context, builder, one) for kind, one in ((lever, lever_), (y, y_), (acc, acc_))
-        )
+        of_lever, of_y = (context.make_array(kind)(context, builder, one) for kind, one in ((lever, lever_), (y, y_)))
         pointer = number.as_pointer()
-        given = [whole] * _ADDRESSES + [pointer, pointer, number, number, pointer, whole, pointer, whole]
+        given = [whole] * ADDRESSES + [pointer, pointer, number, number, pointer, whole, acc_.type]
         kind = ir.FunctionType(whole, given)
-        values = [
-            *laws, place, of_lever.data, z0_, eta_, of_y.data, of_y.nitems, of_acc.data, of_acc.nitems
-        ]  # fmt: skip
+        values = [*laws, place, of_lever.data, z0_, eta_, of_y.data, of_y.nitems, acc_]
         return builder.call(builder.inttoptr(laws[-1], kind.as_pointer()), values, attrs=("nounwind",))
 
     return types.int64(law, p, lever, types.float64, types.float64, y, acc), generate
 
 
-def _by_python(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
-    """The same where numba's compiler is off."""
-    from phasemap._kernels.orbits.time.remembering import remember_period
+IN_PYTHON: list[Any] = []
+"""`remember_period` of `compiled_memory`, where numba's compiler is off."""
 
-    return int(remember_period(Oscillator(law, p, lever), z0, eta, y, acc))
+
+def _by_python(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
+    """The same where numba's compiler is off."""
+    return int(IN_PYTHON[0](Oscillator(law, p, lever), z0, eta, y, acc))
 
 
 if numba.config.DISABLE_JIT:

@@ -27,24 +27,42 @@ from phasemap._kernels.compilation import kernel
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-# Entries of a tip's state in time beside z, z', whether it is in contact, and z0: what the contact does; q; D; the
-# integral Y of y inside; how many nodes lie inside and outside; where the contact last turned [xi]; and the drive phase
-# at which periods begin.
-MODE, EDGE, SEEN, INSIDE, INNER, OUTER, PEAK, BEGIN, NODES = 4, 5, 6, 7, 8, 9, 10, 11, 12
-FREE, GROWING, SHRINKING = 0.0, 1.0, 2.0
-# Of a node: xi, when it was laid, b or y then, its first and second derivatives by xi, and peak; and of what lies
-# between it and the node below it on its stack, the time that the polynomial is of, its variable, and its coefficients.
-XI, TIME, VALUE, SLOPE, CURVE, TURN, WHEN, NEAR, SCALE, SERIES, WIDTH = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15
-MOST = 128  # nodes of a stack
-STATE = NODES + 2 * MOST * WIDTH
-MOST_BENT = 4.0  # bound of second derivatives, see `join`
-OPEN = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
+# Entries of a tip's state over a surface that remembers, after those that `tip` names.
+CONTACT_MODE = 4  # what the contact does: OFF_SURFACE, GROWING or SHRINKING
+CONTACT_EDGE = 5  # q [m^(1/2)]
+DASHPOT_DEPTH = 6  # D [m]: depth of the tip as the dashpots see it
+INNER_SUM = 7  # Y [m^(3/2)]: integral of y over the contact
+INNER_COUNT = 8  # nodes of the stack inside the contact
+OUTER_COUNT = 9  # nodes of the stack outside
+LAST_PEAK = 10  # xi at which the contact last turned [m]
+PERIOD_BEGIN = 11  # drive phase at which periods begin [rad]
+FIRST_NODE = 12  # where the nodes begin: all of the inner stack, then all of the outer one
+# Contact modes.
+OFF_SURFACE = 0.0
+GROWING = 1.0
+SHRINKING = 2.0
+# Entries of a node, and of the polynomial between it and the node below it on its stack.
+NODE_XI = 0  # [m]
+NODE_TIME = 1  # when it was laid [1/omega_c]
+NODE_VALUE = 2  # b or y then [m]
+NODE_SLOPE = 3  # its derivative by xi
+NODE_CURVE = 4  # and the second one [1/m]
+NODE_PEAK = 5  # [m]
+SERIES_TIME = 6  # that the coefficients are of
+SERIES_NEAR = 7  # where the variable is 0, and what it is multiplied by: see `join`
+SERIES_SCALE = 8
+SERIES_FIRST = 9  # of six coefficients
+NODE_WIDTH = 15  # entries of a node
+STACK_NODES = 128  # most nodes of a stack
+MEMORY_STATE = FIRST_NODE + 2 * STACK_NODES * NODE_WIDTH  # entries of a whole state
+MOST_CURVATURE = 4.0  # bound of second derivatives, see `join`
+OPEN_PEAK = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
 
 
 @kernel(inline=True)
-def node(m: np.ndarray, outside: bool, j: int) -> int:
+def node_at(m: np.ndarray, outside: bool, j: int) -> int:
     """Where a node begins."""
-    return NODES + ((MOST if outside else 0) + j) * WIDTH
+    return FIRST_NODE + ((STACK_NODES if outside else 0) + j) * NODE_WIDTH
 
 
 @kernel
@@ -53,22 +71,28 @@ def join(m: np.ndarray, of: int, low: int, high: int, rate: float) -> None:
 
     Its variable is (sqrt(peak - xi) - near) scale, 0 at `high` and 1 at `low`; everything decays at this rate.
     """
-    peak, when = m[of + TURN], max(m[low + TIME], m[high + TIME])
-    far, near = math.sqrt(max(peak - m[low + XI], 0.0)), math.sqrt(max(peak - m[high + XI], 0.0))
-    far_kept, near_kept = math.exp((m[low + TIME] - when) * rate), math.exp((m[high + TIME] - when) * rate)
+    peak, when = m[of + NODE_PEAK], max(m[low + NODE_TIME], m[high + NODE_TIME])
+    far, near = math.sqrt(max(peak - m[low + NODE_XI], 0.0)), math.sqrt(max(peak - m[high + NODE_XI], 0.0))
+    far_kept, near_kept = math.exp((m[low + NODE_TIME] - when) * rate), math.exp((m[high + NODE_TIME] - when) * rate)
     h = far - near if far > near else 1.0
-    f0, f1 = near_kept * m[high + VALUE], far_kept * m[low + VALUE]
-    d0, d1 = -2 * h * near * near_kept * m[high + SLOPE], -2 * h * far * far_kept * m[low + SLOPE]
+    f0, f1 = near_kept * m[high + NODE_VALUE], far_kept * m[low + NODE_VALUE]
+    d0, d1 = -2 * h * near * near_kept * m[high + NODE_SLOPE], -2 * h * far * far_kept * m[low + NODE_SLOPE]
     # The second derivative grows without bound at a turn, where nothing is left of its digits. As slopes lie between -1
     # and 0, it cannot be far more than 1 / (h sqrt(peak - xi)).
-    at_near, at_far = MOST_BENT * near / h, MOST_BENT * far / h
-    s0 = 2 * h * h * near_kept * (min(max(2 * near * near * m[high + CURVE], -at_near), at_near) - m[high + SLOPE])
-    s1 = 2 * h * h * far_kept * (min(max(2 * far * far * m[low + CURVE], -at_far), at_far) - m[low + SLOPE])
+    at_near, at_far = MOST_CURVATURE * near / h, MOST_CURVATURE * far / h
+    s0 = (
+        2
+        * h
+        * h
+        * near_kept
+        * (min(max(2 * near * near * m[high + NODE_CURVE], -at_near), at_near) - m[high + NODE_SLOPE])
+    )
+    s1 = 2 * h * h * far_kept * (min(max(2 * far * far * m[low + NODE_CURVE], -at_far), at_far) - m[low + NODE_SLOPE])
     if not far > near:
         f1, d1, s0, s1 = f0 + d0, d0, 0.0, 0.0
     rise = f1 - f0
-    m[of + WHEN], m[of + NEAR], m[of + SCALE] = when, near, 1 / h
-    c = of + SERIES
+    m[of + SERIES_TIME], m[of + SERIES_NEAR], m[of + SERIES_SCALE] = when, near, 1 / h
+    c = of + SERIES_FIRST
     m[c], m[c + 1], m[c + 2] = f0, d0, 0.5 * s0
     m[c + 3] = 10 * rise - 6 * d0 - 4 * d1 - 1.5 * s0 + 0.5 * s1
     m[c + 4] = -15 * rise + 8 * d0 + 7 * d1 + 1.5 * s0 - s1
@@ -78,11 +102,11 @@ def join(m: np.ndarray, of: int, low: int, high: int, rate: float) -> None:
 @kernel
 def between(m: np.ndarray, of: int, xi: float, t: float, rate: float) -> tuple[float, float]:
     """What is remembered at xi at time t by the polynomial kept in node `of`, and its slope by xi."""
-    scale, c = m[of + SCALE], of + SERIES
-    w = math.sqrt(max(m[of + TURN] - xi, 1e-18 * m[of + TURN]))
-    x = (w - m[of + NEAR]) * scale
+    scale, c = m[of + SERIES_SCALE], of + SERIES_FIRST
+    w = math.sqrt(max(m[of + NODE_PEAK] - xi, 1e-18 * m[of + NODE_PEAK]))
+    x = (w - m[of + SERIES_NEAR]) * scale
     c0, c1, c2, c3, c4, c5 = m[c], m[c + 1], m[c + 2], m[c + 3], m[c + 4], m[c + 5]
-    kept = math.exp((m[of + WHEN] - t) * rate)
+    kept = math.exp((m[of + SERIES_TIME] - t) * rate)
     x2 = x * x  # in pairs: each step waits for this
     value = c0 + x * c1 + x2 * (c2 + x * c3 + x2 * (c4 + x * c5))
     slope = c1 + x * (2 * c2) + x2 * (3 * c3 + x * (4 * c4) + x2 * (5 * c5))
@@ -92,34 +116,34 @@ def between(m: np.ndarray, of: int, xi: float, t: float, rate: float) -> tuple[f
 @kernel
 def curve_between(m: np.ndarray, of: int, xi: float, t: float, rate: float, slope: float) -> float:
     """The second derivative by xi of what is remembered, where the first is `slope`."""
-    scale, c = m[of + SCALE], of + SERIES
-    w = math.sqrt(max(m[of + TURN] - xi, 1e-18 * m[of + TURN]))
-    x = (w - m[of + NEAR]) * scale
+    scale, c = m[of + SERIES_SCALE], of + SERIES_FIRST
+    w = math.sqrt(max(m[of + NODE_PEAK] - xi, 1e-18 * m[of + NODE_PEAK]))
+    x = (w - m[of + SERIES_NEAR]) * scale
     bend = 2 * m[c + 2] + x * (6 * m[c + 3] + x * (12 * m[c + 4] + x * 20 * m[c + 5]))
-    return (math.exp((m[of + WHEN] - t) * rate) * bend * scale * scale + 2 * slope) / (4 * w * w)
+    return (math.exp((m[of + SERIES_TIME] - t) * rate) * bend * scale * scale + 2 * slope) / (4 * w * w)
 
 
 @kernel
-def outer(m: np.ndarray, xi: float) -> int:
+def outer_node(m: np.ndarray, xi: float) -> int:
     """Node with the polynomial of an element outside the contact: -1 where nothing was, -2 where there is one node."""
-    count = int(m[OUTER])
-    if count == 0 or xi >= m[node(m, True, 0) + XI]:
+    count = int(m[OUTER_COUNT])
+    if count == 0 or xi >= m[node_at(m, True, 0) + NODE_XI]:
         return -1
     j = count - 1
     if j == 0:
         return -2
-    while j > 1 and m[node(m, True, j - 1) + XI] < xi:
+    while j > 1 and m[node_at(m, True, j - 1) + NODE_XI] < xi:
         j -= 1
-    return node(m, True, j)
+    return node_at(m, True, j)
 
 
 @kernel
-def inner(m: np.ndarray, xi: float) -> int:
+def inner_node(m: np.ndarray, xi: float) -> int:
     """Node with the polynomial of an element in the contact."""
-    j = int(m[INNER]) - 1
-    while j > 1 and m[node(m, False, j - 1) + XI] > xi:
+    j = int(m[INNER_COUNT]) - 1
+    while j > 1 and m[node_at(m, False, j - 1) + NODE_XI] > xi:
         j -= 1
-    return node(m, False, j)
+    return node_at(m, False, j)
 
 
 @kernel
@@ -128,66 +152,66 @@ def outside(m: np.ndarray, xi: float, t: float, rate: float) -> tuple[float, flo
 
     A step that overshoots a turn looks for elements that the contact has grown over: there y goes on as a line.
     """
-    of = outer(m, xi)
+    of = outer_node(m, xi)
     if of >= 0:
-        near = max(xi, m[of + XI])
+        near = max(xi, m[of + NODE_XI])
         value, slope = between(m, of, near, t, rate)
         slope = min(max(slope, -1.0), 0.0)
         return value + slope * (xi - near), slope
     if of == -1:
         return 0.0, 0.0
-    of = node(m, True, 0)
-    kept = math.exp((m[of + TIME] - t) * rate)
-    return kept * m[of + VALUE], kept * m[of + SLOPE]
+    of = node_at(m, True, 0)
+    kept = math.exp((m[of + NODE_TIME] - t) * rate)
+    return kept * m[of + NODE_VALUE], kept * m[of + NODE_SLOPE]
 
 
 @kernel
 def outside_curve(m: np.ndarray, xi: float, t: float, rate: float, slope: float) -> float:
     """The second derivative of the same."""
-    of = outer(m, xi)
+    of = outer_node(m, xi)
     return curve_between(m, of, xi, t, rate, slope) if of >= 0 else 0.0
 
 
 @kernel
 def inside(m: np.ndarray, xi: float, t: float, rate: float) -> tuple[float, float]:
     """What is left of b of an element in the contact, and its slope by xi."""
-    of = inner(m, xi)
-    value, slope = between(m, of, min(xi, m[of + XI]), t, rate)
+    of = inner_node(m, xi)
+    value, slope = between(m, of, min(xi, m[of + NODE_XI]), t, rate)
     return value, min(max(slope, -1.0), 0.0)
 
 
 @kernel
 def inside_curve(m: np.ndarray, xi: float, t: float, rate: float, slope: float) -> float:
     """The second derivative of the same."""
-    of = inner(m, xi)
-    return curve_between(m, of, min(xi, m[of + XI]), t, rate, slope)
+    of = inner_node(m, xi)
+    return curve_between(m, of, min(xi, m[of + NODE_XI]), t, rate, slope)
 
 
 @kernel
 def join_top(m: np.ndarray, out: bool, j: int, rate: float) -> None:
     """Put into node j of a stack what lies between it and the one below it on the stack."""
-    here = node(m, out, j)
-    if j > 0 and m[here + TURN] != OPEN:
-        join(m, here, here if out else here - WIDTH, here - WIDTH if out else here, rate)
+    here = node_at(m, out, j)
+    if j > 0 and m[here + NODE_PEAK] != OPEN_PEAK:
+        join(m, here, here if out else here - NODE_WIDTH, here - NODE_WIDTH if out else here, rate)
 
 
 @kernel
-def lay(m: np.ndarray, out: bool, xi: float, t: float, of: Numbers, peak: float, rate: float) -> None:
+def lay_node(m: np.ndarray, out: bool, xi: float, t: float, of: Numbers, peak: float, rate: float) -> None:
     """Lay a node on a stack, `of` its value and derivatives; where it is full, thin out the older half."""
-    which = OUTER if out else INNER
+    which = OUTER_COUNT if out else INNER_COUNT
     count = int(m[which])
-    if count == MOST:
+    if count == STACK_NODES:
         kept = 1
-        for j in range(2, MOST):
-            if j % 2 == 0 or j >= MOST // 2:
-                for i in range(WIDTH):
-                    m[node(m, out, kept) + i] = m[node(m, out, j) + i]
+        for j in range(2, STACK_NODES):
+            if j % 2 == 0 or j >= STACK_NODES // 2:
+                for i in range(NODE_WIDTH):
+                    m[node_at(m, out, kept) + i] = m[node_at(m, out, j) + i]
                 join_top(m, out, kept, rate)
                 kept += 1
         count = kept
-    here = node(m, out, count)
-    m[here + XI], m[here + TIME], m[here + TURN] = xi, t, peak
-    m[here + VALUE], m[here + SLOPE], m[here + CURVE] = of
+    here = node_at(m, out, count)
+    m[here + NODE_XI], m[here + NODE_TIME], m[here + NODE_PEAK] = xi, t, peak
+    m[here + NODE_VALUE], m[here + NODE_SLOPE], m[here + NODE_CURVE] = of
     join_top(m, out, count, rate)
     m[which] = count + 1
 
@@ -195,28 +219,28 @@ def lay(m: np.ndarray, out: bool, xi: float, t: float, of: Numbers, peak: float,
 @kernel
 def passing(m: np.ndarray) -> float:
     """The edge at which an earlier contact turned, which one that grows passes next; 0 if there is none."""
-    count = int(m[OUTER])
-    return math.sqrt(m[node(m, True, count - 1) + TURN]) if count > 0 else 0.0
+    count = int(m[OUTER_COUNT])
+    return math.sqrt(m[node_at(m, True, count - 1) + NODE_PEAK]) if count > 0 else 0.0
 
 
 @kernel
 def take_outer(m: np.ndarray, xi: float) -> None:
     """Take from the outer stack what the contact has grown over, but for the node just below its edge."""
-    count = int(m[OUTER])
-    if count > 0 and m[node(m, True, 0) + XI] <= xi:
+    count = int(m[OUTER_COUNT])
+    if count > 0 and m[node_at(m, True, 0) + NODE_XI] <= xi:
         count = 0
-    while count > 1 and m[node(m, True, count - 2) + XI] <= xi:
+    while count > 1 and m[node_at(m, True, count - 2) + NODE_XI] <= xi:
         count -= 1
-    m[OUTER] = count
+    m[OUTER_COUNT] = count
 
 
 @kernel
 def take_inner(m: np.ndarray, xi: float) -> None:
     """Take from the inner stack what the contact has let go, but for the node just above its edge."""
-    count = int(m[INNER])
-    while count > 2 and m[node(m, False, count - 2) + XI] >= xi:
+    count = int(m[INNER_COUNT])
+    while count > 2 and m[node_at(m, False, count - 2) + NODE_XI] >= xi:
         count -= 1
-    m[INNER] = count
+    m[INNER_COUNT] = count
 
 
 @kernel
@@ -224,24 +248,24 @@ def turn_back(m: np.ndarray, xi: float, t: float, recovery: float, rate: float) 
     """End a growth of the contact at its edge xi; a `rate` of 0 is that of a Kelvin-Voigt surface."""
     value, slope = outside(m, xi, t, recovery)
     curve = outside_curve(m, xi, t, recovery, slope)
-    count = int(m[OUTER])
+    count = int(m[OUTER_COUNT])
     peak = xi
     if count > 0:
-        top = node(m, True, count - 1)
-        peak = m[top + TURN]
-        if m[top + XI] < xi:
-            m[OUTER] = count - 1
-    lay(m, True, xi, t, (value, slope, curve), peak, recovery)
+        top = node_at(m, True, count - 1)
+        peak = m[top + NODE_PEAK]
+        if m[top + NODE_XI] < xi:
+            m[OUTER_COUNT] = count - 1
+    lay_node(m, True, xi, t, (value, slope, curve), peak, recovery)
     if rate == 0:
-        m[node(m, True, int(m[OUTER]) - 1) + SLOPE] = -1.0  # of y = d - xi in the contact, which is next
-    count = int(m[INNER])
+        m[node_at(m, True, int(m[OUTER_COUNT]) - 1) + NODE_SLOPE] = -1.0  # of y = d - xi in the contact, which is next
+    count = int(m[INNER_COUNT])
     first = count
-    while first > 0 and m[node(m, False, first - 1) + TURN] == OPEN:
+    while first > 0 and m[node_at(m, False, first - 1) + NODE_PEAK] == OPEN_PEAK:
         first -= 1
-        m[node(m, False, first) + TURN] = xi
+        m[node_at(m, False, first) + NODE_PEAK] = xi
     for j in range(first, count):
         join_top(m, False, j, rate)
-    m[PEAK] = xi
+    m[LAST_PEAK] = xi
 
 
 @kernel
@@ -249,20 +273,20 @@ def turn_forth(m: np.ndarray, xi: float, t: float, rate: float) -> None:
     """End a shrinkage of the contact at its edge xi."""
     value, slope = inside(m, xi, t, rate)
     curve = inside_curve(m, xi, t, rate, slope)
-    top = int(m[INNER]) - 1
-    peak = m[node(m, False, top) + TURN]
-    m[INNER] = top
-    lay(m, False, xi, t, (value, slope, curve), peak, rate)
+    top = int(m[INNER_COUNT]) - 1
+    peak = m[node_at(m, False, top) + NODE_PEAK]
+    m[INNER_COUNT] = top
+    lay_node(m, False, xi, t, (value, slope, curve), peak, rate)
 
 
 @kernel
 def shift(m: np.ndarray, time: float) -> None:
     """Let times count from later on."""
-    for j in range(int(m[INNER])):
-        here = node(m, False, j)
-        m[here + TIME] -= time
-        m[here + WHEN] -= time
-    for j in range(int(m[OUTER])):
-        here = node(m, True, j)
-        m[here + TIME] -= time
-        m[here + WHEN] -= time
+    for j in range(int(m[INNER_COUNT])):
+        here = node_at(m, False, j)
+        m[here + NODE_TIME] -= time
+        m[here + SERIES_TIME] -= time
+    for j in range(int(m[OUTER_COUNT])):
+        here = node_at(m, True, j)
+        m[here + NODE_TIME] -= time
+        m[here + SERIES_TIME] -= time

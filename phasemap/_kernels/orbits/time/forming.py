@@ -13,14 +13,15 @@ import numpy as np
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.period_map import Tolerance, linearise, pass_from, way_to_rest
-from phasemap._kernels.orbits.time.tip import AMPLITUDE, FORMED, MARCHED, NOW, Z0, Tip, V, Z, amplitude_of, carry
+from phasemap._kernels.orbits.time.period_map import Tolerance, linearise_period, pass_from, way_to_rest
+from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z, amplitude_of, copy_memory
 
 if TYPE_CHECKING:
     pass
 
-ENOUGH = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
-FRESH, ASTRAY = 0.05, 0.3  # of the amplitude, ways for which derivatives serve; and a step that leads elsewhere
+FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
+FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
+FORMING_STEP = 0.3  # of the amplitude: a longer step leads elsewhere
 
 
 @kernel
@@ -32,25 +33,25 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
     lever = oscillator.lever
     eta, y_limit, z0_limit = tolerance
     u, linear, y, share = tip.u, tip.linear, np.empty(len(tip.u)), lingering(oscillator)
-    if share == 0 or ENOUGH > -math.log(share) * most:
+    if share == 0 or FORMING_TIME > -math.log(share) * most:
         return False
-    tip.periods[FORMED] = 1
+    tip.periods.formed = 1
     way = math.inf
     z = v = move = 0.0
-    while tip.periods[MARCHED] < most:
-        if way > FRESH * target:
-            if not linearise(oscillator, eta, tip):
+    while tip.periods.marched < most:
+        if way > FORMING_WAY * target:
+            if not linearise_period(oscillator, eta, tip):
                 return False
-            z, v, move = way_to_rest(linear, linear[NOW, Z], linear[NOW, V], linear[NOW, AMPLITUDE] - target, True)
+            z, v, move = way_to_rest(linear, linear.now.z, linear.now.v, linear.now.amplitude - target, True)
             way = 0.0
         step = math.hypot(z, v) + abs(move)
-        if not step < ASTRAY * target:
+        if not step < FORMING_STEP * target:
             return False
         way += step
         u[Z], u[V], u[Z0] = u[Z] + z, u[V] + v, u[Z0] + move
         if not pass_from(oscillator, eta, tip, u[Z], u[V], u[Z0], y):
             return False
-        carry(y, u)
+        copy_memory(y, u)
         z, v, move = way_to_rest(linear, y[Z] - u[Z], y[V] - u[V], amplitude_of(lever, tip.acc) - target, True)
         if max(math.hypot(z, v) / y_limit, abs(move) / z0_limit) <= 1 - share * share:
             return True

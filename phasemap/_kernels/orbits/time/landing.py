@@ -10,11 +10,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import COS, GIVEN, MEAN, SIN
+from phasemap._kernels.orbits.time.tip import PeriodResult
 
-ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
-CLOSE = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
-IN_A_ROW = 3  # periods so close
+LANDING_ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
+LANDED = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
+LANDED_PERIODS = 3  # periods so close
 
 
 @kernel
@@ -32,19 +32,19 @@ def land_on(
     close : float
         Distance [m] in that plane at which an orbit counts as reached.
     """
-    acc = np.zeros(GIVEN)
+    acc = PeriodResult()
     streak, last = 0, -1
     for period in range(most):
-        if march_period(oscillator, z0, ETA, y, acc) < 0:
+        if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
             return -1, period
         near, best = -1, math.inf
         for i in range(len(targets)):
-            apart = math.hypot(acc[COS] - targets[i, 0], acc[SIN] - targets[i, 1])
+            apart = math.hypot(acc.cos - targets[i, 0], acc.sin - targets[i, 1])
             if apart < best:
                 near, best = i, apart
         streak = streak + 1 if best < close and near == last else 0
         last = near
-        if streak >= IN_A_ROW:
+        if streak >= LANDED_PERIODS:
             return near, period + 1
     return -1, most
 
@@ -56,23 +56,23 @@ def land_free(oscillator: Oscillator, z0: float, y: np.ndarray, close: float, mo
     It has settled when the lock-in's outputs change by less than `close` [m] from one ring-down time to the next.
     """
     lever = oscillator.lever
-    acc = np.zeros(GIVEN)
+    acc = PeriodResult()
     ring, streak = int(1.0 / (2.0 * math.pi * lever[col.ALPHA0])) + 1, 0
     cosine, sine = math.inf, math.inf
     for period in range(most):
-        if march_period(oscillator, z0, ETA, y, acc) < 0:
+        if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
             return False
         if period % ring != ring - 1:
             continue
-        streak = streak + 1 if math.hypot(acc[COS] - cosine, acc[SIN] - sine) < close else 0
-        cosine, sine = acc[COS], acc[SIN]
-        if streak >= IN_A_ROW:
+        streak = streak + 1 if math.hypot(acc.cos - cosine, acc.sin - sine) < close else 0
+        cosine, sine = acc.cos, acc.sin
+        if streak >= LANDED_PERIODS:
             break
-    if streak < IN_A_ROW:
+    if streak < LANDED_PERIODS:
         return False
     omega, amplitude, phase = lever[col.OMEGA], math.hypot(cosine, sine), math.atan2(cosine, sine)
     row[:] = math.nan
-    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc[MEAN], amplitude, phase
+    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc.mean_z, amplitude, phase
     push = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
     row[col.STIFFENING] = push / amplitude
     drag = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)

@@ -17,15 +17,25 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import MARCHED, Z0, Tip, V, Z
+from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
+from phasemap._kernels.records import record
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
-FEWEST = 6  # periods in a step: fewer are marched one by one
-KEPT, LONGER, SHORTER = 0.9, 3.0, 0.2  # of the step that would just meet the tolerance; most and least of the last one
-# What is carried on from step to step: the change of (z, z') in the period to come, and how many to try next.
-BY_Z, BY_V, NEXT, FLOW = 0, 1, 2, 3
+FEWEST_IN_STEP = 6  # periods in a step: fewer are marched one by one
+STEP_SAFETY = 0.9  # of the step that would just meet the tolerance
+MOST_GROWTH = 3.0  # of the step, over the last one
+LEAST_GROWTH = 0.2  # the same, at least
+
+
+@record
+class Flow:
+    """What is carried on from step to step of many periods."""
+
+    z: float  # change of z in the period to come [m]
+    v: float  # and of z' [m]
+    count: float  # periods to try next
 
 
 @kernel
@@ -33,23 +43,23 @@ def _change(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, z0
     """Change of (z, z') in a period from there at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = z, v, z0
-    tip.periods[MARCHED] += 1
+    tip.periods.marched += 1
     if march_period(oscillator, z0, eta, y, tip.acc) < 0:
         return math.nan, math.nan
     return y[Z] - z, y[V] - v
 
 
 @kernel
-def begin_flow(oscillator: Oscillator, eta: float, pace: float, tip: Tip, flow: np.ndarray) -> bool:
+def begin_flow(oscillator: Oscillator, eta: float, pace: float, tip: Tip, flow: Flow) -> bool:
     """March the period to come, in which z0 falls by `pace` [m], which `flow` then knows."""
     u = tip.u
-    flow[BY_Z], flow[BY_V] = _change(oscillator, eta, tip, u[Z], u[V], u[Z0] - pace, np.empty(len(u)))
-    flow[NEXT] = FEWEST
-    return math.isfinite(flow[BY_Z] + flow[BY_V])
+    flow.z, flow.v = _change(oscillator, eta, tip, u[Z], u[V], u[Z0] - pace, np.empty(len(u)))
+    flow.count = FEWEST_IN_STEP
+    return math.isfinite(flow.z + flow.v)
 
 
 @kernel
-def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, tip: Tip, flow: np.ndarray) -> int:
+def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, tip: Tip, flow: Flow) -> int:
     """Carry a tip, which falls by `pace` [m] a period, over as many periods as an error `allowed` [m] lets it.
 
     Returns how many; 0 if the march fails. tip.acc is what the period to come gives.
@@ -57,9 +67,9 @@ def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, t
     The formulae for an integral are those of Bogacki and Shampine (orders 3 and 2), with weights for a sum.
     """
     lever = oscillator.lever
-    u, y, omega, n = tip.u, np.empty(len(tip.u)), lever[col.OMEGA], int(flow[NEXT])
-    z, v, z0, k1z, k1v = u[Z], u[V], u[Z0] - pace, flow[BY_Z], flow[BY_V]
-    while n >= FEWEST:
+    u, y, omega, n = tip.u, np.empty(len(tip.u)), lever[col.OMEGA], int(flow.count)
+    z, v, z0, k1z, k1v = u[Z], u[V], u[Z0] - pace, flow.z, flow.v
+    while n >= FEWEST_IN_STEP:
         x = 1.0 / n
         b2, b3 = (1.0 - x) * (1.0 + 4.0 * x) / 3.0, 4.0 / 9.0 * (1.0 - x) * (1.0 - 2.0 * x)
         b1, half, more = 1.0 - b2 - b3, 0.5 * n, 0.75 * n
@@ -72,13 +82,13 @@ def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, t
         error = n * math.hypot(off_z, off_v / omega) / allowed
         if not math.isfinite(error):
             return 0
-        share = min(LONGER, max(SHORTER, KEPT * max(error, 1e-9) ** (-1.0 / 3.0)))
+        share = min(MOST_GROWTH, max(LEAST_GROWTH, STEP_SAFETY * max(error, 1e-9) ** (-1.0 / 3.0)))
         if error <= 1.0:
             u[Z], u[V], u[Z0] = end_z, end_v, u[Z0] - n * pace
-            flow[BY_Z], flow[BY_V], flow[NEXT] = k4z, k4v, share * n
+            flow.z, flow.v, flow.count = k4z, k4v, share * n
             return n
         n = int(share * n)
     u[Z], u[V], u[Z0] = z + k1z, v + k1v, z0
-    flow[BY_Z], flow[BY_V] = _change(oscillator, eta, tip, u[Z], u[V], z0 - pace, y)
-    flow[NEXT] = n + 1.0
-    return 1 if math.isfinite(flow[BY_Z] + flow[BY_V]) else 0
+    flow.z, flow.v = _change(oscillator, eta, tip, u[Z], u[V], z0 - pace, y)
+    flow.count = n + 1.0
+    return 1 if math.isfinite(flow.z + flow.v) else 0

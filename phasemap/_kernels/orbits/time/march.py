@@ -29,59 +29,59 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
-from phasemap._kernels.orbits.time.elements import BEGIN, INNER, MODE, OUTER
+from phasemap._kernels.orbits.time.elements import CONTACT_MODE, INNER_COUNT, OUTER_COUNT, PERIOD_BEGIN
 from phasemap._kernels.orbits.time.runge_kutta import (
-    BOTTOM,
-    COMPLIANCE,
-    DRIVE,
-    PASSED,
-    SPEED,
-    X,
-    fly,
-    press,
+    End,
+    Medium,
+    Row,
+    Start,
     stage,
+    step_in_contact,
+    step_off_surface,
     turn,
 )
-from phasemap._kernels.orbits.time.tip import AIR, COS, DEEPEST, LOST, MEAN, SIN, TOUCHES, VIRIAL, V, Z
+from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers, Row
 
-MAX_STEPS = 100_000
+MOST_MARCH_STEPS = 100_000
 """Steps in one period after which it is given up."""
 
-LAST = 1e-7
+LAST_NEWTON_STEP = 1e-7
 """Of a step's length: how near Newton's method comes to an edge before the tangent does the rest, and leaves 1e-14."""
 
-REACH, HARD = 0.4, 0.75
+APPROACH_WEIGHT = 0.4
+CONTACT_WEIGHT = 0.75
 """Weights of approach and of contact in the density of steps; chosen for the least work at 1e-6 to 1e-2 degree."""
 
 
 @kernel
-def flight_rate(law: Law, p: Row, fixed: Numbers, d: float, v: float) -> float:
+def flight_rate(law: Law, p: Row, fixed: Medium, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
     rate = 1.0
     if p[col.LONGRANGE] != 0.0:
-        force = longrange_force(law, d, p) * fixed[COMPLIANCE]
-        slope = longrange_slope(law, d, p) * fixed[COMPLIANCE]
+        force = longrange_force(law, d, p) * fixed.compliance
+        slope = longrange_slope(law, d, p) * fixed.compliance
         # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
-        rate += abs(slope) + (REACH * v * slope) ** 2 / (force**2 + (0.01 * slope * (abs(d) + fixed[DRIVE])) ** 2)
+        rate += abs(slope) + (APPROACH_WEIGHT * v * slope) ** 2 / (
+            force**2 + (0.01 * slope * (abs(d) + fixed.drive)) ** 2
+        )
     return math.sqrt(rate)
 
 
 @kernel
-def contact_rate(law: Law, p: Row, fixed: Numbers, q: float) -> float:
+def contact_rate(law: Law, p: Row, fixed: Medium, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
-    d = fixed[BOTTOM] + q * q
-    rate = 4 * q * q * (1 + HARD * HARD * abs(contact_slope(law, d, p)) * fixed[COMPLIANCE])
-    if p[col.DAMPING] != 0.0 and fixed[BOTTOM] == 0.0:
+    d = fixed.bottom + q * q
+    rate = 4 * q * q * (1 + CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_slope(law, d, p)) * fixed.compliance)
+    if p[col.DAMPING] != 0.0 and fixed.bottom == 0.0:
         rate += (4 * q * damping(law, d, p)) ** 2
     return rate
 
 
 @kernel
-def reach(law: Law, p: Row, fixed: Numbers, q: float, v: float, pull: float) -> float:
+def depth_reached(law: Law, p: Row, fixed: Medium, q: float, v: float, pull: float) -> float:
     """q of the depth that a tip at (q, v) comes to, roughly.
 
     There stiffness works as fast as speed and pull do: q^2 rate = v^2 + q^2 pull, with what q^2 rate is already.
@@ -101,14 +101,14 @@ def _cubic(x0: float, v0: float, x1: float, v1: float, h: float) -> tuple[float,
 
 
 @kernel
-def turning(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+def time_of_turn(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step with v0 > 0 > v1 the cubic is highest."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     return h * a / (math.sqrt(b * b - 3 * a * c) - b)
 
 
 @kernel
-def root_of(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+def time_of_crossing(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
     """Where in a step the cubic last changes sign before its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     low, high, t = 0.0, 1.0, 1.0
@@ -125,33 +125,33 @@ def root_of(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
 
 
 @kernel(inline=True)
-def _advance(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float) -> Numbers:
+def _advance(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float) -> End:
     if touching:
-        return press(law, p, fixed, start, h)
-    return fly(law, p, fixed, start, h)
+        return step_in_contact(law, p, fixed, start, h)
+    return step_off_surface(law, p, fixed, start, h)
 
 
 @kernel
 def _to_edge(
-    law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float, end: Numbers, edge: float
-) -> tuple[float, Numbers]:
+    law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float, end: End, edge: float
+) -> tuple[float, End]:
     """Shorten a step across an edge to end on it: Newton on x(h) = edge, x' = v, kept between a side and the other.
 
     The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
     """
     low, high, whole = 0.0, h, h
-    h = root_of(start[X] - edge, start[SPEED], end[X] - edge, end[SPEED], h)
-    above = end[X] <= edge
+    h = time_of_crossing(start.x - edge, start.v, end.x - edge, end.v, h)
+    above = end.x <= edge
     for _ in range(50):
         end = _advance(law, p, fixed, touching, start, h)
-        more = (edge - end[X]) / end[SPEED]
-        if abs(more) <= LAST * whole:
-            w, a, c, s, m, e, f, o = stage(law, p, fixed, touching, start, end[X], end[SPEED], end[PASSED])
-            return h + more, (
-                edge, end[SPEED] + more * a, end[PASSED] + more * w, end[3] + more * c, end[4] + more * s,
-                end[5] + more * m, end[6] + more * e, end[7] + more * f, end[8] + more * o,
+        more = (edge - end.x) / end.v
+        if abs(more) <= LAST_NEWTON_STEP * whole:
+            w, a, c, s, m, e, f, o = stage(law, p, fixed, touching, start, end.x, end.v, end.passed)
+            return h + more, End(
+                edge, end.v + more * a, end.passed + more * w, end.cos + more * c, end.sin + more * s,
+                end.mean_z + more * m, end.loss + more * e, end.virial + more * f, end.air + more * o,
             )  # fmt: skip
-        if (end[X] > edge) == above:
+        if (end.x > edge) == above:
             low = h
         else:
             high = h
@@ -162,19 +162,17 @@ def _to_edge(
 
 
 @kernel
-def _to_instant(
-    law: Law, p: Row, fixed: Numbers, start: Numbers, h: float, end: Numbers, time: float
-) -> tuple[float, Numbers]:
+def _to_instant(law: Law, p: Row, fixed: Medium, start: Start, h: float, end: End, time: float) -> tuple[float, End]:
     """Shorten a step in contact or neck to last `time`: Newton on tau(h) = time, tau' = 2 q."""
     low, high = 0.0, h
     for _ in range(50):
-        h -= (end[PASSED] - time) / (2 * end[X])
+        h -= (end.passed - time) / (2 * end.x)
         if not low <= h <= high:
             h = 0.5 * (low + high)
-        end = press(law, p, fixed, start, h)
-        if abs(end[PASSED] - time) <= 4e-16:
+        end = step_in_contact(law, p, fixed, start, h)
+        if abs(end.passed - time) <= 4e-16:
             break
-        if end[PASSED] < time:
+        if end.passed < time:
             low = h
         else:
             high = h
@@ -182,7 +180,7 @@ def _to_instant(
 
 
 @kernel
-def march_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
+def march_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
     """March for a period of the drive, as the surface is: see `march_elastic`.
 
     Where the law may remember, `y` goes on with what `elements` names, the drive phase at which the period begins too.
@@ -191,12 +189,12 @@ def march_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, a
     if law.memory != 0:
         if remembers(p):
             return by_memory(law, p, lever, z0, eta, y, acc)
-        y[MODE] = y[INNER] = y[OUTER] = 0.0  # over another material
+        y[CONTACT_MODE] = y[INNER_COUNT] = y[OUTER_COUNT] = 0.0  # over another material
     return march_elastic(oscillator, z0, eta, y, acc)
 
 
 @kernel(shared=True)
-def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: np.ndarray) -> int:
+def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
     """March for a period of the drive over a surface without memory, from drive phase 0 on or as y says.
 
     Parameters
@@ -207,8 +205,8 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     y : ndarray, shape (3,)
         State as `tip` names it, advanced in place. Whether the tip is in contact or neck is left out
         and not asked for where the law has no neck: depth says it.
-    acc : ndarray, shape (6,) or longer
-        Filled with what `tip` names. The energy into the surface is by damping, and that of the loop at each release;
+    acc : PeriodResult
+        Filled. The energy into the surface is by damping, and that of the loop at each release;
         the virial is of the whole surface force.
 
     Returns
@@ -225,10 +223,10 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
         edge_force = longrange_force(law, 0.0, row) * compliance
         edge_slope = longrange_slope(law, 0.0, row) * compliance
     alpha0, base = lever[col.ALPHA0], lever[col.BASE]
-    aloft = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
-    drawn = (omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[col.RELEASE])
+    aloft = Medium(omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
+    drawn = Medium(omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[col.RELEASE])
     fixed = aloft
-    snap = 2 * HARD * HARD * abs(contact_force(law, 0.0, row)) * compliance
+    snap = 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_force(law, 0.0, row)) * compliance
     neck = math.sqrt(-row[col.RELEASE])  # q of the surface in the neck
 
     x, v = y[Z] - z0, y[V]
@@ -237,57 +235,61 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     deep = 0.0
     if touching:
         x = math.sqrt(x)
-        deep = reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(y[Z], v))
+        deep = depth_reached(law, row, fixed, x, v, snap + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(y[Z], v))
     elif neck > 0 and y[TOUCHES] != 0.0 and x > row[col.RELEASE]:
         touching, x, deep = True, math.sqrt(x - row[col.RELEASE]), neck
         fixed = drawn
     cosine, sine = 1.0, 0.0
     if law.memory != 0:
-        cosine, sine = math.cos(y[BEGIN]), math.sin(y[BEGIN])
+        cosine, sine = math.cos(y[PERIOD_BEGIN]), math.sin(y[PERIOD_BEGIN])
     cos_part = sin_part = mean = dissipated = virial = air = 0.0
     left = 2 * math.pi / omega
     steps = releases = 0
     while left > 0:
         steps += 1
-        if steps > MAX_STEPS:
+        if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
-        bottom = fixed[BOTTOM]
+        bottom = fixed.bottom
         in_neck = bottom != 0.0
         edge = neck if in_neck else 0.0  # the x of d = 0
         if touching:
             # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
-            rate = contact_rate(law, row, fixed, x) + snap + 2 * HARD * HARD * math.hypot(z0 + bottom + x * x, v)
-            rate += (HARD * v / deep) ** 2
+            rate = (
+                contact_rate(law, row, fixed, x)
+                + snap
+                + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(z0 + bottom + x * x, v)
+            )
+            rate += (CONTACT_WEIGHT * v / deep) ** 2
             if neck > 0 and not in_neck:
-                rate += (HARD * v) ** 2 / (x * x - row[col.RELEASE])  # the root at release, seen from contact
+                rate += (CONTACT_WEIGHT * v) ** 2 / (x * x - row[col.RELEASE])  # the root at release, seen from contact
             h = eta / math.sqrt(rate)
         else:
             h = min(left, eta / flight_rate(law, row, fixed, x, v))
-        start = (x, v, cosine, sine)
+        start = Start(x, v, cosine, sine)
         end = _advance(law, row, fixed, touching, start, h)
-        if v > 0 and end[SPEED] < 0:
+        if v > 0 and end.v < 0:
             # The highest point lies inside: a step to where it should be, and half v^2 over the deceleration.
-            part = turning(x, v, end[X], end[SPEED], h)
+            part = time_of_turn(x, v, end.x, end.v, h)
             top = _advance(law, row, fixed, touching, start, part)
-            height = top[X] + 0.5 * h * top[SPEED] ** 2 / (v - end[SPEED])
-            if (in_neck or not touching) and top[X] > edge:  # grazing: both ends may be below
+            height = top.x + 0.5 * h * top.v**2 / (v - end.v)
+            if (in_neck or not touching) and top.x > edge:  # grazing: both ends may be below
                 h, end = part, top
             else:
                 highest = max(highest, bottom + height * height if touching else height)
-        elif in_neck and v < 0 and end[SPEED] > 0:
-            part = turning(-x, -v, -end[X], -end[SPEED], h)
+        elif in_neck and v < 0 and end.v > 0:
+            part = time_of_turn(-x, -v, -end.x, -end.v, h)
             low = _advance(law, row, fixed, touching, start, part)
-            if low[X] <= 0:  # both ends may be in the neck, with a release between
+            if low.x <= 0:  # both ends may be in the neck, with a release between
                 h, end = part, low
-        crosses = end[X] <= edge if touching and not in_neck else end[X] > edge
-        if in_neck and end[X] <= 0:
+        crosses = end.x <= edge if touching and not in_neck else end.x > edge
+        if in_neck and end.x <= 0:
             crosses, edge = True, 0.0
         if crosses:
             h, end = _to_edge(law, row, fixed, touching, start, h, end, edge)
         if not touching:
             left -= h
-        elif end[PASSED] < left:
-            left -= end[PASSED]
+        elif end.passed < left:
+            left -= end.passed
         else:
             h, end = _to_instant(law, row, fixed, start, h, end, left)
             left = 0.0
@@ -311,22 +313,23 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
             x, fixed = 0.0, aloft
             touching = v > 0
             if touching:
-                deep = reach(law, row, fixed, x, v, snap + 2 * HARD * HARD * math.hypot(z0, v))
+                deep = depth_reached(
+                    law, row, fixed, x, v, snap + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(z0, v)
+                )
     if not math.isfinite(x + v):
         return -col.NOT_SETTLED
 
-    d = fixed[BOTTOM] + x * x if touching else x
+    d = fixed.bottom + x * x if touching else x
     y[Z], y[V] = z0 + d, v
     if neck > 0:
         y[TOUCHES] = 1.0 if touching else 0.0
-    acc[COS] = cos_part * omega / math.pi
-    acc[SIN] = sin_part * omega / math.pi
-    acc[MEAN] = mean * omega / (2 * math.pi)
-    acc[LOST] = dissipated * lever[col.STIFFNESS]
+    acc.cos = cos_part * omega / math.pi
+    acc.sin = sin_part * omega / math.pi
+    acc.mean_z = mean * omega / (2 * math.pi)
+    acc.loss = dissipated * lever[col.STIFFNESS]
     if releases > 0:
-        acc[LOST] += releases * loop_energy(law, row)
-    acc[VIRIAL] = virial * lever[col.STIFFNESS] * omega / (2 * math.pi)
-    acc[DEEPEST] = max(highest, d)
-    if len(acc) > AIR:
-        acc[AIR] = air * 2 * lever[col.ALPHA0] * lever[col.STIFFNESS]
+        acc.loss += releases * loop_energy(law, row)
+    acc.virial = virial * lever[col.STIFFNESS] * omega / (2 * math.pi)
+    acc.deepest = max(highest, d)
+    acc.air = air * 2 * lever[col.ALPHA0] * lever[col.STIFFNESS]
     return steps

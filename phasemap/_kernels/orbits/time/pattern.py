@@ -16,28 +16,26 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.period_map import Tolerance, pass_period, skip
-from phasemap._kernels.orbits.time.tip import MARCHED, MEAN, PATTERN, Z0, Tip, V, Z
+from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, skip
+from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
 
 if TYPE_CHECKING:
     pass
 
-LONGEST = 32  # periods after which a motion may repeat itself
-LOOKED_AT = 3 * LONGEST  # periods that are compared with one another
-NEAR = (
-    0.1  # of the way that the tip goes, by which states n periods apart may differ where Newton's method is tried, and
-)
-CLOSE = 4.0  # over the least of these differences: a multiple of n, and what comes nearest by chance
-TRIED = 2  # such n, the least first, and 1 in any case
-SAME = 1e-3  # of the free amplitude, below which a fraction of n may do
+LONGEST_PATTERN = 32  # periods after which a motion may repeat itself
+PERIODS_COMPARED = 3 * LONGEST_PATTERN  # periods that are compared with one another
+NEAR_REPEAT = 0.1  # of the tip's way, by which states n periods apart may differ where Newton's method is tried, and
+CLOSEST_REPEAT = 4.0  # over the least of these differences: a multiple of n, and what comes nearest by chance
+MOST_TRIED = 2  # such n, the least first, and 1 in any case
+SAME_STATE = 1e-3  # of the free amplitude, below which a fraction of n may do
 
 
 @kernel
-def apart(oscillator: Oscillator, eta: float, count: int, tip: Tip) -> float:
+def distance_after(oscillator: Oscillator, eta: float, count: int, tip: Tip) -> float:
     """How far [m] the tip, which stays where it is, would be after so many periods."""
     lever = oscillator.lever
     y = tip.u.copy()
-    tip.periods[MARCHED] += count
+    tip.periods.marched += count
     for _ in range(count):
         if march_period(oscillator, tip.u[Z0], eta, y, tip.acc) < 0:
             return math.inf
@@ -48,13 +46,13 @@ def apart(oscillator: Oscillator, eta: float, count: int, tip: Tip) -> float:
 def shorten(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
     """Put a tip that is at rest on a pattern to rest on the shortest one that it repeats; as `skip`."""
     lever = oscillator.lever
-    count = tip.periods[PATTERN]
+    count = tip.periods.pattern
     for n in range(1, count):
-        if count % n == 0 and apart(oscillator, tolerance.eta, n, tip) < SAME * free_amplitude(lever):
-            tip.periods[PATTERN] = n
+        if count % n == 0 and distance_after(oscillator, tolerance.eta, n, tip) < SAME_STATE * free_amplitude(lever):
+            tip.periods.pattern = n
             if skip(oscillator, tolerance, target, tip):
                 return True
-    tip.periods[PATTERN] = count
+    tip.periods.pattern = count
     return skip(oscillator, tolerance, target, tip)
 
 
@@ -65,23 +63,23 @@ def find_pattern(oscillator: Oscillator, tolerance: Tolerance, target: float, ti
     Of the n for which all states n periods apart are nearest to each other the least counts.
     """
     lever = oscillator.lever
-    u, way, size = tip.u, np.empty((LOOKED_AT, 2)), free_amplitude(lever)
-    for i in range(LOOKED_AT):
+    u, way, size = tip.u, np.empty((PERIODS_COMPARED, 2)), free_amplitude(lever)
+    for i in range(PERIODS_COMPARED):
         way[i, Z], way[i, V] = u[Z], u[V] / lever[col.OMEGA]
-        if not pass_period(oscillator, tolerance.eta, tip):
+        if not march_tip(oscillator, tolerance.eta, tip):
             return False
-        size = max(size, math.hypot(way[i, Z] - tip.acc[MEAN], way[i, V]))
-    most, least, tried = np.zeros(LONGEST + 1), math.inf, 0
-    for n in range(1, LONGEST + 1):
-        for i in range(n, LOOKED_AT):
+        size = max(size, math.hypot(way[i, Z] - tip.acc.mean_z, way[i, V]))
+    most, least, tried = np.zeros(LONGEST_PATTERN + 1), math.inf, 0
+    for n in range(1, LONGEST_PATTERN + 1):
+        for i in range(n, PERIODS_COMPARED):
             most[n] = max(most[n], math.hypot(way[i, Z] - way[i - n, Z], way[i, V] - way[i - n, V]))
         least = min(least, most[n])
-    for n in range(1, LONGEST + 1):
-        near = most[n] < NEAR * size and (n == 1 or most[n] < CLOSE * least)
-        if near and tried < TRIED:
+    for n in range(1, LONGEST_PATTERN + 1):
+        near = most[n] < NEAR_REPEAT * size and (n == 1 or most[n] < CLOSEST_REPEAT * least)
+        if near and tried < MOST_TRIED:
             tried += 1 if n > 1 else 0
-            tip.periods[PATTERN] = n
+            tip.periods.pattern = n
             if skip(oscillator, tolerance, target, tip):
                 return shorten(oscillator, tolerance, target, tip)
-    tip.periods[PATTERN] = 1
+    tip.periods.pattern = 1
     return False

@@ -10,7 +10,7 @@ tuples: an array here would cost two atomic reference counts a stage, more than 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasemap._kernels.columns import DAMPING, LONGRANGE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
@@ -21,9 +21,43 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 Row = Any  # a tuple where formulas are typed for an array: all they do is index it
-# Of what `fly` calls fixed, and of the state where a step starts or ends.
-COMPLIANCE, DRIVE, BOTTOM = 2, 3, 7
-X, SPEED, PASSED = 0, 1, 2
+
+
+class Medium(NamedTuple):
+    """What stays as it is over many steps."""
+
+    omega: float
+    alpha0: float
+    compliance: float  # 1/k [m/N]
+    drive: float  # u0 [m]
+    z0: float  # [m]
+    edge_force: float  # the long-range force at contact, over k [m]
+    edge_slope: float  # its derivative there, over k
+    bottom: float  # depth where x = 0 [m]: 0, in the neck that of release
+
+
+class Start(NamedTuple):
+    """Where a step starts: depth or its root, velocity, and cosine and sine of the drive's phase."""
+
+    x: float
+    v: float
+    cos: float
+    sin: float
+
+
+class End(NamedTuple):
+    """Where a step ends, and integrals over it."""
+
+    x: float
+    v: float
+    passed: float  # time tau
+    cos: float  # of z cos(omega tau) [m]
+    sin: float  # of z sin(omega tau) [m]
+    mean_z: float  # of z [m]
+    loss: float  # of 2 alpha_s v^2 [m2]
+    virial: float  # of -F z/k, with the damping force [m2]
+    air: float  # of v^2 [m2]
+
 
 # fmt: off
 
@@ -132,8 +166,8 @@ def turn(angle: float) -> tuple[float, float]:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: float, v: float, time: float) -> Numbers:
-    """Slopes w of tau and w z'' of v, and the integrands that `fly` names, at (x, v), `time` after the step's start."""
+def stage(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, x: float, v: float, time: float) -> Numbers:
+    """Slopes w of tau and w z'' of v, and the integrands that `End` names, at (x, v), `time` after the step's start."""
     omega, alpha0, compliance, base, z0, edge_force, edge_slope, bottom = fixed
     _, _, cosine, sine = start
     c, s = turn(omega * time)
@@ -159,7 +193,7 @@ def stage(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, x: f
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _step(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: float) -> Numbers:
+def _step(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float) -> End:
     x1, v1, _, _ = start
     w1, a1, c1, s1, m1, e1, f1, o1 = stage(law, p, fixed, touching, start, x1, v1, 0.0)
     x2 = row2(x1, h, v1)
@@ -206,7 +240,7 @@ def _step(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: f
     v12 = row12(v1, h, a1, a4, a5, a6, a7, a8, a9, a10, a11)
     t12 = row12(0.0, h, w1, w4, w5, w6, w7, w8, w9, w10, w11)
     w12, a12, c12, s12, m12, e12, f12, o12 = stage(law, p, fixed, touching, start, x12, v12, t12)
-    return (
+    return End(
         total(x1, h, v1, v6, v7, v8, v9, v10, v11, v12),
         total(v1, h, a1, a6, a7, a8, a9, a10, a11, a12),
         total(0.0, h, w1, w6, w7, w8, w9, w10, w11, w12),
@@ -220,29 +254,12 @@ def _step(law: Law, p: Row, fixed: Numbers, touching: bool, start: Numbers, h: f
 
 
 @kernel
-def fly(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
-    """Take one step out of contact.
-
-    Parameters
-    ----------
-    fixed : tuple
-        omega, alpha0, 1/k, u0, z0, the long-range force and its slope at contact, over k, and the depth where x = 0 in
-        contact (0) and in the neck (that of release).
-    start : tuple
-        x, v, and cosine and sine of the drive's phase.
-    h : float
-        Length of the step in s.
-
-    Returns
-    -------
-    tuple
-        x, v, elapsed tau, and over it the integrals of z cos, z sin, z, 2 alpha_s v^2, -F z / k (with the damping
-        force) and v^2.
-    """
+def step_off_surface(law: Law, p: Row, fixed: Medium, start: Start, h: float) -> End:
+    """Take one step of length h [s] out of contact."""
     return _step(law, p, fixed, False, start, h)
 
 
 @kernel
-def press(law: Law, p: Row, fixed: Numbers, start: Numbers, h: float) -> Numbers:
-    """Take one step in contact or in the neck: as `fly`."""
+def step_in_contact(law: Law, p: Row, fixed: Medium, start: Start, h: float) -> End:
+    """Take one step in contact or in the neck: as `step_off_surface`."""
     return _step(law, p, fixed, True, start, h)

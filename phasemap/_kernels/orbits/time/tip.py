@@ -9,22 +9,59 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.orbits.time.elements import BEGIN, STATE
+from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
+from phasemap._kernels.records import record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
-# Entries of a state: z, z' [m], whether the tip is in contact or in the neck (1 or 0), and the tip offset [m]. Over a
-# surface that remembers it goes on with what `elements` names.
-Z, V, TOUCHES, Z0 = 0, 1, 2, 3
-# Of what a period gives: cosine and sine part of the first harmonic and mean of z [m], energy into the surface [J],
-# virial -<F z> [J], largest depth [m], and energy into the lever's own damping [J].
-COS, SIN, MEAN, LOST, VIRIAL, DEEPEST, AIR, GIVEN = 0, 1, 2, 3, 4, 5, 6, 7
-# Of the linear map of one period: the changes of z and z' and the amplitude, now, and their derivatives.
-NOW, BY_Z, BY_V, BY_Z0 = 0, 1, 2, 3
-AMPLITUDE = 2
-# Of the periods of a tip.
-MARCHED, PATTERN, FORMED = 0, 1, 2
+# Entries of a state. Over a surface that remembers it goes on with what `elements` names.
+Z = 0  # [m]
+V = 1  # z' [m]
+TOUCHES = 2  # 1 in contact or in the neck, else 0
+Z0 = 3  # tip offset [m]
+PLAIN_STATE = 4  # entries of a state over other surfaces
+
+
+@record
+class PeriodResult:
+    """What a period gives: its means where many periods count."""
+
+    cos: float  # cosine and sine part of the first harmonic of z [m]
+    sin: float
+    mean_z: float  # of z [m]
+    loss: float  # energy into the surface [J]
+    virial: float  # -<F z> [J]
+    deepest: float  # largest depth [m]
+    air: float  # energy into the lever's own damping [J]
+
+
+@record
+class Change:
+    """Changes of z and z' [m] in a period, and its amplitude [m]; or derivatives of these."""
+
+    z: float
+    v: float
+    amplitude: float
+
+
+@record
+class PeriodMap:
+    """The map of one period: what it changes now, and the derivatives of that by z, z' and z0."""
+
+    now: Change
+    by_z: Change
+    by_v: Change
+    by_z0: Change
+
+
+@record
+class Periods:
+    """Periods of a tip."""
+
+    marched: int
+    pattern: int  # after how many the motion is taken to repeat itself; 0 as 1
+    formed: int  # 1 when lasting dents have formed under it
 
 
 class Tip(NamedTuple):
@@ -32,33 +69,25 @@ class Tip(NamedTuple):
 
     Attributes
     ----------
-    u : ndarray, shape (4,) or longer
-        State at the beginning of a period: at drive phase 0, or over a surface that remembers where `swing` puts it.
-    acc : ndarray, shape (7,)
-        What the last period gave, as `march_period` has it.
-    linear : ndarray, shape (4, 3)
-        The change of z, that of z' and the amplitude A of a period from u, and their derivatives by z, z' and z0.
-    periods : ndarray of int, shape (3,)
-        How many were marched, after how many the motion is taken to repeat itself, and whether lasting dents have
-        formed under it.
+    u : ndarray, shape (PLAIN_STATE,) or longer
+        State at the beginning of a period: at drive phase 0, or over a surface that remembers where `swing_state` puts
+        it.
+    acc : PeriodResult
+        What the last period gave.
+    linear : PeriodMap
+        Of a period from u.
+    periods : Periods
+        How many were marched.
     """
 
     u: np.ndarray
-    acc: np.ndarray
-    linear: np.ndarray
-    periods: np.ndarray
-
-
-@kernel
-def tip_in(u: np.ndarray) -> Tip:
-    """Return a tip in this state, none of whose periods was marched."""
-    tip = Tip(u, np.zeros(GIVEN), np.zeros((4, 3)), np.ones(3, np.int64))
-    tip.periods[MARCHED] = tip.periods[FORMED] = 0
-    return tip
+    acc: PeriodResult
+    linear: PeriodMap
+    periods: Periods
 
 
 @kernel(light=True)
-def swing(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarray) -> None:
+def swing_state(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarray) -> None:
     """Fill a state at u[Z0] with a harmonic motion about `mean`, with (z, v) at drive phase 0.
 
     Over a surface that remembers a period begins where such a tip is farthest from it: there a tap is not cut in two,
@@ -66,24 +95,24 @@ def swing(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarray) -> 
     the contact is widest, and a period begins there.
     """
     u[Z], u[V] = z, v
-    if len(u) > BEGIN:
+    if len(u) > PERIOD_BEGIN:
         across, along = z - mean, v / lever[col.OMEGA]
         size, leaves = math.hypot(across, along), mean - math.hypot(across, along) < u[Z0]
         u[Z], u[V] = mean - size if leaves else mean + size, 0.0
-        u[BEGIN] = math.atan2(along, across) + (math.pi if leaves else 0.0)
+        u[PERIOD_BEGIN] = math.atan2(along, across) + (math.pi if leaves else 0.0)
 
 
 @kernel
-def new_tip(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: float) -> Tip:
-    """Return a tip as `swing` has it, out of contact or as its depth says, over a surface that nothing has touched."""
-    u = np.zeros(STATE if law.memory != 0 else 4)
+def new_state(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: float) -> np.ndarray:
+    """Return a state as `swing_state` has it, over a surface that nothing has touched."""
+    u = np.zeros(MEMORY_STATE if law.memory != 0 else PLAIN_STATE)
     u[Z0] = z0
-    swing(lever, mean, z, v, u)
-    return tip_in(u)
+    swing_state(lever, mean, z, v, u)
+    return u
 
 
 @kernel
-def ringing(lever: np.ndarray) -> float:
+def ringing_periods(lever: np.ndarray) -> float:
     """Periods in which what disturbs a motion falls to 1/e: for the free lever, or as a longer lever says."""
     if len(lever) > col.RINGING:
         return float(lever[col.RINGING])
@@ -91,19 +120,42 @@ def ringing(lever: np.ndarray) -> float:
 
 
 @kernel
-def ring_down(lever: np.ndarray) -> int:
+def ring_down_periods(lever: np.ndarray) -> int:
     """Whole periods in which the amplitude falls to 1/e, for the free lever Q / pi at resonance; at least 1."""
-    return int(ringing(lever)) + 1
+    return int(ringing_periods(lever)) + 1
 
 
 @kernel
-def amplitude_of(lever: np.ndarray, acc: np.ndarray) -> float:
+def amplitude_of(lever: np.ndarray, acc: PeriodResult) -> float:
     """Amplitude [m] that the detector sees in a period: of the first harmonic of z, less that of the lever's base."""
-    return math.hypot(acc[COS] - lever[col.SHAKER], acc[SIN])
+    return math.hypot(acc.cos - lever[col.SHAKER], acc.sin)
 
 
 @kernel
-def carry(u: np.ndarray, to: np.ndarray) -> None:
-    """Carry over what the surface remembers, if it does."""
-    for i in range(Z0 + 1, len(u)):
+def add_period(total: PeriodResult, one: PeriodResult) -> None:
+    """Add what a period gave to a total, whose depth is the largest."""
+    total.cos += one.cos
+    total.sin += one.sin
+    total.mean_z += one.mean_z
+    total.loss += one.loss
+    total.virial += one.virial
+    total.deepest = max(total.deepest, one.deepest)
+    total.air += one.air
+
+
+@kernel
+def divide_result(total: PeriodResult, count: float) -> None:
+    """Turn a total of so many periods into their mean."""
+    total.cos /= count
+    total.sin /= count
+    total.mean_z /= count
+    total.loss /= count
+    total.virial /= count
+    total.air /= count
+
+
+@kernel
+def copy_memory(u: np.ndarray, to: np.ndarray) -> None:
+    """Copy what the surface remembers, if it does, from one state to another."""
+    for i in range(PLAIN_STATE, len(u)):
         to[i] = u[i]
