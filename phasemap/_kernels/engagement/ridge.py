@@ -100,7 +100,7 @@ class Ridge(NamedTuple):
 def begin_on(
     oscillator: Oscillator, amplitude: float, gap: float, place: RidgePoint, driven: np.ndarray, row: np.ndarray
 ) -> None:
-    """Fill an empty place, a row and the drive of a lever with the harmonic orbit of this gap, and averaged curvatures."""
+    """Fill an empty place, a row and the drive of a lever with a harmonic orbit and the curvatures of averaging."""
     law, p, lever = oscillator
     reach, guess = reach_of(law, p), np.zeros(col.GUESS)
     push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
