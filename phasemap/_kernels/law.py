@@ -94,8 +94,8 @@ def _address(formula: Formula) -> int:
 
 
 @intrinsic
-def _called(_context: Any, address: Any, d: Any, p: Any) -> Any:
-    """The formula at an address, of d and a row of parameters."""
+def _call_formula(_context: Any, address: Any, d: Any, p: Any) -> Any:
+    """Call a compiled formula by its address, with the depth d and a parameter row."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         where, depth, row = arguments
@@ -119,7 +119,7 @@ def _called_by_python(address: int, d: float, p: Any) -> float:
 
 
 if numba.config.DISABLE_JIT:
-    _called = _called_by_python
+    _call_formula = _called_by_python
 
 _hertzian = kernel(forces.hertzian, inline=True)
 _hertzian_slope = kernel(forces.hertzian_slope, inline=True)
@@ -132,38 +132,38 @@ _power_law_slope = kernel(forces.power_law_slope, inline=True)
 @kernel(inline=True)
 def contact_force(law: Law, d: float, p: np.ndarray) -> float:
     """Force in contact [N], d >= p[RELEASE] [m]: the law's, less the attraction p[BIAS] that any law has."""
-    force = _hertzian(d, p) if law.contact_force == 0 else _called(law.contact_force, d, p)
+    force = _hertzian(d, p) if law.contact_force == 0 else _call_formula(law.contact_force, d, p)
     return force - p[BIAS]
 
 
 @kernel(inline=True)
 def contact_slope(law: Law, d: float, p: np.ndarray) -> float:
     """dF/dd in contact [N/m]."""
-    return _hertzian_slope(d, p) if law.contact_slope == 0 else _called(law.contact_slope, d, p)
+    return _hertzian_slope(d, p) if law.contact_slope == 0 else _call_formula(law.contact_slope, d, p)
 
 
 @kernel(inline=True)
 def longrange_force(law: Law, d: float, p: np.ndarray) -> float:
     """Force outside contact [N], d <= 0 [m]."""
-    return _inverse_square(d, p) if law.longrange_force == 0 else _called(law.longrange_force, d, p)
+    return _inverse_square(d, p) if law.longrange_force == 0 else _call_formula(law.longrange_force, d, p)
 
 
 @kernel(inline=True)
 def longrange_slope(law: Law, d: float, p: np.ndarray) -> float:
     """dF/dd outside contact [N/m]."""
-    return _inverse_square_slope(d, p) if law.longrange_slope == 0 else _called(law.longrange_slope, d, p)
+    return _inverse_square_slope(d, p) if law.longrange_slope == 0 else _call_formula(law.longrange_slope, d, p)
 
 
 @kernel(inline=True)
 def damping(law: Law, d: float, p: np.ndarray) -> float:
     """alpha_s in contact [1]."""
-    return _power_law(d, p) if law.damping == 0 else _called(law.damping, d, p)
+    return _power_law(d, p) if law.damping == 0 else _call_formula(law.damping, d, p)
 
 
 @kernel(inline=True)
 def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
     """d alpha_s / dd in contact [1/m]."""
-    return _power_law_slope(d, p) if law.damping_slope == 0 else _called(law.damping_slope, d, p)
+    return _power_law_slope(d, p) if law.damping_slope == 0 else _call_formula(law.damping_slope, d, p)
 
 
 @kernel(light=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import phasemap as pm
 from benchmarks.accuracy.regimes import REGIMES, Batch, draw
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement.resonance import narrowest
+from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
@@ -234,4 +234,6 @@ def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(rat
     x, y = (1 - ratio**2) / whole, ratio / quality / whole
     r = np.geomspace(1e-2, 1 / y, 400_001)
     share = np.sqrt(r) * (np.sqrt(np.maximum(1 - (r * y) ** 2, 0)) + r * x)
-    assert narrowest(lever) == pytest.approx(r[np.argmax(share)], rel=1e-3)  # as near as a flat maximum is found
+    assert narrowest_amplitude_ratio(lever) == pytest.approx(
+        r[np.argmax(share)], rel=1e-3
+    )  # as near as a flat maximum is found

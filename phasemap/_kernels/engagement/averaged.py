@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.leap import FARTHEST_FOLD, lands, strong
+from phasemap._kernels.engagement.leap import FARTHEST_FOLD, attraction_defies_averaging, landing_side
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     DETUNED,
@@ -24,15 +24,15 @@ from phasemap._kernels.engagement.resonance import (
     STEEPEST,
     UNCLEAR,
     Maximum,
-    at_crossing,
-    at_gap,
+    decisive_mismatch,
+    fill_averaged_orbit_on_side,
+    find_mismatch_maximum,
     leaps,
-    least_mismatch,
-    narrowest,
+    mismatch_at_gap,
+    narrowest_amplitude_ratio,
     near_resonance,
-    on_side,
+    put_averaged_orbit,
     side_reached_from_far,
-    strongest,
 )
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, mismatch, reach_of, scale_of
@@ -63,8 +63,8 @@ def log_mismatch(oscillator: Oscillator, reach: float, epsilon: float, zeta: flo
 
 
 @kernel
-def caution(lever: np.ndarray) -> float:
-    """How much wider than in air at high Q a margin must be: averaging is off by terms of order 1/Q."""
+def low_q_margin_factor(lever: np.ndarray) -> float:
+    """Factor by which damping widens decision margins: averaging neglects terms of order 1/Q."""
     return 1.0 + 120.0 * lever[col.ALPHA0]
 
 
@@ -80,7 +80,7 @@ def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -
     step, t_zeta, t_eta = 0.3, -1.0, 0.0
     h = log_mismatch(oscillator, reach, epsilon, zeta, eta)
     a, c, z, lowest_tip_offset, found = free, start, start * free, 1e300, math.nan
-    rising, surety, margin = False, SURE, MARGIN * caution(lever)
+    rising, surety, margin = False, SURE, MARGIN * low_q_margin_factor(lever)
     for _ in range(MOST_CURVE_STEPS):
         slope_zeta = (log_mismatch(oscillator, reach, epsilon, zeta + TINY, eta) - h) / TINY
         slope_eta = (log_mismatch(oscillator, reach, epsilon, zeta, eta + TINY) - h) / TINY
@@ -152,31 +152,33 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndar
     law, p, lever = oscillator
     free, reach = free_amplitude(lever), reach_of(law, p)
     rises = p[col.LONGRANGE] != 0.0 and leaps(lever, reach, free)
-    bent, near = rises and strong(oscillator, free), near_resonance(lever)
+    bent, near = rises and attraction_defies_averaging(oscillator, free), near_resonance(lever)
     if near:
         if bent:
             return col.GOOD, LEAP
-        side = side_reached_from_far(oscillator, reach, amplitude, free, caution(lever), top)
+        side = side_reached_from_far(oscillator, reach, amplitude, free, low_q_margin_factor(lever), top)
         doubtful = side == UNCLEAR and p[col.LONGRANGE] != 0.0
-        if (doubtful or (rises and side != REPULSIVE)) and only_one(oscillator, reach, amplitude, guess):
+        if (doubtful or (rises and side != REPULSIVE)) and fill_only_averaged_orbit(
+            oscillator, reach, amplitude, guess
+        ):
             return col.GOOD, SURE
         if rises and side != REPULSIVE:
-            landed = lands(oscillator, reach, free)
+            landed = landing_side(oscillator, reach, free)
             if landed == REPULSIVE:
-                strongest(oscillator, reach, amplitude, math.inf, top)
-                if on_side(oscillator, reach, amplitude, REPULSIVE, top, guess):
+                find_mismatch_maximum(oscillator, reach, amplitude, math.inf, top)
+                if fill_averaged_orbit_on_side(oscillator, reach, amplitude, REPULSIVE, top, guess):
                     return col.GOOD, SURE
             if landed != ATTRACTIVE:
                 return col.GOOD, LEAP
-        if doubtful and narrowest(lever) <= 1.0:
+        if doubtful and narrowest_amplitude_ratio(lever) <= 1.0:
             if rises and engage_traced(oscillator, amplitude, guess) != (col.GOOD, SURE):
                 guess[col.G_P] = math.nan
             return col.GOOD, UNDECIDED
         if side != UNCLEAR and settle_side(oscillator, reach, amplitude, side, top, guess):
             return col.GOOD, SURE
-        if rises and side == REPULSIVE and only_one(oscillator, reach, amplitude, guess):
+        if rises and side == REPULSIVE and fill_only_averaged_orbit(oscillator, reach, amplitude, guess):
             return col.GOOD, SURE
-        if rises and narrowest(lever) > 1.0 and side != REPULSIVE:
+        if rises and narrowest_amplitude_ratio(lever) > 1.0 and side != REPULSIVE:
             return col.GOOD, LEAP  # the curve from far may not lead to where the tip lands
     status, surety = engage_traced(oscillator, amplitude, guess)
     if status == col.GOOD:
@@ -187,18 +189,20 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndar
 
 
 @kernel
-def only_one(oscillator: Oscillator, reach: float, amplitude: float, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit of this amplitude if there is no other, nor nearly: wherever a tip landed.
+def fill_only_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: float, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged orbit of this amplitude; False if there may be others or none.
 
     Where the sample takes so much, as where it is soft and lossy, that the lever is held before contact repels more
     than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
     and never falls again.
     """
     lever = oscillator.lever
-    plain = least_mismatch(lever, amplitude, caution(lever)) * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
+    plain = decisive_mismatch(lever, amplitude, low_q_margin_factor(lever)) * (
+        1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
+    )
     gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:
-        h, _ = at_gap(oscillator, reach, amplitude, gap)
+        h, _ = mismatch_at_gap(oscillator, reach, amplitude, gap)
         if h < min(highest, plain) and highest > -plain:
             return False
         highest, gap = max(highest, h), gap - FINELY * (abs(gap) + reach)
@@ -208,25 +212,25 @@ def only_one(oscillator: Oscillator, reach: float, amplitude: float, guess: np.n
     if len(found) != 1:
         return False
     gap = found[0, col.G_Z0] - found[0, col.G_MEAN] - amplitude
-    return at_crossing(oscillator, reach, amplitude, gap, guess) > STEEPEST
+    return put_averaged_orbit(oscillator, reach, amplitude, gap, guess) > STEEPEST
 
 
 @kernel
 def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
     """Amplitude [m], from the setpoint to the free one, at which the attractive branch is nearest to its end."""
-    return max(amplitude, min(narrowest(lever), 1.0) * free_amplitude(lever))
+    return max(amplitude, min(narrowest_amplitude_ratio(lever), 1.0) * free_amplitude(lever))
 
 
 @kernel
-def question(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
-    """Return UNDECIDED and fill `top` where exact orbits may decide, though averaging is no guide, as at low Q."""
+def certainty_at_low_q(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
+    """Return UNDECIDED, and fill `top`, if exact orbits may decide the branch where averaging cannot; else DOUBTFUL."""
     law, p, lever = oscillator
     if not near_resonance(lever):
         return DOUBTFUL
     if p[col.LONGRANGE] == 0.0:
         side = side_reached_from_far(oscillator, 0.0, amplitude, free_amplitude(lever), 1.0, top)
         return UNDECIDED if side != UNCLEAR else DOUBTFUL
-    strongest(oscillator, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
+    find_mismatch_maximum(oscillator, reach_of(law, p), worst_amplitude(lever, amplitude), math.inf, top)
     return UNDECIDED
 
 
@@ -237,9 +241,9 @@ def settle_side(
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
     p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
-    if p[col.LONGRANGE] != 0.0 and amplitude < narrowest(lever) * free:
+    if p[col.LONGRANGE] != 0.0 and amplitude < narrowest_amplitude_ratio(lever) * free:
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
-        strongest(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+        find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
-    return on_side(oscillator, reach, amplitude, side, top, guess)
+    return fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)

@@ -28,7 +28,7 @@ from phasemap._kernels.continuation.step import (
     next_point,
     next_point_watching,
 )
-from phasemap._kernels.engagement.averaged import caution, settle_side, worst_amplitude
+from phasemap._kernels.engagement.averaged import low_q_margin_factor, settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     FARTHEST_AT_ALL,
@@ -317,7 +317,9 @@ def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
         return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     for share in (0.3, 0.7):
         higher = worst + share * (free - worst)
-        side = side_reached_from_far(Oscillator(law, p, lever), force_reach, higher, free, caution(lever), top)
+        side = side_reached_from_far(
+            Oscillator(law, p, lever), force_reach, higher, free, low_q_margin_factor(lever), top
+        )
         certain = side == ATTRACTIVE and settle_side(Oscillator(law, p, lever), force_reach, higher, side, top, guess)
         if certain:
             break

@@ -39,7 +39,7 @@ from phasemap._kernels.engagement.holding import (
     hold_mean,
 )
 from phasemap._kernels.engagement.landed import move_to_setpoint
-from phasemap._kernels.engagement.leap import strong
+from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_SEEN,
     DISTURBED,
@@ -250,7 +250,7 @@ def share_of(oscillator: Oscillator, most: int) -> float:
     # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
     if pace_of_leap(oscillator) > 0.0:
         far = abs(1.0 - lever[col.OMEGA] ** 2) > FAR_BESIDE
-        return 1.0 if far and strong(oscillator, free_amplitude(lever)) else NONE_LEFT
+        return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else NONE_LEFT
     return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most else HASTY_SHARE
 
 

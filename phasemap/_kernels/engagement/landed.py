@@ -15,9 +15,15 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.leap import strong
+from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side, strongest
+from phasemap._kernels.engagement.resonance import (
+    REPULSIVE,
+    Maximum,
+    fill_averaged_orbit_on_side,
+    find_mismatch_maximum,
+    near_resonance,
+)
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, free_amplitude, reach_of
@@ -35,10 +41,10 @@ def repulsive_at(oscillator: Oscillator, amplitude: float, guess: np.ndarray) ->
     """Fill `guess` with the averaged orbit of this amplitude on the repulsive branch, if averaging knows it well."""
     law, p, lever = oscillator
     reach, top = reach_of(law, p), Maximum()
-    if not near_resonance(lever) or strong(oscillator, free_amplitude(lever)):
+    if not near_resonance(lever) or attraction_defies_averaging(oscillator, free_amplitude(lever)):
         return False
-    strongest(oscillator, reach, amplitude, math.inf, top)
-    if not on_side(oscillator, reach, amplitude, REPULSIVE, top, guess):
+    find_mismatch_maximum(oscillator, reach, amplitude, math.inf, top)
+    if not fill_averaged_orbit_on_side(oscillator, reach, amplitude, REPULSIVE, top, guess):
         return False
     return not rebounds(oscillator, guess[col.G_P])
 

@@ -71,8 +71,10 @@ class FoldPoint:
 
 
 @kernel
-def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at: FoldPoint) -> bool:
-    """Fill `at` with the orbit below resonance that has this gap, near an amplitude; False if there is none.
+def find_orbit_below_resonance(
+    oscillator: Oscillator, reach: float, gap: float, amplitude: float, at: FoldPoint
+) -> bool:
+    """Fill `at` with the averaged orbit of this gap driven below resonance, X > 0; False if there is none.
 
     (A s + P)^2 + (2 alpha0 omega A)^2 = u0^2 is a quadratic equation for A, with P that hardly depends on it. What
     damping in the sample takes is left out: folds lie where the tip hardly touches.
@@ -93,11 +95,11 @@ def risen(oscillator: Oscillator, reach: float, gap: float, amplitude: float, at
 
 
 @kernel
-def fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> int:
-    """Fill `at` with the orbit of least tip offset to which a tip from far comes; FOUND, NO_FOLD or FOLD_TOO_FAR."""
+def find_fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> int:
+    """Fill `at` with the fold, the least tip offset of the orbits from far; FOUND, NO_FOLD or FOLD_TOO_FAR."""
     gap, amplitude = FARTHEST_FOLD * reach, free
     x0 = x1 = z0 = z1 = math.inf
-    while risen(oscillator, reach, gap, amplitude, at):
+    while find_orbit_below_resonance(oscillator, reach, gap, amplitude, at):
         amplitude = at.amplitude
         z = amplitude + gap + at.mean_deflection
         if z > z1:
@@ -107,7 +109,7 @@ def fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> in
             rise = (z1 - z0) / (x1 - x0)
             bend = ((z - z1) / (gap - x1) - rise) / (gap - x0)
             gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
-            return FOUND if risen(oscillator, reach, gap, amplitude, at) else FOLD_TOO_FAR
+            return FOUND if find_orbit_below_resonance(oscillator, reach, gap, amplitude, at) else FOLD_TOO_FAR
         x0, z0, x1, z1 = x1, z1, gap, z
         gap = NEARER * (gap + 1.5 * reach) - 1.5 * reach
         if gap < -1.4 * reach:
@@ -116,10 +118,10 @@ def fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> in
 
 
 @kernel
-def _rate(
+def _complex_amplitude_rate(
     oscillator: Oscillator, reach: float, z0: float, lift: float, a: complex, mean: float
 ) -> tuple[complex, float, float]:
-    """da/dtau, the in-phase force P [m], and how far [m] mean deflection and harmonics carry the tip."""
+    """Time derivative of the complex amplitude, in-phase force P [m], and mean deflection with harmonics [m]."""
     lever = oscillator.lever
     omega, size = lever[col.OMEGA], abs(a)
     push, drag, more = harmonics(oscillator, reach, size, (z0 - mean) / size)
@@ -146,12 +148,12 @@ def fall_from_fold(oscillator: Oscillator, reach: float, at: FoldPoint, below: f
         lever[col.BASE] * at.amplitude / complex(at.push + at.amplitude * stiff, 2.0 * alpha0 * omega * at.amplitude)
     )
     a, h, fastest = begun, 0.02 / alpha0, 0.0
-    k1, push, mean = _rate(oscillator, reach, z0, lift, a, mean)
+    k1, push, mean = _complex_amplitude_rate(oscillator, reach, z0, lift, a, mean)
     for _ in range(MOST_FALL_STEPS):
-        k2, _, _ = _rate(oscillator, reach, z0, lift, a + 0.5 * h * k1, mean)
-        k3, _, middle = _rate(oscillator, reach, z0, lift, a + 0.75 * h * k2, mean)
+        k2, _, _ = _complex_amplitude_rate(oscillator, reach, z0, lift, a + 0.5 * h * k1, mean)
+        k3, _, middle = _complex_amplitude_rate(oscillator, reach, z0, lift, a + 0.75 * h * k2, mean)
         end = a + h * (2 / 9 * k1 + 1 / 3 * k2 + 4 / 9 * k3)
-        k4, push, last = _rate(oscillator, reach, z0, lift, end, middle)
+        k4, push, last = _complex_amplitude_rate(oscillator, reach, z0, lift, end, middle)
         error = abs(h * (-5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4)) / (FALL_TOLERANCE * reach)
         if error <= 1.0:
             a, k1, mean = end, k4, last
@@ -163,8 +165,8 @@ def fall_from_fold(oscillator: Oscillator, reach: float, at: FoldPoint, below: f
 
 
 @kernel
-def highest_repelled(oscillator: Oscillator, reach: float) -> float:
-    """Highest tip offset [m] of an orbit below the resonance that repulsion moves up; -infinity without one.
+def highest_repulsive_tip_offset(oscillator: Oscillator, reach: float) -> float:
+    """Highest tip offset [m] of an orbit below the resonance that repulsion raises, X > 0; -infinity without one.
 
     It is next to X = 0, where the amplitude is the largest that the drive can make if the sample takes nothing, and
     -P = A (1 - omega^2) on the way in from the strongest attraction.
@@ -190,28 +192,28 @@ def highest_repelled(oscillator: Oscillator, reach: float) -> float:
 
 
 @kernel
-def strong(oscillator: Oscillator, free: float) -> bool:
-    """Whether the attraction bends the lever too much to be averaged."""
+def attraction_defies_averaging(oscillator: Oscillator, free: float) -> bool:
+    """True if the attraction at d = 0 is too large, against stiffness times free amplitude, to be averaged."""
     law, p, lever = oscillator
     return -longrange_force(law, 0.0, p) > STRONG * lever[col.STIFFNESS] * free
 
 
 @kernel
-def lands(oscillator: Oscillator, reach: float, free: float) -> int:
-    """Side on which a tip lands that comes from far and is carried over its resonance; UNCLEAR where time must tell."""
+def landing_side(oscillator: Oscillator, reach: float, free: float) -> int:
+    """Side on which a tip from far lands after its jump at the fold; UNCLEAR where only time marching can tell."""
     law, p, lever = oscillator
     at, other = FoldPoint(), lever.copy()
-    status = fold(oscillator, reach, free, at)
+    status = find_fold(oscillator, reach, free, at)
     if status != FOUND:
         return ATTRACTIVE if status == NO_FOLD else UNCLEAR
-    height = at.amplitude + at.gap + at.mean_deflection - highest_repelled(oscillator, reach)
+    height = at.amplitude + at.gap + at.mean_deflection - highest_repulsive_tip_offset(oscillator, reach)
     if height > CLEAR * reach:
         return ATTRACTIVE
     landed = UNCLEAR
     for i in range(len(VARIANTS)):
         other[col.ALPHA0] = VARIANTS[i, 0] * lever[col.ALPHA0]
         other[col.BASE] = VARIANTS[i, 0] * lever[col.BASE]
-        if VARIANTS[i, 0] != 1.0 and fold(Oscillator(law, p, other), reach, free_amplitude(other), at) != FOUND:
+        if VARIANTS[i, 0] != 1.0 and find_fold(Oscillator(law, p, other), reach, free_amplitude(other), at) != FOUND:
             return UNCLEAR
         end = fall_from_fold(Oscillator(law, p, other), reach, at, VARIANTS[i, 1], VARIANTS[i, 2])
         if i == 0:

@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.leap import strong
+from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import Oscillator, longrange_force
@@ -182,7 +182,7 @@ def fall_to_setpoint(
     from_z0, steady = u[Z0], 0
     seen, flow, allowed = 0 if pace > 0.0 else 1, Flow(), MANY_PERIODS_MISS * reach_of(law, p)
     gentle = law.memory == 0 and abs(1.0 - lever[col.OMEGA] ** 2) < FAR_BESIDE
-    gentle = gentle and not strong(oscillator, free_amplitude(lever))
+    gentle = gentle and not attraction_defies_averaging(oscillator, free_amplitude(lever))
     if seen == 0 and gentle and not begin_flow(oscillator, ROUGH_STEPS * tolerance.eta, pace, tip, flow):
         return TIME_SPENT
     while tip.periods.marched + ring <= most:

@@ -67,8 +67,8 @@ class Maximum:
 
 
 @kernel
-def at_gap(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
-    """Mismatch and in-phase force P of the harmonic orbit with this gap."""
+def mismatch_at_gap(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
+    """Mismatch of the drive, and in-phase force P [m], of the harmonic orbit with this amplitude and gap."""
     lever = oscillator.lever
     push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     return mismatch(lever, amplitude, push, drag), push
@@ -84,8 +84,8 @@ def detuning(lever: np.ndarray) -> tuple[float, float]:
 
 
 @kernel(light=True)
-def narrowest(lever: np.ndarray) -> float:
-    """Amplitude over the free one at which the attractive branch is nearest to its end, Eq. (3)."""
+def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
+    """Amplitude over the free amplitude at which the attractive branch is nearest to its end, Eq. (3)."""
     x, y = detuning(lever)
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
 
@@ -104,8 +104,8 @@ def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
 
 
 @kernel
-def pull(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
-    """Mismatch of the drive where attraction outweighs the lever's detuning, X < 0, and continued below it.
+def attractive_mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
+    """Mismatch of the drive, with the square of the in-phase drive X counted as negative where X > 0.
 
     With X > 0 the square of X would hide that attraction begins to count.
     """
@@ -115,11 +115,13 @@ def pull(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float
 
 
 @kernel
-def pull_at(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
-    """`pull` and in-phase force P of the harmonic orbit with this gap."""
+def attractive_mismatch_at_gap(
+    oscillator: Oscillator, reach: float, amplitude: float, gap: float
+) -> tuple[float, float]:
+    """Attractive mismatch, and in-phase force P [m], of the harmonic orbit with this amplitude and gap."""
     lever = oscillator.lever
     push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
-    return pull(lever, amplitude, push, drag), push
+    return attractive_mismatch(lever, amplitude, push, drag), push
 
 
 @kernel
@@ -133,17 +135,17 @@ def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
 
 
 @kernel
-def strongest(oscillator: Oscillator, reach: float, amplitude: float, plain: float, top: Maximum) -> None:
-    """Find the first maximum of `pull` as the tip comes near, or stop early where it is plainly above zero."""
+def find_mismatch_maximum(oscillator: Oscillator, reach: float, amplitude: float, plain: float, top: Maximum) -> None:
+    """Fill `top` with the first maximum of the attractive mismatch on approach; stop early where it exceeds `plain`."""
     law, p = oscillator.law, oscillator.p
-    h, push = pull_at(oscillator, reach, amplitude, 0.0)
+    h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, 0.0)
     top.gap, top.mismatch, top.push = 0.0, h, push
     if h >= plain:
         return
     before, h_before, here, h_here = 0.0, h, 0.0, h
     deeper = -0.12 * balance_depth(law, p, reach)
     for _ in range(60):
-        h, push = pull_at(oscillator, reach, amplitude, deeper)
+        h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, deeper)
         if h < h_here or push > 0.0:
             break
         top.gap, top.mismatch, top.push = deeper, h, push
@@ -160,17 +162,17 @@ def strongest(oscillator: Oscillator, reach: float, amplitude: float, plain: flo
         x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
         highest = h_before + (x - x0) * (rise + bend * (x - x1))
         if x0 < x < x2 and abs(highest) < 2.0 * plain:
-            h, push = pull_at(oscillator, reach, amplitude, -x * x)
+            h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, -x * x)
             if h > top.mismatch:
                 top.gap, top.mismatch, top.push = -x * x, h, push
 
 
 @kernel
-def _between(
+def _gap_of_crossing(
     oscillator: Oscillator, reach: float, amplitude: float, side: int, shift: float,
     one: tuple[float, float], two: tuple[float, float],
 ) -> float:  # fmt: skip
-    """Gap of the crossing between two of opposite sign, (gap, f), by regula falsi in ln(gap + shift) or in the gap."""
+    """Gap [m] of zero mismatch between two points (gap, f) of opposite sign, by regula falsi; NaN without one."""
     lever = oscillator.lever
     a, f_a = one
     b, f_b = two
@@ -180,8 +182,8 @@ def _between(
     x = a
     for _ in range(50):
         x = (a * f_b - b * f_a) / (f_b - f_a)
-        h, push = at_gap(oscillator, reach, amplitude, math.exp(x) - shift if logarithmic else x)
-        f = sided(lever, amplitude, side, h, push)
+        h, push = mismatch_at_gap(oscillator, reach, amplitude, math.exp(x) - shift if logarithmic else x)
+        f = sided_log_mismatch(lever, amplitude, side, h, push)
         if abs(f) < CROSSING_TOLERANCE:
             return math.exp(x) - shift if logarithmic else x
         a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
@@ -195,8 +197,8 @@ def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
 
 
 @kernel
-def sided(lever: np.ndarray, amplitude: float, side: int, h: float, push: float) -> float:
-    """Logarithm of drive needed over drive given, squared; on the repulsive side negative where nothing repels."""
+def sided_log_mismatch(lever: np.ndarray, amplitude: float, side: int, h: float, push: float) -> float:
+    """Logarithm of 1 + mismatch; on the repulsive side made negative where the orbit is not a repulsive one."""
     if side == ATTRACTIVE or repelled(lever, amplitude, push):
         return math.log1p(h)
     return min(-0.5, -abs(math.log1p(h)))
@@ -209,9 +211,9 @@ def attractive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: 
     shift = reach + max(-near, 0.0)
     for _ in range(40):
         far = near + 2.0 * (near + shift)
-        h, _ = at_gap(oscillator, reach, amplitude, far)
+        h, _ = mismatch_at_gap(oscillator, reach, amplitude, far)
         if h <= 0.0:
-            return _between(
+            return _gap_of_crossing(
                 oscillator, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
             )
         near, h_near = far, h
@@ -239,12 +241,12 @@ def repulsive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: M
     near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
     gap, last = top.behind, deepest_tip_offset(oscillator)
     for _ in range(60):
-        h, push = at_gap(oscillator, reach, amplitude, gap)
+        h, push = mismatch_at_gap(oscillator, reach, amplitude, gap)
         if h > 0.0 and push > 0.0:
             if not repelled(lever, amplitude, push):
                 return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _between(oscillator, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
-        near, f_near = gap, sided(lever, amplitude, REPULSIVE, h, push)
+            return _gap_of_crossing(oscillator, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
+        near, f_near = gap, sided_log_mismatch(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
         grow = 1.1 * math.sqrt(want / max(push - top.push, 0.02 * want))
         gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
@@ -254,8 +256,8 @@ def repulsive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: M
 
 
 @kernel
-def least_mismatch(lever: np.ndarray, amplitude: float, margin: float) -> float:
-    """Mismatch at a maximum that leaves no doubt at resonance."""
+def decisive_mismatch(lever: np.ndarray, amplitude: float, margin: float) -> float:
+    """Size of the maximum mismatch from which averaging decides the branch without doubt, at resonance."""
     x, y = detuning(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
@@ -263,8 +265,8 @@ def least_mismatch(lever: np.ndarray, amplitude: float, margin: float) -> float:
 
 
 @kernel
-def mismatch_with(lever: np.ndarray, amplitude: float, share: float) -> float:
-    """Mismatch where attraction is so much of what an orbit of this amplitude takes, without losses."""
+def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: float) -> float:
+    """Mismatch where attraction is this share of what an orbit of this amplitude without losses needs."""
     x, y = detuning(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
@@ -272,12 +274,12 @@ def mismatch_with(lever: np.ndarray, amplitude: float, share: float) -> float:
 
 
 @kernel
-def weak(lever: np.ndarray, amplitude: float, highest: float) -> bool:
-    """Whether the attractive branch has no orbit of this amplitude at a low Q either, from the averaged maximum.
+def attraction_is_too_weak(lever: np.ndarray, amplitude: float, highest: float) -> bool:
+    """True if the highest averaged mismatch rules out an attractive orbit of this amplitude, even at low Q.
 
     Attraction that bends the lever much draws the tip in faster than in a harmonic orbit: it acts for a shorter time.
     """
-    return highest <= mismatch_with(lever, amplitude, WEAK)
+    return highest <= mismatch_at_attraction_share(lever, amplitude, WEAK)
 
 
 @kernel
@@ -289,13 +291,13 @@ def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float
         # Without attraction there is one branch; with adhesion alone its onset jumps.
         top.behind = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
-    least = least_mismatch(lever, amplitude, margin)
+    least = decisive_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
-    strongest(oscillator, reach, amplitude, plain, top)
+    find_mismatch_maximum(oscillator, reach, amplitude, plain, top)
     if top.mismatch >= plain:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
-    half = -mismatch_with(lever, amplitude, 0.5)
+    half = -mismatch_at_attraction_share(lever, amplitude, 0.5)
     return REPULSIVE if top.mismatch <= -min(plain, max(least, half)) else UNCLEAR
 
 
@@ -305,7 +307,7 @@ def side_reached_from_far(
 ) -> int:
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
     p, lever = oscillator.p, oscillator.lever
-    worst = narrowest(lever) * free
+    worst = narrowest_amplitude_ratio(lever) * free
     side = decide(oscillator, reach, max(amplitude, min(worst, free)), margin, top)
     if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
         return side
@@ -313,15 +315,15 @@ def side_reached_from_far(
 
 
 @kernel
-def at_crossing(oscillator: Oscillator, reach: float, amplitude: float, gap: float, guess: np.ndarray) -> float:
-    """Fill guess = (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit of this gap; returns its dz0/dA."""
+def put_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: float, gap: float, guess: np.ndarray) -> float:
+    """Fill `guess` (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit at this gap; returns dz0/dA."""
     lever = oscillator.lever
     c = 1.0 + gap / amplitude
     push, drag, mean = harmonics(oscillator, reach, amplitude, c)
     h = mismatch(lever, amplitude, push, drag)
     # dz0/dA along the orbits, from the two slopes of the mismatch at fixed A and fixed c.
     small = 1e-5 * (reach if reach > 0.0 else -gap)
-    slope = (at_gap(oscillator, reach, amplitude, gap + small)[0] - h) / small
+    slope = (mismatch_at_gap(oscillator, reach, amplitude, gap + small)[0] - h) / small
     larger = amplitude * 1.00001
     push_a, drag_a, _ = harmonics(oscillator, reach, larger, c)
     put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
@@ -330,14 +332,16 @@ def at_crossing(oscillator: Oscillator, reach: float, amplitude: float, gap: flo
 
 
 @kernel
-def on_side(oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with this side's averaged orbit, if it is far from a fold and from being pressed in."""
+def fill_averaged_orbit_on_side(
+    oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray
+) -> bool:
+    """Fill `guess` with the averaged orbit on this side; False near a fold, or where the tip is pressed in."""
     if side == ATTRACTIVE:
         gap = attractive_gap(oscillator, reach, amplitude, top)
     else:
         gap = repulsive_gap(oscillator, reach, amplitude, top)
     if math.isnan(gap):
         return False
-    along = at_crossing(oscillator, reach, amplitude, gap, guess)
+    along = put_averaged_orbit(oscillator, reach, amplitude, gap, guess)
     inside = guess[col.G_Z0] > deepest_tip_offset(oscillator)
     return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

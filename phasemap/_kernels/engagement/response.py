@@ -17,14 +17,26 @@ from phasemap._kernels.engagement.averaged import (
     LEAP,
     SURE,
     UNDECIDED,
-    question,
+    certainty_at_low_q,
     settle_side,
     worst_amplitude,
 )
 from phasemap._kernels.engagement.averaged import engage_by_averaging as engage_averaged
-from phasemap._kernels.engagement.end import beside_end, decide_closely, decide_exactly, highest_at
+from phasemap._kernels.engagement.end import (
+    decide_by_refined_maximum,
+    decide_exactly,
+    fill_orbit_outside_maximum,
+    maximum_of_exact_mismatch,
+)
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR, Maximum, leaps, narrowest, weak
+from phasemap._kernels.engagement.resonance import (
+    REPULSIVE,
+    UNCLEAR,
+    Maximum,
+    attraction_is_too_weak,
+    leaps,
+    narrowest_amplitude_ratio,
+)
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, reach_of
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
@@ -32,12 +44,12 @@ from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_
 
 @kernel
 def engage_by_response(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
-    """How sure the branch is, after looking at averaged orbits; where it is SURE the orbit is in `guess`."""
+    """Certainty of the branch, judged by averaged orbits; where it is SURE, `guess` holds the orbit."""
     p, lever = oscillator.p, oscillator.lever
     if p[RELEASE] != 0.0:
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
     if low_q(lever):
-        return question(oscillator, amplitude, top)
+        return certainty_at_low_q(oscillator, amplitude, top)
     status, surety = engage_averaged(oscillator, amplitude, guess, top)
     if status != GOOD:
         return DOUBTFUL
@@ -65,13 +77,13 @@ def cheap_orbit(
         worst = worst_amplitude(lever, amplitude)
         room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
         leapt, low = leaps(lever, reach, free_amplitude(lever)), low_q(lever)
-        if leapt or not low or not weak(lever, worst, room.top.mismatch):
+        if leapt or not low or not attraction_is_too_weak(lever, worst, room.top.mismatch):
             side = decide_exactly(oscillator, reach, worst, room.top, room.nodes, room.state, room.fit)
         # At high Q a leap is known to end on the attractive branch.
-        if side != REPULSIVE and (narrowest(lever) > 1.0 or (leapt and low)):
+        if side != REPULSIVE and (narrowest_amplitude_ratio(lever) > 1.0 or (leapt and low)):
             return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
         if side == UNCLEAR:
-            side = decide_closely(oscillator, reach, amplitude, worst, room)
+            side = decide_by_refined_maximum(oscillator, reach, amplitude, worst, room)
         if leapt and not low and (guess[G_P] + amplitude * (1.0 - lever[OMEGA] ** 2)) * side < 0.0:
             return PENDING  # the averaged curve ends elsewhere
     if side == UNCLEAR:
@@ -88,8 +100,8 @@ def cheap_orbit(
         if side == REPULSIVE or outside:
             return STIFF
         if worst != amplitude:
-            highest_at(oscillator, reach, amplitude, room)
-        known = outside = beside_end(oscillator, reach, amplitude, guess, room)
+            maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
+        known = outside = fill_orbit_outside_maximum(oscillator, reach, amplitude, guess, room)
         if not outside:
             return PENDING
     if outside:

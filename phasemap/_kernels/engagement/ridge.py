@@ -24,10 +24,10 @@ from phasemap._kernels.engagement.resonance import (
     REPULSIVE,
     UNCLEAR,
     Maximum,
+    attraction_is_too_weak,
+    attractive_mismatch_at_gap,
     leaps,
-    narrowest,
-    pull_at,
-    weak,
+    narrowest_amplitude_ratio,
 )
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.lever import drive_needed, free_amplitude, low_q, reach_of
@@ -97,10 +97,10 @@ class Ridge(NamedTuple):
 
 
 @kernel
-def begin_on(
+def start_ridge(
     oscillator: Oscillator, amplitude: float, gap: float, place: RidgePoint, driven: np.ndarray, row: np.ndarray
 ) -> None:
-    """Fill an empty place, a row and the drive of a lever with a harmonic orbit and the curvatures of averaging."""
+    """Return a ridge at the harmonic orbit of this gap, with curvatures from averaging; fills the result row."""
     law, p, lever = oscillator
     reach, guess = reach_of(law, p), np.zeros(col.GUESS)
     push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
@@ -110,18 +110,18 @@ def begin_on(
     averaged_row(lever, guess, row)
     place.gap, place.amplitude = guess[col.G_Z0] - amplitude, amplitude
     step, more = min(REACH_STEP * (reach + abs(gap)), DEPTH_STEP * abs(gap)), SPREAD * amplitude
-    h = pull_at(oscillator, reach, amplitude, gap)[0]
-    near = pull_at(oscillator, reach, amplitude, gap - step)[0]
-    far = pull_at(oscillator, reach, amplitude, gap + step)[0]
+    h = attractive_mismatch_at_gap(oscillator, reach, amplitude, gap)[0]
+    near = attractive_mismatch_at_gap(oscillator, reach, amplitude, gap - step)[0]
+    far = attractive_mismatch_at_gap(oscillator, reach, amplitude, gap + step)[0]
     place.by_gap_twice = (near - 2.0 * h + far) / step**2
-    less = pull_at(oscillator, reach, amplitude - more, gap)[0]
-    larger = pull_at(oscillator, reach, amplitude + more, gap)[0]
+    less = attractive_mismatch_at_gap(oscillator, reach, amplitude - more, gap)[0]
+    larger = attractive_mismatch_at_gap(oscillator, reach, amplitude + more, gap)[0]
     place.by_amplitude_twice = (less - 2.0 * h + larger) / more**2
 
 
 @kernel
-def derive(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
-    """Fill the derivatives of a place; returns as `linearise_period`."""
+def linearise_at_ridge_point(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
+    """Fill the derivatives of the motion over one period by its start and drive; False where marching fails."""
     _, driven, tip, by = ridge
     if not linearise_period(Oscillator(law, p, driven), eta, tip):
         return False
@@ -137,15 +137,15 @@ def derive(law: Law, p: np.ndarray, eta: float, ridge: Ridge) -> bool:
 
 
 @kernel
-def hold_by_drive(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridge) -> bool:
-    """Find the periodic motion of a place and the drive that it needs; False if Newton's method does not come to it.
+def solve_drive_at_ridge_point(law: Law, p: np.ndarray, eta: float, scale: float, ridge: Ridge) -> bool:
+    """Find the drive and the periodic motion with a point's gap and amplitude; False if Newton's method fails.
 
     `scale` [m] is the length on which forces change.
     """
     place, driven, tip, by = ridge
     u, y = tip.u, np.empty(len(tip.u))
     for _ in range(MOST_NEWTON):
-        if not derive(law, p, eta, ridge):
+        if not linearise_at_ridge_point(law, p, eta, ridge):
             return False
         z, v, more = way_to_rest(by, by.now.z, by.now.v, by.now.amplitude - place.amplitude, True)
         before = FIRST_RIDGE_STEP
@@ -172,7 +172,7 @@ def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridg
     """Find h and its slopes at a place; False where no motion is found, or none that the lever is attracted in."""
     law, p, lever = oscillator
     place, driven, tip, by = ridge
-    if not hold_by_drive(law, p, eta, scale, ridge) or not tip.acc.cos < 0.0:
+    if not solve_drive_at_ridge_point(law, p, eta, scale, ridge) or not tip.acc.cos < 0.0:
         return False
     f, by_drive = driven[col.BASE] / lever[col.BASE], amplitude_slope(by)
     place.mismatch = f * f - 1.0
@@ -182,8 +182,8 @@ def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridg
 
 
 @kernel
-def go(ridge: Ridge, of_b: float, of_a: float) -> None:
-    """Move in b and A, and the tip and its drive as their derivatives say."""
+def move_on_ridge(ridge: Ridge, of_b: float, of_a: float) -> None:
+    """Move gap and amplitude by these steps [m], and the periodic motion and its drive along, to first order."""
     place, driven, tip, by = ridge
     u, linear, of_z0 = tip.u, tip.linear, of_b + of_a
     more = (of_a - amplitude_slope(linear) * of_z0) / amplitude_slope(by)
@@ -198,8 +198,8 @@ def go(ridge: Ridge, of_b: float, of_a: float) -> None:
 
 
 @kernel
-def to_saddle(place: RidgePoint, least: float) -> tuple[float, float, float]:
-    """Way in b and A to the saddle of a quadratic, at amplitudes not below `least`, and how much h rises; or NaN."""
+def step_to_saddle(place: RidgePoint, least: float) -> tuple[float, float, float]:
+    """Steps in gap and amplitude to the saddle of the quadratic model, and the rise of the mismatch h; or NaN."""
     g_b, g_a, bb, ba, aa = place.by_gap, place.by_amplitude, place.by_gap_twice, place.by_both, place.by_amplitude_twice
     if not bb < 0.0:
         return math.nan, math.nan, math.nan
@@ -215,8 +215,8 @@ def to_saddle(place: RidgePoint, least: float) -> tuple[float, float, float]:
 
 
 @kernel
-def bend(place: RidgePoint, before: RidgePoint, scale: float) -> None:
-    """Correct second derivatives by the slopes at two places: symmetric, of rank one, in lengths over their scales."""
+def update_second_derivatives(place: RidgePoint, before: RidgePoint, scale: float) -> None:
+    """Correct the second derivatives of the mismatch by its slopes at two points: symmetric rank-one update."""
     s_b, s_a = (place.gap - before.gap) / scale, (place.amplitude - before.amplitude) / place.amplitude
     amplitude = place.amplitude
     bb, aa = before.by_gap_twice * scale**2, before.by_amplitude_twice * amplitude**2
@@ -246,12 +246,12 @@ def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Max
             return UNCLEAR
         lifted = -top.gap - ridge.tip.acc.deepest
         if i < MOST_LIFTS and abs(lifted) > LIFTED * abs(top.gap):
-            go(ridge, -lifted, 0.0)
+            move_on_ridge(ridge, -lifted, 0.0)
             continue
         first = math.isnan(predicted)
         if not first:
-            bend(place, before, scale)
-        of_b, of_a, rise = to_saddle(place, amplitude)
+            update_second_derivatives(place, before, scale)
+        of_b, of_a, rise = step_to_saddle(place, amplitude)
         highest = place.mismatch + rise
         missed = TRUSTED * max(abs(highest - (top.mismatch if first else predicted)), abs(rise))
         if abs(highest) > missed + (TIGHT if first or lingering(oscillator) > 0.0 else CLOSEST):
@@ -262,7 +262,7 @@ def side_by_ridge(oscillator: Oscillator, amplitude: float, eta: float, top: Max
         if not share > 0.0:
             return UNCLEAR
         assign(before, place)
-        go(ridge, share * of_b, share * of_a)
+        move_on_ridge(ridge, share * of_b, share * of_a)
     return UNCLEAR
 
 
@@ -276,12 +276,12 @@ def go_outside(oscillator: Oscillator, amplitude: float, eta: float, scale: floa
     h = place.mismatch + 0.5 * place.by_gap * of_b + (place.by_amplitude + curved) * of_a
     if not h > 0.0:
         return False
-    go(ridge, of_b + math.sqrt(-2.0 * h / place.by_gap_twice), of_a)
+    move_on_ridge(ridge, of_b + math.sqrt(-2.0 * h / place.by_gap_twice), of_a)
     for _ in range(MOST_NEWTON):
         if not evaluate_ridge(oscillator, eta, scale, ridge) or not place.by_gap < 0.0:
             return False
         way = -place.mismatch / place.by_gap
-        go(ridge, way, 0.0)
+        move_on_ridge(ridge, way, 0.0)
         if abs(way) < NEAR_ORBIT * scale:
             return True
     return False
@@ -298,14 +298,14 @@ def settle_open(
     """
     law, p, lever = oscillator
     reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
-    if p[col.LONGRANGE] == 0.0 or narrowest(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
+    if p[col.LONGRANGE] == 0.0 or narrowest_amplitude_ratio(lever) > 1.0 or leaps(lever, reach, free_amplitude(lever)):
         return False
     place, driven, rough = RidgePoint(), lever.copy(), COARSER_STEPS * eta
-    begin_on(oscillator, worst, top.gap, place, driven, row)
+    start_ridge(oscillator, worst, top.gap, place, driven, row)
     tip = Tip(state_on(law, lever, worst, row), PeriodResult(), PeriodMap(), Periods())
     ridge = Ridge(place, driven, tip, PeriodMap())
     side = REPULSIVE
-    if not (low_q(lever) and weak(lever, worst, top.mismatch)):
+    if not (low_q(lever) and attraction_is_too_weak(lever, worst, top.mismatch)):
         side = side_by_ridge(oscillator, amplitude, rough, top, ridge)
     if side == UNCLEAR:
         return False

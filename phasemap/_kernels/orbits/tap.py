@@ -60,8 +60,8 @@ def _depth(end: float, x: float) -> float:
 
 
 @kernel(inline=True)
-def _turn(z0: float, end: float, y: Numbers) -> float:
-    """Change of tau with s."""
+def _time_per_variable(z0: float, end: float, y: Numbers) -> float:
+    """Derivative of the time tau by the integration variable s."""
     if end == math.inf:
         return 1.0
     if end <= 0.0:
@@ -85,7 +85,7 @@ def _rates(oscillator: Oscillator, held: Numbers, end: float, y: Numbers) -> Num
         f += 2.0 * damping(law, d, p) * v
     c, s = _circle(lever[col.OMEGA] * time)
     a = even * c - odd * s - (z0 + d) - f - 2.0 * lever[col.ALPHA0] * v
-    turn = _turn(z0, end, y)
+    turn = _time_per_variable(z0, end, y)
     return turn * v if free else v, turn * a, turn
 
 
@@ -103,10 +103,10 @@ def _put(lever: np.ndarray, end: float, y: Numbers, weight: float, at: OrbitNode
 
 
 @kernel
-def _way(
+def _march_tip(
     oscillator: Oscillator, held: Numbers, end: float, y: Numbers, h: float, at: OrbitNodes, first: int
 ) -> tuple[Numbers, int]:
-    """Follow the tip with steps `h`, back in time where negative, up to the end of contact or half a period away.
+    """March the tip in steps `h` of s to the end of contact or half a period; returns the state, and nodes filled.
 
     Returns where it is then, and up to where nodes are filled; 0 where it does not leave the contact, or does and comes
     back within the period.
@@ -132,7 +132,7 @@ def _way(
             0.5 * (y[2] + new[2]) + 0.125 * size * (r[2] - after[2]),
         )
         at.weight[j] += abs(share * size * r[2])
-        _put(lever, end, between, 4.0 * share * size * _turn(held[0], end, between), at, j + 1)
+        _put(lever, end, between, 4.0 * share * size * _time_per_variable(held[0], end, between), at, j + 1)
         _put(lever, end, new, share * size * after[2], at, j + 2)
         y, r, j = new, after, j + 2
         if free:
@@ -145,10 +145,10 @@ def _way(
 
 
 @kernel
-def _out(
+def _put_half_period(
     oscillator: Oscillator, row: np.ndarray, lag: float, side: float, whole: bool, at: OrbitNodes, first: int
 ) -> int:
-    """Nodes of the half period before the tip is deepest (side -1) or after it (1), up to the number returned."""
+    """Fill the nodes of the half period before (side -1) or after (1) the deepest point; returns their end."""
     law, p, lever = oscillator
     base, deepest, release = lever[col.BASE], row[col.INDENTATION], p[col.RELEASE]
     held = (row[col.TIP_OFFSET], base * math.cos(lag), base * math.sin(lag))
@@ -158,19 +158,19 @@ def _out(
         slows = 4.0 * y[0] * damping(law, deepest, p)
         falls = -_rates(oscillator, held, 0.0, y)[1] / (2.0 * y[0])
         h = side / (STEPS * (4.0 / math.pi) * math.sqrt(0.5 * max(falls, 0.0)) + slows)
-        y, count = _way(oscillator, held, 0.0, y, h, at, first)
+        y, count = _march_tip(oscillator, held, 0.0, y, h, at, first)
         if side > 0.0 and release < 0.0 and count > 0:
             y, edge = (math.sqrt(-release), y[1], y[2]), release
-            y, count = _way(oscillator, held, release, y, NECK_STEP * y[0] / abs(y[1]), at, count)
+            y, count = _march_tip(oscillator, held, release, y, NECK_STEP * y[0] / abs(y[1]), at, count)
         y = (edge, y[1], y[2])
     if count == 0 and deepest > 0.0:
         h = side * math.pi / (PRESSED_STEPS * lever[col.OMEGA])
-        return _way(oscillator, held, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
+        return _march_tip(oscillator, held, math.inf, (deepest, 0.0, 0.0), h, at, first)[1]
     if not whole:
         return count
     reach = reach_of(law, p)
     length = reach if reach > 0.0 else row[col.AMPLITUDE]
-    return _way(oscillator, held, length, y, side * FIRST_FLIGHT_STEP, at, count)[1]
+    return _march_tip(oscillator, held, length, y, side * FIRST_FLIGHT_STEP, at, count)[1]
 
 
 @kernel
@@ -182,8 +182,8 @@ def _followed(
     Returns how many, 0 for none, how late that is against the first harmonic, and that over the row's.
     """
     lag = 0.5 * math.pi - row[col.PHASE] + late
-    half = _out(oscillator, row, lag, -1.0, whole, at, 0)
-    count = _out(oscillator, row, lag, 1.0, whole, at, half) if half > 0 else 0
+    half = _put_half_period(oscillator, row, lag, -1.0, whole, at, 0)
+    count = _put_half_period(oscillator, row, lag, 1.0, whole, at, half) if half > 0 else 0
     amplitude = row[col.AMPLITUDE]
     if not whole:
         return count, 0.0, 0.0

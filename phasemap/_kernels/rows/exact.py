@@ -27,7 +27,7 @@ from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.system import head_of, new_orbit, the_amplitude
-from phasemap._kernels.orbits.response.orbit import farthest
+from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.rows.answers import Answers
 
 
@@ -50,7 +50,7 @@ def _orbit_near(
             continue  # finer elements change less from pass to pass
         done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
         same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
-        near = abs(row[col.TIP_OFFSET] - start) < farthest(lever, amplitude)
+        near = abs(row[col.TIP_OFFSET] - start) < largest_branch_distance(lever, amplitude)
         good = done == col.GOOD and same and near and feedback_status(row) == col.GOOD
         if good:
             estimate_errors(oscillator, tables, orbit, spare, row)

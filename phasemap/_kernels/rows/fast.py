@@ -14,7 +14,14 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE
-from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, Maximum, near_resonance, on_side, strongest
+from phasemap._kernels.engagement.resonance import (
+    ATTRACTIVE,
+    REPULSIVE,
+    Maximum,
+    fill_averaged_orbit_on_side,
+    find_mismatch_maximum,
+    near_resonance,
+)
 from phasemap._kernels.engagement.response import cheap_orbit, engage_by_response
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
@@ -23,7 +30,7 @@ from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.kept import FAINT_DRIVE, KEPT_COUNT, keep_nodes
 from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.orbit import Room, farthest, solved
+from phasemap._kernels.orbits.response.orbit import Room, largest_branch_distance, nodes_of_solution
 from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
 from phasemap._kernels.rows.answers import Answers
 
@@ -83,7 +90,7 @@ def cheap_rows(
             if status[i] == col.STIFF:
                 copy(guess, row)
         else:
-            solver[i] = choose(lever, guess, solved(room), room.state, average, limits, row)
+            solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 out[i, KEPT_COUNT] = 0.0
                 if room.state.parts == 1.0 and lever[col.BASE] < FAINT_DRIVE * amplitude:
@@ -117,9 +124,9 @@ def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, t
     if p[col.LONGRANGE] == 0.0 or not near_resonance(lever):
         return False
     reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
-    strongest(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
-    found = on_side(oscillator, reach, amplitude, side, top, guess)
-    return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < farthest(lever, amplitude)
+    find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+    found = fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)
+    return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < largest_branch_distance(lever, amplitude)
 
 
 @kernel

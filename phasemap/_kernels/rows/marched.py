@@ -12,7 +12,7 @@ from phasemap._kernels.engagement.averaged import SURE, UNDECIDED
 from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach_by_march
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, near_resonance, on_side
+from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, fill_averaged_orbit_on_side, near_resonance
 from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.engagement.ridge import settle_open
 from phasemap._kernels.law import Law, Oscillator, parameters
@@ -70,7 +70,7 @@ def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np
     """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
     clear(top)
     top.behind = -1e-3 * amplitude
-    known = on_side(oscillator, 0.0, amplitude, REPULSIVE, top, guess)
+    known = fill_averaged_orbit_on_side(oscillator, 0.0, amplitude, REPULSIVE, top, guess)
     return known and not rebounds(oscillator, guess[col.G_P])
 
 

@@ -14,8 +14,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, LONGRANGE, REPELLING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import caution
-from phasemap._kernels.engagement.end import CLOSEST, decide_exactly, held, highest_at
+from phasemap._kernels.engagement.averaged import low_q_margin_factor
+from phasemap._kernels.engagement.end import (
+    CLOSEST,
+    attractive_mismatch_of_exact_orbit,
+    decide_exactly,
+    maximum_of_exact_mismatch,
+)
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     CLEAR_MISMATCH,
@@ -23,14 +28,14 @@ from phasemap._kernels.engagement.resonance import (
     REPULSIVE,
     UNCLEAR,
     Maximum,
-    at_gap,
-    on_side,
-    strongest,
+    fill_averaged_orbit_on_side,
+    find_mismatch_maximum,
+    mismatch_at_gap,
 )
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import Room, refine, slope_is_clear, solved
+from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine, slope_is_clear
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
 
@@ -64,18 +69,18 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
     reach, free, top = reach_of(law, p), free_amplitude(lever), room.top
-    strongest(oscillator, reach, amplitude, math.inf, top)
+    find_mismatch_maximum(oscillator, reach, amplitude, math.inf, top)
     if side == ATTRACTIVE:
         wanted = 1.0 - (amplitude / free) ** 2
         detuned = 1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
-        plain = min((CLEAR_MISMATCH * wanted + 0.03) * caution(lever) * detuned, HALF_PULL * wanted)
+        plain = min((CLEAR_MISMATCH * wanted + 0.03) * low_q_margin_factor(lever) * detuned, HALF_PULL * wanted)
         if top.mismatch <= -plain:
             return col.NO_STABLE_ORBIT
         if top.mismatch < plain:
             room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
             exact = decide_exactly(oscillator, reach, amplitude, top, room.nodes, room.state, room.fit)
             if exact == UNCLEAR:
-                highest = highest_at(oscillator, reach, amplitude, room)
+                highest = maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
                 if abs(highest) >= CLOSEST:
                     exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
             if exact == REPULSIVE:
@@ -83,13 +88,13 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
             if exact == UNCLEAR or not top.mismatch > 0.0:
                 beside(oscillator, reach, amplitude, top, guess)
                 return col.PENDING
-    if on_side(oscillator, reach, amplitude, side, top, guess):
+    if fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess):
         return col.GOOD
     if side == ATTRACTIVE:
         beside(oscillator, reach, amplitude, top, guess)
         return col.PENDING
     drag, gap = drag_at_balance(oscillator, reach, amplitude, top)
-    if abs(drag) < DAMPED * caution(lever):
+    if abs(drag) < DAMPED * low_q_margin_factor(lever):
         drag = exact_drag(oscillator, reach, amplitude, gap, room)
         return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
     return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
@@ -112,10 +117,10 @@ def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top:
     """
     lever = oscillator.lever
     near, far = top.gap, top.behind
-    h, push = at_gap(oscillator, reach, amplitude, far)
+    h, push = mismatch_at_gap(oscillator, reach, amplitude, far)
     while push <= 0.0 and far >= DEEPEST * amplitude:
         near, far = far, 2.0 * far
-        h, push = at_gap(oscillator, reach, amplitude, far)
+        h, push = mismatch_at_gap(oscillator, reach, amplitude, far)
     if not push > 0.0:
         return math.inf if push <= 0.0 else math.nan, far
     middle = far
@@ -123,17 +128,17 @@ def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top:
         if abs(push) < 0.05 * lever[col.BASE]:
             break
         middle = 0.5 * (near + far)
-        h, push = at_gap(oscillator, reach, amplitude, middle)
+        h, push = mismatch_at_gap(oscillator, reach, amplitude, middle)
         if push > 0.0:
             far = middle
         else:
             near = middle
-    return balanced(lever, amplitude, h), middle
+    return mismatch_without_net_force(lever, amplitude, h), middle
 
 
 @kernel
-def balanced(lever: np.ndarray, amplitude: float, h: float) -> float:
-    """Mismatch without a net force, of what damping takes: above resonance repulsion makes up for the lever first."""
+def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) -> float:
+    """Mismatch at P = 0; above resonance less the square of the detuning, which repulsion makes up for first."""
     detuning = amplitude * (1.0 - lever[col.OMEGA] ** 2) / lever[col.BASE]
     return h if detuning >= 0.0 else h - detuning * detuning
 
@@ -143,14 +148,17 @@ def exact_drag(oscillator: Oscillator, reach: float, amplitude: float, gap: floa
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     lever = oscillator.lever
     before = gap + APART * min(gap, -reach)
-    held(oscillator, reach, amplitude, before, room.nodes, room.state)
+    attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, before, room.nodes, room.state)
     push_before = room.state.push
     for _ in range(MOST_SECANTS):
-        h, push = held(oscillator, reach, amplitude, gap, room.nodes, room.state), room.state.push
+        h, push = (
+            attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, gap, room.nodes, room.state),
+            room.state.push,
+        )
         if not math.isfinite(h):
             return math.nan
         if abs(push) < NO_FORCE * lever[col.BASE]:
-            return balanced(lever, amplitude, h)
+            return mismatch_without_net_force(lever, amplitude, h)
         before, push_before, gap = gap, push, gap - push * (gap - before) / (push - push_before)
     return math.nan
 
@@ -191,7 +199,7 @@ def other_rows(
                 if not exact or not slope_is_clear(Oscillator(law, p, lever), limits, room):
                     done = col.PENDING
             if done == col.GOOD:
-                solver[slot, i] = choose(lever, guess, solved(room), room.state, True, allowed, row)
+                solver[slot, i] = choose(lever, guess, nodes_of_solution(room), room.state, True, allowed, row)
             elif done == col.PENDING:
                 left = True
                 for j in range(5):

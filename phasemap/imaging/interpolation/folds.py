@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebval2d
 from numpy.typing import NDArray
 
-from phasemap._kernels.engagement.resonance import narrowest
+from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped, scaled
@@ -97,7 +97,7 @@ def _around(exact: ExactOrbits, bases: Array, ends: Ends, shares: Array, amplitu
 
 def around(exact: ExactOrbits) -> tuple[float, ...]:
     """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
-    worst = narrowest(lever_of(exact.scope)) * exact.scope.driven_amplitude
+    worst = narrowest_amplitude_ratio(lever_of(exact.scope)) * exact.scope.driven_amplitude
     if exact.amplitude >= worst:
         return (exact.amplitude,)
     return (1 - SPREAD) * worst, worst, (1 + SPREAD) * worst

@@ -33,8 +33,10 @@ def _added(sums: Sums, force: float, cosine: float, sine: float) -> Sums:
 
 
 @kernel
-def _let_go(tap: tuple[float, ...], theta: float, q2: float, seen: float, back: float, most: float) -> Sums:
-    """Return theta at which the edge q^2 of the contact is again where it was at `theta`, depth and D then, over A.
+def _angle_of_equal_edge(
+    tap: tuple[float, ...], theta: float, q2: float, seen: float, back: float, most: float
+) -> Sums:
+    """Angle theta in retraction at which the contact edge q^2 is again that of `theta`; depth and D there, over A.
 
     d = q^2 + kappa y, y = D - q^2 - (D_1 - q^2) exp((theta_1 - theta)/T), by Newton's method in brackets from `back`.
     """
@@ -86,14 +88,14 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[Sums, floa
     for i in range(len(_COS) - 1, -1, -1):
         theta, seen, inside, weight = growing[i]
         q2 = (1 - c) * _COS[i] * _COS[i]
-        at, d, d_seen = _let_go(tap, theta, q2, seen, -back * theta, -theta)
+        at, d, d_seen = _angle_of_equal_edge(tap, theta, q2, seen, -back * theta, -theta)
         back = -at / theta
         q, kept, sine = math.sqrt(q2), math.exp((theta - at) / time), math.sin(at)
         rate = math.sin(theta) * (1 - kappa + kappa * kept)
         rate /= sine + kappa / time * (d - d_seen + (seen - q2) * kept)  # d theta / d theta_1
         y = q * d_seen - q * q2 / 3 - kept * (q * seen - q * q2 / 3 - inside)
         sums = _added(sums, -weight * rate * scale * (q * d - q * q2 / 3 - kappa * y), d + c, sine)
-    return sums, _let_go(tap, start, 0.0, 0.0, -back * start, -start)[0]
+    return sums, _angle_of_equal_edge(tap, start, 0.0, 0.0, -back * start, -start)[0]
 
 
 @kernel

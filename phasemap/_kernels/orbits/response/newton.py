@@ -50,10 +50,10 @@ from phasemap._kernels.orbits.response.passes import (
     UNRESOLVED,
     PassState,
     after_pass,
-    closure,
     evaluate_nodes,
     first_pass,
-    unresolved,
+    quadrature_error,
+    relative_energy_defect,
 )
 
 MOST_RESPONSE_STEPS = 16
@@ -248,7 +248,7 @@ def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray,
             return NO_ORBIT
         h = evaluate_nodes(oscillator, f, state, True)
         state.passes += 1
-        nodes, ratio_before = unresolved(lever, f, True, longrange), state.last_ratio
+        nodes, ratio_before = quadrature_error(lever, f, True, longrange), state.last_ratio
         ratio = after_pass(lever, state, h, f.w[middle], nodes)
         if not math.isfinite(state.phase + state.tip_offset):
             return NO_ORBIT
@@ -258,7 +258,7 @@ def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray,
         if share < 1.0:
             state.last_ratio = ratio_before
         elif ratio >= 0.0:
-            left = abs(closure(lever, state))
+            left = abs(relative_energy_defect(lever, state))
             small = state.phase_error < limits[0] and state.tip_offset_error < limits[1]
             if small and left < ENERGY_LEFT:
                 return FOUND

@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import LONGRANGE, OMEGA
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import Maximum, at_crossing, near_resonance
+from phasemap._kernels.engagement.resonance import Maximum, near_resonance, put_averaged_orbit
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import is_sticky, reach_of
 from phasemap._kernels.orbits.response.firm import newton_orbit_is_kept
@@ -20,7 +20,7 @@ from phasemap._kernels.orbits.response.passes import (
     beside_resonance,
     converge,
     evaluate_nodes,
-    start,
+    start_passes,
 )
 from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, pressed_orbit
 from phasemap._kernels.orbits.response.sound import orbit_is_kept
@@ -56,8 +56,8 @@ class Room:
 
 
 @kernel
-def farthest(lever: np.ndarray, amplitude: float) -> float:
-    """How far [m] an exact orbit may lie from the averaged one and still be on its branch.
+def largest_branch_distance(lever: np.ndarray, amplitude: float) -> float:
+    """Largest distance [m] between exact and averaged orbit for both to count as on the same branch.
 
     With s = 1 - omega^2, P is up to 2 A |s| beside resonance, and the harmonics of a short contact, P/(n^2 - 1), lift
     the tip by 3/4 of it. Farther from the resonance that would be as far as to another branch.
@@ -68,8 +68,8 @@ def farthest(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def solved(room: Room) -> Nodes:
-    """The nodes at which the orbit of `room.state` is."""
+def nodes_of_solution(room: Room) -> Nodes:
+    """Nodes that hold the orbit of `room.state`: the finer ones if its contact is cut in two."""
     return room.finer if room.state.parts > 1 else room.nodes
 
 
@@ -86,7 +86,7 @@ def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.n
     p, lever = oscillator.p, oscillator.lever
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if e < -SHALLOWEST * amplitude:
-        _begin(guess, e, room.state)
+        _reset_pass_state(guess, e, room.state)
         return pressed_orbit(oscillator, limits, room.pressed, room.state) and on_same_branch(lever, guess, room.state)
     if _pass_from(oscillator, reach, guess, e, limits, room):
         return True
@@ -107,14 +107,14 @@ def _pass_from(
     """
     p, lever = oscillator.p, oscillator.lever
     f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
-    _begin(guess, e, state)
-    if not start(oscillator, reach, f, state):
+    _reset_pass_state(guess, e, state)
+    if not start_passes(oscillator, reach, f, state):
         return False
     state.parts = 1
     found = converge(oscillator, f, state, False, limits[0], limits[1])
     if found == UNRESOLVED and f.theta[EXIT] > f.theta[ENTRY] and beside_resonance(lever):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
-        if not at_crossing(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
+        if not put_averaged_orbit(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
         room.finer.cut = 1
         cut_contact(lever, f, room.finer, longrange)
@@ -127,8 +127,8 @@ def _pass_from(
 
 
 @kernel
-def _begin(guess: np.ndarray, e: float, state: PassState) -> None:
-    """Begin from a harmonic orbit with this e."""
+def _reset_pass_state(guess: np.ndarray, e: float, state: PassState) -> None:
+    """Clear the state and set amplitude and slope from `guess`, and the centre e, of a harmonic orbit."""
     clear(state)
     state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
 
@@ -137,7 +137,7 @@ def _begin(guess: np.ndarray, e: float, state: PassState) -> None:
 def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
     same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
-    return same and abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, guess[col.G_A])
+    return same and abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, guess[col.G_A])
 
 
 @kernel
@@ -148,12 +148,12 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
     """
     law, p, lever = oscillator
     bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
-    _begin(guess, e, bench.state)
+    _reset_pass_state(guess, e, bench.state)
     if guess[col.G_P] < 0.0:
         return 0  # where the force outside of contact counts as much, it is not known how the branch goes on
     if is_sticky(oscillator, amplitude):
         return 0  # nor is that force little enough to follow a step behind
-    if not e < amplitude or not start(oscillator, reach, bench.nodes, bench.state):
+    if not e < amplitude or not start_passes(oscillator, reach, bench.nodes, bench.state):
         return 0
     found = newton_on_response(oscillator, reach, limits, bench)
     if found == UNRESOLVED:
@@ -164,7 +164,7 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
     f, state = bench.nodes, bench.state
     if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
         return 0
-    near = abs(state.tip_offset - guess[col.G_Z0]) < farthest(lever, amplitude)
+    near = abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, amplitude)
     near = near or abs(state.centre - f.w[middle_of(f)] - e) < FAR_OFF * amplitude
     return parts if near and newton_orbit_is_kept(oscillator, reach, bench) else 0
 
@@ -173,7 +173,7 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
 def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of room.state."""
     law, p = oscillator.law, oscillator.p
-    f, here, there = solved(room), room.state, room.other
+    f, here, there = nodes_of_solution(room), room.state, room.other
     if here.parts == 0:
         return False
     assign(there, here)

@@ -104,8 +104,8 @@ def beside_resonance(lever: np.ndarray) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def unresolved(lever: np.ndarray, f: Nodes, touching: bool, longrange: bool) -> float:
-    """Estimated error of P, S and the mean deflection [m] from the number of nodes: theory, Eq. (errors-2).
+def quadrature_error(lever: np.ndarray, f: Nodes, touching: bool, longrange: bool) -> float:
+    """Estimated error of P, S and mean deflection [m] from the finite number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
     integral. A tenth of that is a hundred times the error and more; beside resonance, where contacts are long, no more
@@ -126,14 +126,14 @@ def unresolved(lever: np.ndarray, f: Nodes, touching: bool, longrange: bool) -> 
 
 
 @kernel
-def remaining(ratio: float, ratio_before: float) -> float:
-    """Ratio of the changes to come, on the safe side of the last two: theory, Eq. (errors-1)."""
+def remaining_change_ratio(ratio: float, ratio_before: float) -> float:
+    """Cautious ratio of successive changes to come, from the last two ratios: theory, Eq. (errors-1)."""
     return min(max(ratio, 0.4 * ratio_before, 0.04), 0.9)
 
 
 @kernel
-def per_height(lever: np.ndarray, state: PassState) -> float:
-    """Error of the tip offset with one of P, S and the mean deflection."""
+def tip_offset_error_factor(lever: np.ndarray, state: PassState) -> float:
+    """Error of the tip offset per error of P, S and the mean deflection."""
     return 1.0 + 4.0 / abs(state.slope * lever[BASE])
 
 
@@ -147,12 +147,12 @@ def estimate_pass_errors(
     wrong = nodes + 3.0 * abs(state.work) / (math.pi * state.amplitude)
     state.phase_error = share * phase_left + wrong / lever[BASE] + PASS_FLOOR_PHASE
     state.tip_offset_error = share * height_left + PASS_FLOOR_HEIGHT
-    state.tip_offset_error += wrong * per_height(lever, state)
+    state.tip_offset_error += wrong * tip_offset_error_factor(lever, state)
 
 
 @kernel
-def start(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
-    """Lay the harmonic orbit with the amplitude and e of `state`; False if it is out of this method's range."""
+def start_passes(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
+    """Lay the nodes of the harmonic orbit with the state's amplitude and centre e; False if it is out of range."""
     p, lever = oscillator.p, oscillator.lever
     amplitude, e = state.amplitude, state.centre
     c = e / amplitude
@@ -168,8 +168,8 @@ def start(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> b
 
 
 @kernel
-def balance(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, lift: float) -> float:
-    """Move e to where the drive is the one given, w as it is; returns the mismatch left. Without a `lift`, e stays.
+def balance_drive(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, lift: float) -> float:
+    """Move the centre e until the drive needed is that given, at fixed w; returns the mismatch left.
 
     The tip that w lifts by so much [m] is first lowered by as much, which leaves its depth and nearly its force.
     """
@@ -189,13 +189,13 @@ def balance(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, 
         state.centre += move
         move_nodes(f, lever, amplitude, state.centre, touching, longrange)
         h = evaluate_nodes(oscillator, f, state, touching)
-        learn(state, move, h, before)
+        update_slopes(state, move, h, before)
     return h
 
 
 @kernel
-def learn(state: PassState, move: float, h: float, before: tuple[float, float, float, float]) -> None:
-    """Take the changes with e from a move of it: of the mismatch, `h` now, and of what the nodes give."""
+def update_slopes(state: PassState, move: float, h: float, before: tuple[float, float, float, float]) -> None:
+    """Update the derivatives of mismatch, mean force, P and S by the centre e, from one move of e."""
     h_before, mean, push, drag = before
     if 0.3 < (h - h_before) / move / state.slope < 3.0:
         state.slope, state.mean_slope = (h - h_before) / move, (state.mean_force - mean) / move
@@ -234,7 +234,7 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
     state.phase_change, state.tip_offset_change = phase_change, height_change
     ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
     if ratio >= 0.0:
-        rest = remaining(ratio, state.last_ratio)
+        rest = remaining_change_ratio(ratio, state.last_ratio)
         phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
         phase_left *= max(1.0, lacks / max(height_left, 1e-18))
         estimate_pass_errors(lever, state, rest, phase_left, height_left, nodes)
@@ -274,14 +274,14 @@ def converge(
             move_nodes(f, lever, state.amplitude, state.centre, touching, longrange)
             h = evaluate_nodes(oscillator, f, state, touching)
         else:
-            h = balance(oscillator, f, state, touching, math.nan if hold else lift)
+            h = balance_drive(oscillator, f, state, touching, math.nan if hold else lift)
         state.passes += 1
-        nodes = unresolved(lever, f, touching, longrange)
+        nodes = quadrature_error(lever, f, touching, longrange)
         ratio = after_pass(lever, state, h, f.w[nearest], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] >= f.theta[ENTRY]):
             return NO_ORBIT
         if ratio >= 0.0:
-            left = 0.0 if hold else closure(lever, state)
+            left = 0.0 if hold else relative_energy_defect(lever, state)
             small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
             if small and abs(left) < ENERGY_LEFT:
                 return FOUND
@@ -290,7 +290,9 @@ def converge(
             slow += ratio > 0.7
             change = abs(left - left_before)
             stays = change < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
-            rough = nodes > limit_phase * lever[BASE] or (beside and nodes * per_height(lever, state) > limit_height)
+            rough = nodes > limit_phase * lever[BASE] or (
+                beside and nodes * tip_offset_error_factor(lever, state) > limit_height
+            )
             left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
             done = left_phase < limit_phase and left_height < limit_height
             if rough or (small and stays) or (beside and done and change < 0.1 * abs(left)):
@@ -302,8 +304,8 @@ def converge(
 
 
 @kernel
-def closure(lever: np.ndarray, state: PassState) -> float:
-    """Energy in less energy out over energy in, which is what the conservative force leaves behind."""
+def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
+    """Work of the conservative part of the force over the energy supplied: zero on an exact orbit."""
     amplitude = state.amplitude
     return state.work / (math.pi * amplitude * (2.0 * lever[ALPHA0] * lever[OMEGA] * amplitude - state.drag))
 
@@ -321,7 +323,7 @@ def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.
     row[col.DISSIPATION] = stiffness * state.loss
     row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
     row[col.STIFFENING] = push / amplitude
-    row[col.CLOSURE] = closure(lever, state)
+    row[col.CLOSURE] = relative_energy_defect(lever, state)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state.phase_error, state.tip_offset_error
 
 

@@ -27,8 +27,8 @@ from phasemap._kernels.orbits.response.passes import (
     MOST_PASSES,
     PassState,
     after_pass,
-    closure,
     first_pass,
+    relative_energy_defect,
 )
 from phasemap._kernels.orbits.response.sound import DOUBLING, LEAST_SLOPE, turned
 from phasemap._kernels.records import column, record
@@ -182,7 +182,7 @@ def pressed_orbit(oscillator: Oscillator, limits: np.ndarray, f: EvenNodes, stat
         if not (math.isfinite(state.phase + state.tip_offset) and state.centre < -amplitude):
             return False
         small = state.phase_error < limits[0] and state.tip_offset_error < limits[1]
-        if ratio >= 0.0 and small and abs(closure(lever, state)) < ENERGY_LEFT:
+        if ratio >= 0.0 and small and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT:
             stays = _finish(f, state) - state.centre > (SHALLOWEST - 1.0) * amplitude
             clear = state.slope * (amplitude - state.centre) < -LEAST_SLOPE
             return stays and clear and _steady(oscillator, f, state)

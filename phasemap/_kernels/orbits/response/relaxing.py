@@ -113,15 +113,15 @@ def _solve(
 
 
 @kernel
-def behind_early(share: float, given: np.ndarray, x: np.ndarray) -> None:
-    """How far x' = given' - x/T, from 0, is at the nodes before the turn; share = their angle over T."""
+def lag_before_turn(share: float, given: np.ndarray, x: np.ndarray) -> None:
+    """Solve x' = given' - x/T, x = 0 at first, at the nodes before the turn; share = their angle over T."""
     values, to, back = (_EARLY_RE, _EARLY_IM), (_EARLY_TO_RE, _EARLY_TO_IM), (_EARLY_BACK_RE, _EARLY_BACK_IM)
     _solve(_EARLY_UPTO, values, to, back, share, given, x)
 
 
 @kernel
-def behind_late(share: float, given: np.ndarray, x: np.ndarray) -> None:
-    """The same at those behind it."""
+def lag_after_turn(share: float, given: np.ndarray, x: np.ndarray) -> None:
+    """Solve x' = given' - x/T, x = 0 at first, at the nodes after the turn; share = their angle over T."""
     values, to, back = (_LATE_RE, _LATE_IM), (_LATE_TO_RE, _LATE_TO_IM), (_LATE_BACK_RE, _LATE_BACK_IM)
     _solve(_LATE_UPTO, values, to, back, share, given, x)
 
@@ -152,17 +152,17 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
         depth[N + j] = amplitude * f.cos[LATE + j] + f.w[LATE + j] - e
         m.rate[j] = f.u[TOUCH + j] - amplitude * f.sin[TOUCH + j]
     depth[END_NODE] = amplitude * f.cos[EXIT] + f.w[EXIT] - e
-    behind_early(early, depth, x)
+    lag_before_turn(early, depth, x)
     at_turn = 0.0
     for j in range(N):
         seen[j] = depth[j] - x[j]
         at_turn += early * _EARLY_ALL[j] * x[j]
         given[j] = 2.0 / 3.0 * max(depth[j], 0.0) ** 1.5
-    behind_early(early, given, x)
+    lag_before_turn(early, given, x)
     for j in range(N):
         inside[j] = given[j] - x[j]
         given[j] = depth[N + j] - at_turn
-    behind_late(late, given, x)
+    lag_after_turn(late, given, x)
     seen[END_NODE] = at_turn
     for j in range(N):
         seen[N + j] = depth[N + j] - x[j]

@@ -40,9 +40,9 @@ from phasemap._kernels.orbits.response.passes import (
     after_pass,
     converge,
     first_pass,
-    learn,
-    start,
-    unresolved,
+    quadrature_error,
+    start_passes,
+    update_slopes,
 )
 from phasemap._kernels.orbits.response.relaxing import (
     END_NODE,
@@ -122,7 +122,7 @@ def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
 
 @kernel
 def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float:
-    """As `passes.balance`."""
+    """Move the centre e until the drive needed is that given, at fixed w, as passes without memory do."""
     p, lever = oscillator.p, oscillator.lever
     f, m, state = bench
     state.centre += lift
@@ -136,13 +136,13 @@ def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float
         state.centre += move
         relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
         h = evaluate_relaxing(oscillator, bench)
-        learn(state, move, h, before)
+        update_slopes(state, move, h, before)
     return h
 
 
 @kernel
-def unfollowed(p: np.ndarray, f: Nodes, m: ContactMemory) -> float:
-    """Estimated error of P and S [m] from the number of nodes at which D follows d after the first touch.
+def relaxation_quadrature_error(p: np.ndarray, f: Nodes, m: ContactMemory) -> float:
+    """Estimated error of P and S [m] from the finite number of nodes for the delayed depth D.
 
     That of D is some sixtieth of what their highest polynomials find, where the contact lasts for 1 to 50 relaxation
     times, and that of P and S a tenth of this share of the force in contact.
@@ -170,7 +170,7 @@ def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) 
         respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
         h = balance_relaxing(oscillator, bench, f.w[LATE] - before)
         state.passes += 1
-        nodes = unresolved(lever, f, True, longrange) + unfollowed(p, f, m)
+        nodes = quadrature_error(lever, f, True, longrange) + relaxation_quadrature_error(p, f, m)
         ratio = after_pass(lever, state, h, f.w[LATE], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] > f.theta[ENTRY]):
             return NO_ORBIT
@@ -197,8 +197,8 @@ def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def missing(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> float:
-    """Energy in less energy out, over stiffness; each harmonic gives 2 pi alpha0 omega n^2 |w_n|^2 to the air."""
+def energy_defect(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> float:
+    """Energy supplied less energy lost per period, over stiffness, with air damping of the higher harmonics."""
     amplitude, omega, alpha0 = state.amplitude, lever[OMEGA], lever[ALPHA0]
     left, at = -math.pi * amplitude * state.drag - state.loss, np.zeros((3, 4 * N))
     share, cosine, sine = at[0], at[1], at[2]  # of exp(i n theta)
@@ -223,8 +223,8 @@ def missing(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> f
 
 
 @kernel
-def damped(oscillator: Oscillator, bench: Bench) -> bool:
-    """Whether what disturbs amplitude and phase dies down, by the slow flow of averaging: theory, Eq. (memory-12).
+def slow_flow_is_stable(oscillator: Oscillator, bench: Bench) -> bool:
+    """True if disturbances of amplitude and phase decay in the slow flow: theory, Eq. (memory-12).
 
     What a tap takes may fall with the amplitude, by more than what air takes rises. Leaves the state as it was, and the
     nodes at a larger amplitude.
@@ -259,7 +259,7 @@ def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarra
     f.cut, state.parts = 1, 2
     state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
     if e >= state.amplitude:
-        if not start(oscillator, reach, f, state):
+        if not start_passes(oscillator, reach, f, state):
             return False
         found = converge(oscillator, f, state, False, limits[0], limits[1])
         if found != FOUND or not on_same_branch(lever, guess, state):
@@ -270,8 +270,8 @@ def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarra
     dent, recovery = dent_of(p, lever, m)
     if not (taps_once(bench, dent, recovery) and on_same_branch(lever, guess, state)):
         return False
-    state.work = missing(lever, f, state, p[LONGRANGE] != 0.0)
+    state.work = energy_defect(lever, f, state, p[LONGRANGE] != 0.0)
     i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
     state.apex = apex_between(amplitude, f.theta[i], f.w[i], f.u[i], f.theta[j], f.w[j], f.u[j])[0]
     state.apex = max(state.apex, amplitude * f.cos[i] + f.w[i], amplitude * f.cos[j] + f.w[j])
-    return orbit_is_kept(oscillator, reach, f, state, dent, recovery) and damped(oscillator, bench)
+    return orbit_is_kept(oscillator, reach, f, state, dent, recovery) and slow_flow_is_stable(oscillator, bench)

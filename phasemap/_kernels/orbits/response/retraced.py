@@ -31,7 +31,7 @@ from phasemap._kernels.orbits.response.nodes import (
     move_nodes,
     respond,
 )
-from phasemap._kernels.orbits.response.passes import PassState, evaluate_nodes, start
+from phasemap._kernels.orbits.response.passes import PassState, evaluate_nodes, start_passes
 
 RETRACING_PASSES = 2  # where more were needed they contract slowly
 FORCE_ALIKE = 3e-4  # of the mean size of the force: what its mean and P may differ from the row's by
@@ -88,7 +88,7 @@ def retrace(oscillator: Oscillator, row: np.ndarray, f: Nodes, state: PassState)
     for j in range(ALL):
         f.g[j] = 0.0
     reach, depth = reach_of(law, p), row[col.INDENTATION]
-    if not (lever[BASE] < FAINT_DRIVE * amplitude and math.isfinite(e) and start(oscillator, reach, f, state)):
+    if not (lever[BASE] < FAINT_DRIVE * amplitude and math.isfinite(e) and start_passes(oscillator, reach, f, state)):
         return False
     near = AS_DEEP * (depth if depth > 0.0 else reach - depth)
     state.centre, touching = e, f.theta[EXIT] > f.theta[ENTRY]

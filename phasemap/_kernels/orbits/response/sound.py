@@ -18,7 +18,7 @@ from phasemap._kernels.orbits.response.nodes import (
     Nodes,
     parts_of,
 )
-from phasemap._kernels.orbits.response.passes import ENERGY_LEFT, PassState, closure
+from phasemap._kernels.orbits.response.passes import ENERGY_LEFT, PassState, relative_energy_defect
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
@@ -98,4 +98,4 @@ def orbit_is_kept(
             x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
     trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
-    return far and state.slope * depth < -LEAST_SLOPE and abs(closure(lever, state)) < ENERGY_LEFT
+    return far and state.slope * depth < -LEAST_SLOPE and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
