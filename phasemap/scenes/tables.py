@@ -106,10 +106,22 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     >>> read_tables("samples/step.toml", ["scan.setpoint=0.6"])["scan"]
     {'setpoint': 0.6}
     """
-    tables = _read_toml(Path(path))
+    written = tables = _read_toml(Path(path))
     for override in overrides:
         tables = with_override(tables, override)
+    _check_materials(tables, written)
     return tables
+
+
+def _check_materials(tables: Table, written: Table) -> None:
+    """Refuse a material that only an override names: it would change nothing."""
+    known, surface = written.get("materials"), tables.get("surface")
+    if not isinstance(known, dict) or not known or not isinstance(surface, dict):
+        return
+    named = surface.get("materials")
+    used = list(named.values()) if isinstance(named, dict) else named if isinstance(named, list) else []
+    for name in tables["materials"]:
+        check_choice("material", name, list(dict.fromkeys([*known, *map(str, used)])))
 
 
 def _read_toml(path: Path) -> Table:

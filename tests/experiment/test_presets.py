@@ -145,6 +145,15 @@ def test_a_preset_that_is_set_last_takes_the_place_of_the_numbers_of_every_sampl
         assert load_setup(sample, set_last).materials[name] == pm.Material.preset(known, adhesion=0.02)
 
 
+def test_a_preset_of_a_material_that_the_scene_does_not_have_is_refused() -> None:
+    with pytest.raises(
+        pm.InputError, match=r"material is 'stif'; allowed: one of compliant, stiff\. Did you mean 'stiff'"
+    ):
+        load_setup(SCENE, ["materials.stif.preset=PDMS"])
+    added = ["materials.third.preset=PDMS", 'surface.materials=["compliant", "third"]']
+    assert load_setup(SCENE, added).materials["third"] == pm.Material.preset("PDMS")
+
+
 def test_a_preset_keeps_what_it_does_not_state() -> None:
     setup = load_setup(SCENE, ["materials.stiff.thickness=1e-6", "materials.stiff.preset=PMMA"])
     assert setup.materials["stiff"] == pm.Material.preset("PMMA", thickness=1e-6)
