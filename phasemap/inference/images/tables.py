@@ -41,7 +41,7 @@ class Axes(NamedTuple):
 
     def along(self, rows: Array) -> Array:
         """Places of the materials of these rows, shape (n, AXES)."""
-        moved = rows[:, self.columns] - self.origin
+        moved = np.ascontiguousarray(rows[:, self.columns]) - self.origin
         return np.divide(moved, self.units, out=np.zeros_like(moved), where=self.units != 0)
 
 

@@ -82,7 +82,7 @@ def pass_pattern(oscillator: Oscillator, z0: float, eta: float, tip: Tip, y: np.
             return False
         add_period(total, acc)
     assign(acc, total)
-    divide_result(acc, count)
+    divide_result(acc, float(count))
     return True
 
 
