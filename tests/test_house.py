@@ -12,11 +12,8 @@ PACKAGE = Path(phasemap.__file__).parent
 MOST_ARGUMENTS, MOST_LINES = 9, 400
 
 TABLEAU = "one term for each stage of the method of order 8"
-MEMORY = "the whole state of a surface that remembers goes from stage to stage in registers"
 MANY_ARGUMENTS = {
-    "_kernels/orbits/time/by_memory.py march": "called by its address, with numbers and arrays only",
-    "_kernels/orbits/time/edge.py slopes": MEMORY,
-    "_kernels/orbits/time/edge_events.py to_instant": MEMORY,
+    "_kernels/orbits/time/compiled_memory.py march": "called by its address, with numbers and arrays only",
     "_kernels/orbits/time/runge_kutta.py row11": TABLEAU,
     "_kernels/orbits/time/runge_kutta.py row12": TABLEAU,
     "_kernels/orbits/time/runge_kutta.py total": TABLEAU,

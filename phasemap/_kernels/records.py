@@ -151,7 +151,8 @@ def record(cls: type[T]) -> type[T]:
         raise TypeError(f"{cls.__name__} takes {words * WORD} bytes, more than a stack may be asked for")
     made: Any = cls
     made.record_type = RecordType(f"{cls.__module__}.{cls.__name__}", fields, words)
-    in_python = type(cls.__name__, (np.record,), {"__doc__": cls.__doc__})
+    own = {"__doc__": cls.__doc__, "__reduce__": lambda one: (_from_bytes, (cls, one.tobytes()))}
+    in_python = type(cls.__name__, (np.record,), own)
     made.layout = np.dtype((in_python, np.dtype(layout)))
     made.__new__ = lambda *_: np.zeros(1, made.layout)[0]
     typeof_impl.register(in_python)(lambda *_: made.record_type)
@@ -186,6 +187,11 @@ def rows_of(cls: type[T], holder: type, field: str) -> Callable[..., T]:
 
     type_callable(row)(lambda _context: lambda one, i=None: kind)
     return row
+
+
+def _from_bytes(cls: Any, content: bytes) -> Any:
+    """A record of this class, for pickle: numpy would make a plain one, which kernels do not know."""
+    return np.frombuffer(bytearray(content), cls.layout)[0]
 
 
 def _declare(cls: Any, kind: RecordType) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -87,6 +90,16 @@ def test_rows_of_an_array_are_records_to_kernels_and_to_python() -> None:
     assert [(pair_of(rows, i).length, pair_of(rows, i).count) for i in range(3)] == [(1.5, 0), (0.0, 7), (0.0, 7)]
     pair_of(rows).count = 2
     assert pair_of(rows).count == 2
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_of_a_record_is_one_that_kernels_know_and_changes_by_itself(copied: Callable[[Whole], Whole]) -> None:
+    first = Whole()
+    first.row[:] = 7.0
+    second = copied(first)
+    assert list(second.row) == [7.0] * 4
+    assert fill(second, 2.0) == 6.5
+    assert list(first.row) == [7.0] * 4
 
 
 def test_a_record_that_is_too_large_for_a_stack_is_refused() -> None:

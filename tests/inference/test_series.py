@@ -322,4 +322,4 @@ def test_a_real_flake_has_the_same_contrast_in_both_directions():
     np.testing.assert_allclose(contrast, 20.0, atol=3.0)
     assert abs(contrast[0] - contrast[1]) < 4 * np.hypot(*np.hypot(*seen.errors)) + 1.0
     settings = settings_of(both, ["trace", "retrace"], GIVEN)
-    assert settings.setpoint == HELD and "the same setting" in settings.told[-1]
+    assert settings.setpoint == HELD and "the same setpoint and free amplitude" in settings.told[-1]
