@@ -192,8 +192,8 @@ def test_below_the_resonance_dents_that_last_but_attract_nothing_lead_to_the_orb
 
 
 def test_a_tap_through_drive_phase_0_is_as_exact_as_others() -> None:
-    # Its lag is 67 degrees, and it is in contact for half of the period. Steps that meet a kink of the dent, as those of
-    # an eighth do here, miss some energy, and state the larger error that this makes.
+    # Its lag is 67 degrees, and it is in contact for half of the period. Steps that meet a kink of the dent, as those
+    # of an eighth do here, miss some energy, and state the larger error that this makes.
     scope = pm.Microscope(
         pm.Cantilever(38.0, 300e3, 32.0), pm.Tip(7e-9), pm.Drive(7e-9), pm.Interaction("dmt", decay_length=None)
     )
