@@ -98,7 +98,7 @@ class Instant(NamedTuple):
     sin: float
 
 
-@kernel
+@kernel(inline=True)
 def dent_at(here: Surface, t: float) -> float:
     """Depth [m] of the surface under a tip that does not touch it."""
     return here.dent * math.exp((here.since - t) * here.recovery) if here.dent > 0 else 0.0

@@ -129,7 +129,7 @@ def begin_period(fixed: Surface, z0: float, y: np.ndarray, run: March) -> None:
     run.sums.loss = -potential(surface_now(fixed, run), u.x, d, 0.0)
 
 
-@kernel
+@kernel(inline=True)
 def forget_dent(fixed: Surface, pace: Pace, run: March) -> None:
     """Let what is left of a dent come back at once where that is next to nothing."""
     surface = surface_now(fixed, run)
@@ -139,7 +139,7 @@ def forget_dent(fixed: Surface, pace: Pace, run: March) -> None:
         fixed.m[on.OUTER_COUNT] = run.dent = 0.0
 
 
-@kernel
+@kernel(inline=True)
 def take_contact_step(surface: Surface, pace: Pace, start: Instant, run: March) -> float:
     """Take a step in contact, as short as dents ask for, to what happens next; returns its length [s]."""
     u, end = run.here, run.end
@@ -164,7 +164,7 @@ def take_contact_step(surface: Surface, pace: Pace, start: Instant, run: March) 
     return h
 
 
-@kernel
+@kernel(inline=True)
 def contact_event(surface: Surface, pace: Pace, start: Instant, run: March, h: float) -> float:
     """Shorten a step in contact to what happens in it, if anything does; returns its length [s]."""
     u, end, m = run.here, run.end, surface.m
@@ -186,7 +186,7 @@ def contact_event(surface: Surface, pace: Pace, start: Instant, run: March, h: f
     return h
 
 
-@kernel
+@kernel(inline=True)
 def take_flight_step(surface: Surface, pace: Pace, start: Instant, run: March) -> float:
     """Take a step out of contact, to the first touch if there is one; returns its length [1/omega_c]."""
     u, end, trial = run.here, run.end, run.trial
@@ -208,7 +208,7 @@ def take_flight_step(surface: Surface, pace: Pace, start: Instant, run: March) -
     return h
 
 
-@kernel
+@kernel(inline=True)
 def move_on(omega: float, run: March) -> None:
     """Take up the end of a step as where the next one starts, and add up its integrals."""
     end, sums = run.end, run.sums
@@ -266,7 +266,7 @@ def turn_contact(surface: Surface, run: March) -> bool:
     return True
 
 
-@kernel
+@kernel(inline=True)
 def change_contact(fixed: Surface, pace: Pace, run: March) -> bool:
     """Lay down what the surface is to remember, and let happen what does at the end of a step; False if it cannot."""
     surface, event = surface_now(fixed, run), run.event

@@ -85,7 +85,7 @@ class March:
     cut: int  # 1 where the period ends before the step would
 
 
-@kernel
+@kernel(inline=True)
 def relaxation_rate(mode: float, u: Point, rate: float, kappa: float, since: float, layers: float) -> float:
     """Square of the density of steps in s that relaxation asks for, the contact having turned `since` ago.
 
@@ -101,7 +101,7 @@ def relaxation_rate(mode: float, u: Point, rate: float, kappa: float, since: flo
     return RATE_BEFORE_TURN * fast * math.exp(2 * q * max(v, 0.0) * rate / slows) if slows < 0 else 0.0
 
 
-@kernel
+@kernel(inline=True)
 def dented_share(law: Law, p: Any, gap: float, dent: float) -> float:
     """Share of the long-range force that a dent under the tip takes away, at most 1."""
     force = abs(longrange_force(law, gap, p))
@@ -137,14 +137,14 @@ def pace_over(fixed: Surface, eta: float, dent: float) -> Pace:
     return Pace(kelvin, free, snap, flight, eta, relaxation, past, finer, growth, layers)
 
 
-@kernel
+@kernel(inline=True)
 def depth_ahead(surface: Surface, pace: Pace, q: float, z: float, v: float) -> float:
     """q of the depth that a contact may come to."""
     pull = pace.snap + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(z, v)
     return depth_reached(surface.law, surface.p, surface.medium, q, v, pull)
 
 
-@kernel
+@kernel(inline=True)
 def contact_step(surface: Surface, pace: Pace, run: March) -> float:
     """Length of a step in contact [s]: by stiffness, the rate of sinking in, and relaxation."""
     u, p, medium = run.here, surface.p, surface.medium
@@ -160,7 +160,7 @@ def contact_step(surface: Surface, pace: Pace, run: March) -> float:
     return h
 
 
-@kernel
+@kernel(inline=True)
 def flight_step(surface: Surface, pace: Pace, run: March) -> float:
     """Length of a step out of contact [1/omega_c]."""
     law, p, u, dent = surface.law, surface.p, run.here, dent_at(surface, run.time)
