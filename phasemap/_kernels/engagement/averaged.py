@@ -79,7 +79,7 @@ def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -
     zeta, eta = math.asinh((start - 1.0) * free / epsilon), AMPLITUDE_WEIGHT * math.log(free)
     step, t_zeta, t_eta = 0.3, -1.0, 0.0
     h = log_mismatch(oscillator, reach, epsilon, zeta, eta)
-    a, c, z, lowest_tip_offset, found = free, start, start * free, 1e300, math.nan
+    a, c, z, lowest, found = free, start, start * free, 1e300, math.nan
     rising, surety, margin = False, SURE, MARGIN * low_q_margin_factor(lever)
     for _ in range(MOST_CURVE_STEPS):
         slope_zeta = (log_mismatch(oscillator, reach, epsilon, zeta + TINY, eta) - h) / TINY
@@ -125,13 +125,13 @@ def engage_traced(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -
             found = crossing(oscillator, reach, amplitude, c, c_before)
             if math.isnan(found):
                 return col.NO_AVERAGED_ORBIT, DOUBTFUL
-            if amplitude * found + harmonics(oscillator, reach, amplitude, found)[2] >= lowest_tip_offset:
+            if amplitude * found + harmonics(oscillator, reach, amplitude, found)[2] >= lowest:
                 surety = DOUBTFUL
-        elif a > amplitude >= a_before and z >= lowest_tip_offset:
+        elif a > amplitude >= a_before and z >= lowest:
             found = math.nan  # the tip lands before that crossing
-        if not math.isnan(found) and z < lowest_tip_offset and (a < amplitude * (1.0 - margin) or rising):
+        if not math.isnan(found) and z < lowest and (a < amplitude * (1.0 - margin) or rising):
             break
-        lowest_tip_offset = min(lowest_tip_offset, z)
+        lowest = min(lowest, z)
         if a < 0.3 * amplitude and c < -1.5:
             break
     if math.isnan(found):
