@@ -98,8 +98,9 @@ class Difference:
 
     compared: int = 0  # numbers
     identical: int = 0  # numbers that are the same to the last bit
-    codes: list[str] = field(default_factory=list)  # where a status, a branch or a number of folds changed
-    moved: list[str] = field(default_factory=list)  # where a number moved beyond what both state
+    # Number of the task, and what changed there: a status, branch or number of folds; a number beyond what both state.
+    codes: list[tuple[int, str]] = field(default_factory=list)
+    moved: list[tuple[int, str]] = field(default_factory=list)
     largest: dict[str, float] = field(default_factory=dict)  # difference of each variable
     relative: dict[str, float] = field(default_factory=dict)  # of variables without a limit, over the largest value
 
@@ -109,12 +110,11 @@ class Difference:
         return len(self.codes) + len(self.moved)
 
 
-def differences(tasks: list[Task], before: list[Answer], after: list[Answer]) -> Difference:
+def differences(before: list[Answer], after: list[Answer]) -> Difference:
     """Compare answers to the same tasks."""
     found = Difference()
     for number, (old, new) in enumerate(zip(before, after, strict=True)):
         _compare(number, old, new, found)
-    assert len(tasks) == len(before)
     return found
 
 
@@ -123,19 +123,19 @@ def _compare(number: int, old: Answer, new: Answer, found: Difference) -> None:
     for name, codes in old.codes.items():
         other = new.codes.get(name, np.empty(0))
         if codes.shape != other.shape:
-            found.codes.append(f"task {number}: {name} has shape {other.shape}, had {codes.shape}")
+            found.codes.append((number, f"{name} has shape {other.shape}, had {codes.shape}"))
             return
         for index in np.argwhere(codes != other):
             at = tuple(index)
-            found.codes.append(f"task {number}, {list(map(int, at))}: {name} {codes[at]} -> {other[at]}")
+            found.codes.append((number, f"{name} {list(map(int, at))}: {codes[at]} -> {other[at]}"))
         if name in ("status", "branch", "motion"):
             differing = differing | (codes != other)
     for name, values in old.values.items():
         other = new.values.get(name, np.empty(0))
         if values.shape != other.shape:
-            found.codes.append(f"task {number}: {name} has shape {other.shape}, had {values.shape}")
+            found.codes.append((number, f"{name} has shape {other.shape}, had {values.shape}"))
             continue
-        _compare_numbers(f"task {number}", name, (values, other), old.within[name] + new.within[name], differing, found)
+        _compare_numbers(number, name, (values, other), old.within[name] + new.within[name], differing, found)
     for name, values in old.seen.items():
         if values.shape == new.seen[name].shape and differing.shape in ((), values.shape):
             change = np.abs(np.where(differing, 0.0, values - new.seen[name]))
@@ -144,7 +144,7 @@ def _compare(number: int, old: Answer, new: Answer, found: Difference) -> None:
 
 
 def _compare_numbers(
-    task: str, name: str, pair: tuple[Array, Array], within: Array, differing: Array, found: Difference
+    number: int, name: str, pair: tuple[Array, Array], within: Array, differing: Array, found: Difference
 ) -> None:
     old, new = pair
     same = (old == new) | (np.isnan(old) & np.isnan(new))
@@ -156,9 +156,8 @@ def _compare_numbers(
         found.largest[name] = max(found.largest.get(name, 0.0), float(np.nanmax(change[judged], initial=0.0)))
     for index in np.argwhere(judged & ~(change <= within)):
         at = tuple(index)
-        found.moved.append(
-            f"{task}, {list(map(int, at))}: {name} {old[at]:.12g} -> {new[at]:.12g}, {within[at]:.2g} stated"
-        )
+        text = f"{name} {list(map(int, at))}: {old[at]:.12g} -> {new[at]:.12g}, {within[at]:.2g} stated"
+        found.moved.append((number, text))
 
 
 # The table
@@ -185,10 +184,9 @@ def line(block: Block, found: Difference, before: float, after: float) -> str:
 def details(block: Block, found: Difference, most: int) -> Iterator[str]:
     """What changed in a block, the first of each kind, with the task that shows it."""
     for heading, lines in (("changed", found.codes), ("moved beyond stated errors", found.moved)):
-        for text in lines[:most]:
-            number = int(text.split()[1].rstrip(",:"))
+        for number, text in lines[:most]:
             task = {name: value for name, value in block.tasks[number].items() if name not in ("maps", "axis")}
-            yield f"  {block.name}, {heading}: {text}\n    {task}"
+            yield f"  {block.name}, task {number}, {heading}: {text}\n    {task}"
         if len(lines) > most:
             yield f"  {block.name}, {heading}: {len(lines) - most} more"
 
@@ -207,7 +205,7 @@ def compare(commit: str, names: list[str], most: int, identical: bool) -> int:
             order = (before, after) if number % 2 == 0 else (after, before)
             solved = {one.name: one.timed(block.tasks) for one in order}
             (old, old_seconds), (new, new_seconds) = solved["before"], solved["after"]
-            found = differences(block.tasks, old, new)
+            found = differences(old, new)
             failed |= bool(found.wrong) or (identical and found.identical < found.compared)
             total += old_seconds, new_seconds
             print(line(block, found, old_seconds, new_seconds), flush=True)
@@ -244,8 +242,7 @@ def short() -> list[tuple[Block, Difference]]:
             block_name, number, group, name = key.split("/")
             getattr(kept.setdefault((block_name, int(number)), Answer()), group)[name] = file[key]
     return [
-        (block, differences(block.tasks, [kept.get((block.name, i), Answer()) for i in range(len(answers))], answers))
-        for block, answers in _short()
+        (block, differences([kept[block.name, i] for i in range(len(answers))], answers)) for block, answers in _short()
     ]
 
 
