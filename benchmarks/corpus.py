@@ -188,7 +188,8 @@ def law_tasks() -> Iterator[Task]:
     for scope, frequency in ((AIR, None), (AIR, 299e3), (LIQUID, None)):
         drive = scope["drive"] | {"excitation": "base", "frequency": frequency}
         adhesion = maps["adhesion"] if scope is AIR else np.full(40, 1e-3)
-        yield plain | {"scope": scope | {"drive": drive}, "maps": maps | {"adhesion": adhesion}}
+        mass = {"cantilever": (*scope["cantilever"], 1.0)}  # a participation of 1
+        yield plain | {"scope": scope | mass | {"drive": drive}, "maps": maps | {"adhesion": adhesion}}
     variables = ["mode2_phase", "mode2_frequency_shift"]
     yield plain | {"scope": AIR | {"drive": AIR["drive"] | {"second": SECOND}}, "variables": variables[1:]}
     for solver in ("averaging", "march"):

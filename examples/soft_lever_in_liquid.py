@@ -22,7 +22,7 @@ WAYS = {"direct": "driven at the tip", "base": "driven by a shaker"}
 def scope(excitation: str) -> pm.Microscope:
     """Give a lever of 0.1 N/m in water."""
     return pm.Microscope(
-        pm.Cantilever(stiffness=0.1, resonance_frequency=10e3, quality_factor=3.0),
+        pm.Cantilever(stiffness=0.1, resonance_frequency=10e3, quality_factor=3.0, participation=1),
         pm.Tip(radius=10e-9),
         pm.Drive(free_amplitude=10e-9, excitation=excitation),
         pm.Interaction(contact="dmt", decay_length=0.3e-9),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from phasemap.experiment import generate, interaction
     from phasemap.experiment.accuracy import Accuracy
     from phasemap.experiment.control import Engage, Feedback, Raster
+    from phasemap.experiment.eigenmode import Eigenmode
     from phasemap.experiment.interaction import ContactLaw, Interaction
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
@@ -57,6 +58,7 @@ _NAMES = {
     "comparison.result": ("compare",),
     "experiment.accuracy": ("Accuracy",),
     "experiment.control": ("Engage", "Feedback", "Raster"),
+    "experiment.eigenmode": ("Eigenmode",),
     "experiment.interaction": ("ContactLaw", "Interaction"),
     "experiment.material": ("Material",),
     "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Mode", "Tip"),
@@ -90,7 +92,7 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}
 
 __all__ = [
-    "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Engage", "Feedback", "FileError", "Fit",
+    "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Eigenmode", "Engage", "Feedback", "FileError", "Fit",
     "InputError", "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning",
     "Raster", "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip", "TipChange",
     "channels", "check", "compare", "contrast", "explore", "export", "fit_distance", "fit_frequency", "fit_regions",

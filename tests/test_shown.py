@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,9 @@ SOFT = pm.Material(0.2e9, 0.06, 0.03)
     "thing",
     [
         SOFT, SCOPE, SCOPE.cantilever, pm.Interaction("jkr", None), pm.Mode(1e3, 1.9e6, 600.0, 1e-10), pm.Engage(),
-        pm.Raster(), pm.Feedback(2.0), pm.Accuracy(0.1), pm.Realism(temperature=300.0), pm.TipChange(3, 30e-9),
+        pm.Cantilever(0.1, 2e4, 2.5, modes=(pm.Eigenmode(7.5, 6.0, slope_ratio=3.3),)), replace(SCOPE, detector="tip"),
+        pm.Cantilever(2.0, 7e4, 150.0, modes=2), pm.Raster(), pm.Feedback(2.0), pm.Accuracy(0.1),
+        pm.Realism(temperature=300.0), pm.TipChange(3, 30e-9),
     ],
 )  # fmt: skip
 def test_a_value_object_is_shown_as_short_python_that_makes_it_again(thing: object) -> None:

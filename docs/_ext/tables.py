@@ -36,7 +36,7 @@ def scenes() -> dict[str, str]:
     from phasemap.scenes import surface
 
     tables: dict[str, type] = {
-        "cantilever": pm.Cantilever, "tip": pm.Tip, "drive": pm.Drive, "second": pm.Mode,
+        "cantilever": pm.Cantilever, "modes": pm.Eigenmode, "tip": pm.Tip, "drive": pm.Drive, "second": pm.Mode,
         "interaction": pm.Interaction,
         "materials": pm.Material, "accuracy": pm.Accuracy, "raster": pm.Raster, "feedback": pm.Feedback,
         "realism": pm.Realism, "tip_change": pm.TipChange,

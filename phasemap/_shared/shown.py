@@ -101,7 +101,7 @@ def _rows(thing: Shown, written: Callable[[Any], str]) -> Iterator[tuple[str, st
     """
     for field in fields(thing):
         value = getattr(thing, field.name)
-        if not field.init or (value is None and field.default is None):
+        if not field.init or (value in (None, ()) and value == field.default):
             continue
         number = vars(type(thing)).get(field.name)
         said = "none" if value is None else written(value)

@@ -162,15 +162,13 @@ def invert(arguments: argparse.Namespace) -> None:
 def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
     """The images, their setpoints and their microscopes."""
     from phasemap.io.measured import one_scan
-    from phasemap.io.metadata import off_resonance
     from phasemap.io.read import read_image
 
     if not paths:
         raise PhasemapError("there is no image: name one at least, behind the scene.")
     images = [_signed(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
     scope = setup.microscope
-    base = scope.drive.excitation == "base"
-    loss = off_resonance(scope.frequency_ratio, scope.cantilever.quality_factor, base)
+    loss = scope.drive.free_amplitude / scope.driven_amplitude
     setpoints = _list("setpoints", arguments.setpoints, len(images)) or [None] * len(images)
     amplitudes = _list("free_amplitudes", arguments.free_amplitudes, len(images)) or [None] * len(images)
     fixed = any(word.partition("=")[0].strip() == "drive.free_amplitude" for word in overrides)

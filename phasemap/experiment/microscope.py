@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -11,17 +12,18 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Renamed, known_as
 from phasemap._shared.plausible import question
 from phasemap._shared.shown import Shown
+from phasemap.experiment.eigenmode import OF_FIRST, Eigenmode, Modes, all_modes, check_modes, free_motion
 from phasemap.experiment.interaction import Interaction
 
-EXCITATIONS = ("direct", "base")
+EXCITATIONS, DETECTORS = ("direct", "base"), ("slope", "tip")
 FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what is found in practice [Hz, m, m]
 DETECTIONS = ("fm", "am")
 
 
-@known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor")
+@known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor", B="participation")
 @dataclass(frozen=True, repr=False)
 class Cantilever(Shown):
-    """The lever's first eigenmode as a damped spring.
+    """The lever: its first eigenmode as a damped spring, and higher ones if any.
 
     Parameters
     ----------
@@ -31,16 +33,30 @@ class Cantilever(Shown):
         Free resonance frequency f_c = omega_c / (2 pi) [Hz], > 0.
     quality_factor : float
         Q = 1 / (2 alpha0) [1], > 0.5 (the lever must oscillate).
+    participation : float
+        How strongly motion of the base drives the first mode [1], > 0: 1.566 for a uniform beam, 1 for a point mass on
+        a spring. It matters with base excitation only.
+    modes : tuple of Eigenmode, or int
+        The modes above the first, by rising frequency; or the number of all modes, 1 to 4, of a uniform beam in a gas:
+        frequencies as in vacuum, and quality factors in proportion to the root of the frequency, which is the limit of
+        Sader's hydrodynamic function (J. Appl. Phys. 84, 64 (1998)) for boundary layers thinner than the lever is wide.
 
     Examples
     --------
     >>> Cantilever(stiffness=40.0, resonance_frequency=148.5e3, quality_factor=833.0).damping_ratio
     0.0006002400960384153
+    >>> [round(mode.quality_factor) for mode in Cantilever("2 N/m", "70 kHz", 150, modes=3).eigenmodes]
+    [150, 376, 628]
     """
 
     stiffness: Number[float] = Number("N/m", above=0, usual=(1e-3, 1e3))
     resonance_frequency: Number[float] = Number("Hz", above=0, usual=FREQUENCY)
     quality_factor: Number[float] = Number("1", above=0.5, usual=(0.5, 1e6))
+    participation: Number[float] = Number("1", OF_FIRST, above=0, usual=(0.1, 10))
+    modes: Modes = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "modes", check_modes(self.modes))
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Cantilever:
@@ -77,6 +93,11 @@ class Cantilever(Shown):
     def damping_ratio(self) -> float:
         """alpha0 = 1 / (2 Q), the lever's own damping [1]."""
         return 0.5 / self.quality_factor
+
+    @property
+    def eigenmodes(self) -> tuple[Eigenmode, ...]:
+        """All modes, the first one too, with every number that a higher one leaves to the uniform beam."""
+        return all_modes(self.quality_factor, self.participation, self.modes)
 
     damping = Renamed("damping_ratio", "`damping` is that of a material")
 
@@ -149,12 +170,14 @@ class Drive(Shown):
     Parameters
     ----------
     free_amplitude : float
-        Amplitude of the free lever's tip AT RESONANCE [m], > 0; the drive is u0 = free_amplitude / Q.
+        Amplitude of the free lever's first mode AT RESONANCE [m], > 0. The drive is u0 = free_amplitude / Q, and under
+        base excitation u0 = free_amplitude / (Q participation).
     frequency : float, optional
         Drive frequency [Hz], > 0; None drives at the free resonance.
     excitation : {"direct", "base"}
-        "direct" is a force on the tip (magnetic, photothermal): the detector sees the tip's position. "base" is a
-        shaker under the lever, which moves its base by u0: the detector sees the deflection, position less base.
+        "direct" is a force on the tip (magnetic, photothermal), which drives every mode: the detector sees the tip's
+        position. "base" is a shaker under the lever, which moves its base by u0 while air or liquid around it are at
+        rest: the detector sees the deflection, position less base.
         Setpoint, amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase
         is 0 for the free lever at resonance. The difference is of the order 1/Q.
     second : Mode, optional
@@ -195,6 +218,10 @@ class Microscope(Shown):
     tip : Tip
     drive : Drive
     interaction : Interaction
+    detector : str or tuple of float
+        What the detector sees of the modes: "slope", that at the end of the lever, as an optical lever does; "tip", the
+        deflection of the tip, as an interferometer does; or a weight for each mode, the first of them 1. With one mode
+        all are the same.
 
     Examples
     --------
@@ -211,6 +238,7 @@ class Microscope(Shown):
     tip: Tip
     drive: Drive
     interaction: Interaction = Interaction()
+    detector: str | tuple[float, ...] = "slope"
 
     def __post_init__(self) -> None:
         for name, cls in PARTS.items():
@@ -218,6 +246,7 @@ class Microscope(Shown):
             if not isinstance(part, cls):
                 hint = "The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...))."
                 raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
+        object.__setattr__(self, "detector", self._checked_detector())
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
         if self.drive.frequency is not None:
             question("free amplitude at the drive frequency", self.driven_amplitude, "m", (0.0, AMPLITUDE[1]))
@@ -231,14 +260,46 @@ class Microscope(Shown):
 
     @property
     def base_amplitude(self) -> float:
-        """u0 = free_amplitude / Q, the amplitude of the drive: with base excitation, that of the base [m]."""
-        return self.drive.free_amplitude / self.cantilever.quality_factor
+        """u0 [m]: free_amplitude / Q, and with base excitation that over the participation, how far the base moves."""
+        drive = self.drive.free_amplitude / self.cantilever.quality_factor
+        return drive if self.drive.excitation == "direct" else drive / self.cantilever.participation
+
+    @property
+    def detector_weights(self) -> tuple[float, ...]:
+        """How much of each mode's deflection at the tip the detector sees, over that of the first [1]."""
+        modes = self.cantilever.eigenmodes
+        if isinstance(self.detector, tuple):
+            return self.detector
+        return tuple(1.0 if self.detector == "tip" else float(mode.slope_ratio or 0.0) for mode in modes)
 
     @property
     def driven_amplitude(self) -> float:
         """Amplitude of the free lever at the drive frequency, as the detector sees it [m]: what the setpoint is of."""
+        if len(self.detector_weights) > 1:
+            return abs(self._free_signal(self.frequency_ratio))
         omega, loss = self.frequency_ratio, 2 * self.cantilever.damping_ratio * self.frequency_ratio
-        tip = self.base_amplitude / math.hypot(1 - omega**2, loss)
+        tip = self.drive.free_amplitude / self.cantilever.quality_factor / math.hypot(1 - omega**2, loss)
         return tip if self.drive.excitation == "direct" else tip * math.hypot(omega**2, loss)
+
+    @property
+    def free_phase(self) -> float:
+        """Phase of the free lever at the drive frequency, as the detector sees it [degree]; 0 at resonance."""
+        at_resonance = self._free_signal(1.0)
+        return math.degrees(cmath.phase(self._free_signal(self.frequency_ratio) * at_resonance.conjugate()))
+
+    def _free_signal(self, omega: float) -> complex:
+        """What the detector sees of the free lever [m]; the drive leads the first mode at resonance by 90 degrees."""
+        modes = free_motion(self.cantilever.eigenmodes, omega, self.base_amplitude, self.drive.excitation)
+        return sum((weight * mode for weight, mode in zip(self.detector_weights, modes, strict=True)), 0j)
+
+    def _checked_detector(self) -> str | tuple[float, ...]:
+        """The detector, its weights as floats."""
+        count, given = len(self.cantilever.eigenmodes), self.detector
+        if isinstance(given, str) and given in DETECTORS:
+            return given
+        if isinstance(given, (tuple, list)) and len(given) == count and given[0] == 1:
+            return tuple(number("detector", weight, "1") for weight in given)
+        allowed = f"'slope', 'tip', or as many weights as modes, {count}, the first of them 1"
+        raise InputError("detector", given, allowed)
 
     free_amplitude = Renamed("driven_amplitude", "`free_amplitude` is that of the drive, at resonance")

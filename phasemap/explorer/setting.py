@@ -16,6 +16,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.explorer.knobs import knobs_of
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
+from phasemap.scenes.objects import microscope_tables
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.problem import check_setpoint
 
@@ -112,18 +113,17 @@ class Setting:
             **kept,
             "scan": {**kept.get("scan", {}), "setpoint": self.setpoint, "solver": solver},
             "materials": others | {name: asdict(one) for name, one in self.materials.items()},
-            **asdict(self.scope),
+            **microscope_tables(self.scope),
         }
-        return _without_none(tables)
+        kept_tables: Table = _without_none(tables)
+        return kept_tables
 
 
-def _without_none(table: Mapping[str, Any]) -> Table:
-    """The table without the keys that TOML could not have."""
-    return {
-        key: _without_none(value) if isinstance(value, Mapping) else value
-        for key, value in table.items()
-        if value is not None
-    }
+def _without_none(value: Any) -> Any:
+    """Tables without the keys that TOML could not have."""
+    if isinstance(value, Mapping):
+        return {key: _without_none(one) for key, one in value.items() if one is not None}
+    return [_without_none(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _real(value: object) -> Any:

@@ -9,6 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from phasemap._shared.plausible import unquestioned
+from phasemap.experiment.eigenmode import Eigenmode
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+
 CANONICAL = {
     "drive_frequency": "Hz",
     "free_amplitude": "m",  # of the free lever at the drive frequency
@@ -58,58 +62,47 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """
     try:
         told = json.loads(attrs["configuration"])
-        lever, drive = told["microscope"]["cantilever"], told["microscope"]["drive"]
-        return _of_tables(lever, drive, told["setpoint"], told["control"], "levelled" in attrs)
+        scope = microscope_of(told["microscope"])
+        return _of_microscope(scope, told["setpoint"], told["control"], "levelled" in attrs)
     except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return {}  # the attribute may be there and be somebody else's
 
 
-def _of_tables(
-    lever: Mapping[str, Any], drive: Mapping[str, Any], setpoint: Any, control: Mapping[str, Any], levelled: bool
-) -> dict[str, float]:
+@unquestioned()  # who made the image was told then
+def microscope_of(told: Mapping[str, Any]) -> Microscope:
+    """Lever, radius, drive and detector of what `phasemap.results.variables.describe` gave; any other error is its."""
+    lever, drive = _arguments(told["cantilever"]), _arguments(told["drive"])
+    if isinstance(lever.get("modes"), list):
+        lever["modes"] = [Eigenmode(**_arguments(mode)) for mode in lever["modes"]]
+    if drive.get("second") is not None:
+        drive["second"] = Mode(**_arguments(drive["second"]))
+    tip = Tip(told["tip"]["radius"])
+    return Microscope(Cantilever(**lever), tip, Drive(**drive), detector=told.get("detector", "slope"))
+
+
+def _arguments(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in table.items() if name != "kind"}
+
+
+def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any], levelled: bool) -> dict[str, float]:
     """The canonical values of a configuration."""
-    resonance, quality = lever["resonance_frequency"], lever["quality_factor"]
-    frequency = drive["frequency"] or resonance
-    ratio, deflection = frequency / resonance, drive.get("excitation") == "base"
+    lever = scope.cantilever
     scan = ScanData()
     scan.take(
-        drive_frequency=frequency,
-        free_amplitude=drive["free_amplitude"] / off_resonance(ratio, quality, deflection),
+        drive_frequency=scope.drive.frequency or lever.resonance_frequency,
+        free_amplitude=scope.driven_amplitude,
         setpoint=setpoint,
-        stiffness=lever["stiffness"],
-        resonance_frequency=resonance,
-        quality_factor=quality,
+        stiffness=lever.stiffness,
+        resonance_frequency=lever.resonance_frequency,
+        quality_factor=lever.quality_factor,
         line_rate=control.get("line_rate"),
         proportional_gain=control.get("proportional_gain"),
         integral_gain=control.get("integral_gain"),
-        phase_zero=phase_of_free(ratio, quality, deflection),
+        phase_zero=scope.free_phase,
     )
     if levelled:
         del scan.values["phase_zero"]
     return scan.values
-
-
-def off_resonance(ratio: float, quality: float, deflection: bool = False) -> float:
-    """Amplitude of the free tip at resonance over what is seen at `ratio` times the resonance frequency [1].
-
-    `deflection`: whether the detector sees the deflection of a lever whose base is driven, and not the position of
-        the tip.
-
-    Examples
-    --------
-    >>> off_resonance(1.0, 400.0), round(off_resonance(1.0, 3.0, True), 4)
-    (1.0, 0.9487)
-    """
-    seen = math.hypot(ratio**2, ratio / quality) if deflection else 1.0
-    return quality * math.hypot(1 - ratio**2, ratio / quality) / seen
-
-
-def phase_of_free(ratio: float, quality: float, deflection: bool) -> float:
-    """Phase that is seen of the free lever at `ratio` times the resonance frequency [degree]."""
-    phase = math.atan2(quality * (1 / ratio - ratio), 1.0)
-    if deflection:
-        phase += math.atan(1 / quality) - math.atan2(1 / quality, ratio)
-    return math.degrees(phase)
 
 
 def quantity(text: str | None) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,8 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.excitation import DETECTED
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
-from phasemap.io.metadata import of_simulation, off_resonance, phase_of_free
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
+from phasemap.io.metadata import microscope_of, of_simulation
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_of
 from phasemap.results.variables import all_variables_of, check_variables, describe, provenance, variables_of
 
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
 UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_factor": "1", "free_amplitude": "m"}
 """What may have a standard deviation, and its unit."""
+ANY_RADIUS = 1e-8  # m, of a tip that no formula asks for
 
 
 @asked_as()
@@ -158,35 +160,25 @@ def _lever(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dic
     said = {**image.attrs, **of_simulation(image.attrs)}
     if scope is not None:
         return scope, said
+    with suppress(ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
+        return microscope_of(json.loads(image.attrs["configuration"])["microscope"]), said  # else it is somebody else's
     missing = [name for name in SETTINGS if name not in said]
     if missing:
         hint = "Give scope=pm.Microscope(...)."
         raise InputError("what the image says of the scan", "without " + " and ".join(missing), "all of it", hint)
     stiffness, resonance, quality, free = (number(name, said[name], "", above=0) for name in SETTINGS)
-    frequency = said.get("drive_frequency", resonance)
     excitation = "base" if said.get("detected") == DETECTED["base"] else "direct"
-    free *= off_resonance(frequency / resonance, quality, excitation == "base")
-    lever = Cantilever(stiffness, resonance, quality)
-    radius, second = _of_configuration(image)
-    return Microscope(lever, Tip(radius), Drive(free, frequency, excitation, second)), said
-
-
-def _of_configuration(image: xr.Dataset) -> tuple[float, Mode | None]:
-    """Radius of the tip [m] and second mode of a simulated image; of others any radius, for none is asked for."""
-    try:
-        stored = json.loads(image.attrs["configuration"])["microscope"]
-        second = stored["drive"].get("second")
-        mode = None if second is None else Mode(**{name: value for name, value in second.items() if name != "kind"})
-        return float(stored["tip"]["radius"]), mode
-    except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
-        return 1e-8, None  # the attribute may be there and be somebody else's
+    drive = Drive(free, said.get("drive_frequency", resonance), excitation)
+    scope = Microscope(Cantilever(stiffness, resonance, quality), Tip(ANY_RADIUS), drive)
+    at_resonance = free * free / scope.driven_amplitude
+    return replace(scope, drive=replace(drive, free_amplitude=at_resonance)), said
 
 
 def _phase(
     image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: Scalar | None, sign: int
 ) -> xr.DataArray:
     """The phase [degree], 0 at free resonance, positive repulsive."""
-    free = phase_of_free(scope.frequency_ratio, scope.cantilever.quality_factor, scope.drive.excitation == "base")
+    free = scope.free_phase
     recorded = said.get("phase_zero") if zero is None else number("phase_zero", zero, "degree")
     if recorded is None:
         hint = "Give the phase that was recorded of the free lever, phase_zero=..., or the scope's."

@@ -21,15 +21,15 @@ from phasemap._shared.notices import tell
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Cantilever
+from phasemap.experiment.presets import preset_of
 from phasemap.experiment.properties import damping_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.flattening import level_height
 from phasemap.io.measured import APART, one_scan, segment_height, segment_phase, separation_of
-from phasemap.io.metadata import off_resonance
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 from phasemap.io.whole_files import check_target, replacing
+from phasemap.scenes.objects import microscope_of
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
 from phasemap.scenes.tables import Table, construct, with_override
 from phasemap.scenes.writing import toml_of
@@ -202,13 +202,13 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     _fill(tables, notes, measured, "as recorded")
     if "preset" in lever:
         named = lever.pop("preset")
-        usual = dataclasses.asdict(construct("[cantilever]", {}, partial(Cantilever.preset, named)))
+        usual = construct("[cantilever]", {}, partial(preset_of, "levers", named)).values
         _fill(tables, notes, {f"cantilever.{name}": value for name, value in usual.items()}, f"of the preset {named}")
     _fill(tables, notes, recorded, "nominal, of levers of this type")
     if "resonance_frequency" not in lever and "frequency" in drive:
         lever["resonance_frequency"] = drive["frequency"]
         notes["cantilever.resonance_frequency"] = "assumed to be the drive frequency, for the file does not say"
-    loss = _off_resonance(lever, drive)
+    loss = _off_resonance(tables)
     if "free_amplitude" not in drive and "free_amplitude" in attrs and loss:
         drive["free_amplitude"] = float(attrs["free_amplitude"]) * loss
         notes["drive.free_amplitude"] = "as recorded" + (", brought to resonance" if loss > 1.001 else "")
@@ -235,14 +235,19 @@ def _fill(tables: Table, notes: dict[str, str], values: Mapping[str, Any], note:
             tables[table][name], notes[key] = value, note
 
 
-def _off_resonance(lever: Table, drive: Table) -> float | None:
+def _off_resonance(tables: Table) -> float | None:
     """Amplitude of the free tip at resonance over what is seen at the drive frequency; None where that is not known."""
+    parts = {
+        "cantilever": {"stiffness": 1.0, **tables["cantilever"]},
+        "tip": {"radius": 1e-8},
+        "drive": {"excitation": "direct", **tables["drive"], "free_amplitude": 1e-8},
+        "detector": tables.get("detector", {}),
+    }
     try:
-        resonance = lever["resonance_frequency"]
-        ratio, deflection = drive.get("frequency", resonance) / resonance, drive.get("excitation") == "base"
-        return off_resonance(ratio, lever["quality_factor"], deflection)
-    except (KeyError, TypeError, ZeroDivisionError):
+        scope = microscope_of(parts)
+    except InputError:
         return None  # what is wrong is said when the scene is checked
+    return scope.drive.free_amplitude / scope.driven_amplitude
 
 
 def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, str]:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.eigenmode import Eigenmode
 from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
@@ -46,10 +47,12 @@ def microscope_of(tables: Table) -> Microscope:
     """The microscope of the tables for its parts."""
     complaints = Complaints()
     lever, tip = (
-        complaints.of(object_of, tables, "cantilever", Cantilever),
+        complaints.of(_cantilever, tables),
         complaints.of(object_of, tables, "tip", Tip),
     )
     drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables)
+    detector = {"sees": "slope", **table_of(tables, "detector")}
+    complaints.of(check_keys, "[detector]", detector, ("sees",))
     complaints.make()
     assert isinstance(lever, Cantilever) and isinstance(tip, Tip)
     assert isinstance(drive, Drive) and isinstance(interaction, Interaction)
@@ -59,7 +62,27 @@ def microscope_of(tables: Table) -> Microscope:
             "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
             stacklevel=2,
         )
-    return Microscope(lever, tip, drive, interaction)
+    try:
+        return Microscope(lever, tip, drive, interaction, detector["sees"])
+    except InputError as error:
+        name = "[detector] sees" if error.name == "detector" else error.name
+        raise InputError(name, error.value, error.allowed, error.hint) from error
+
+
+def microscope_tables(scope: Microscope) -> Table:
+    """The tables of which `microscope_of` makes the same."""
+    table = dataclasses.asdict(scope)
+    return {**table, "interaction": interaction_table(scope.interaction), "detector": {"sees": scope.detector}}
+
+
+def _cantilever(tables: Table) -> Cantilever:
+    """The lever, which may have higher modes."""
+    table = table_of(tables, "cantilever")
+    if isinstance(modes := table.get("modes"), (list, tuple)):
+        made = [_from_table(f"[[cantilever.modes]] {i}", mode, Eigenmode) for i, mode in enumerate(modes, 2)]
+        table = {**table, "modes": made}
+    lever: Cantilever = _from_table("[cantilever]", table, Cantilever)
+    return lever
 
 
 def _drive(tables: Table) -> Drive:

@@ -1,11 +1,12 @@
 """Scenes: one TOML file that says everything a simulation needs.
 
 The tables are ``[scan]`` (setpoint, solver, strict_units), ``[surface]`` (see `phasemap.scenes.surface`),
-``[materials.NAME]``, ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[control]`` (kind, and more),
-``[accuracy]``, ``[realism]`` and ``[output]`` (file, variables); a table ``[ensemble]`` makes many scenes of one
-(`phasemap.scenes.ensemble`). Keys are the arguments of the Python objects of the same name, in SI units or as text
-with a unit ("40 nm"); nothing unknown is passed over. ``preset = "PS"`` in a material or the lever stands for its
-numbers, beside which others may be given. A contact law with parameters is a table:
+``[materials.NAME]``, ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[detector]`` (sees, what
+`phasemap.Microscope` calls detector), ``[control]`` (kind, and more), ``[accuracy]``, ``[realism]`` and ``[output]``
+(file, variables); a table ``[ensemble]`` makes many scenes of one (`phasemap.scenes.ensemble`). Keys are the arguments
+of the Python objects of the same name, in SI units or as text with a unit ("40 nm"); nothing unknown is passed over.
+``preset = "PS"`` in a material or the lever stands for its numbers, beside which others may be given. Higher modes of
+the lever are a number, ``modes = 2``, or tables ``[[cantilever.modes]]``. A contact law with parameters is a table:
 ``contact = { law = "cone", half_angle = 30 }``, of "cone", "film", "punch", "maugis" or "neck".
 """
 
@@ -31,9 +32,9 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import of_one_loss
 from phasemap.scenes.objects import (
     control_of,
-    interaction_table,
     materials_of,
     microscope_of,
+    microscope_tables,
     object_of,
     realism_of,
     scan_of,
@@ -48,8 +49,8 @@ if TYPE_CHECKING:
     from phasemap.scenes.surface import Built
 
 TABLES = (
-    "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "control", "accuracy", "realism",
-    "output",
+    "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "detector", "control", "accuracy",
+    "realism", "output",
 )  # fmt: skip
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
@@ -279,8 +280,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         "scan": scan[1],
         "surface": tables["surface"],
         "materials": {name: dataclasses.asdict(material) for name, material in materials.items()},
-        **dataclasses.asdict(microscope),
-        "interaction": interaction_table(microscope.interaction),
+        **microscope_tables(microscope),
         "control": describe(control),
         "accuracy": dataclasses.asdict(accuracy),
         "realism": dataclasses.asdict(realism),

@@ -22,12 +22,13 @@ from phasemap.experiment.interaction import LinearSpring, MaugisDugdale, Neck
 
 CLASSES = (
     pm.Material, pm.Cantilever, pm.Tip, pm.Drive, pm.Interaction, pm.Accuracy, pm.Feedback, pm.Realism, pm.TipChange,
-    LinearSpring, MaugisDugdale, Neck, pm.Mode,
+    LinearSpring, MaugisDugdale, Neck, pm.Mode, pm.Eigenmode,
 )  # fmt: skip
 BESIDE = {  # what else a constructor needs
     pm.Material: {"modulus": 1e9}, pm.Drive: {"free_amplitude": 20e-9}, pm.Tip: {"radius": 10e-9},
     pm.Cantilever: {"stiffness": 40.0, "resonance_frequency": 3e5, "quality_factor": 400.0},
     pm.Mode: {"stiffness": 1600.0, "frequency": 1.88e6, "quality_factor": 600.0, "free_amplitude": 1e-10},
+    pm.Eigenmode: {"frequency_ratio": 6.3, "quality_factor": 400.0},
     pm.TipChange: {"line": 3, "radius": 1e-8}, Neck: {"length": 1e-9}, pm.Feedback: {},
 }  # fmt: skip
 WRITTEN = {  # a number that a field of this unit can have, with a unit, and in SI
@@ -36,7 +37,7 @@ WRITTEN = {  # a number that a field of this unit can have, with a unit, and in 
     "degree": ("0.5 degrees", 0.5), "s": ("20 us", 20e-6), "1/s": ("500 Hz", 500.0),
     "m/sqrt(Hz)": ("20 fm/sqrt(Hz)", 20e-15), "1": ("45 %", 0.45),
 }  # fmt: skip
-OF_QUALITY = {"quality_factor": ("400", 400.0)}  # above 0.5
+OF_QUALITY = {"quality_factor": ("400", 400.0), "frequency_ratio": ("6.3", 6.3)}  # above 0.5, and 1
 UNITS = pint.UnitRegistry()
 
 

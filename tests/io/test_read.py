@@ -20,7 +20,6 @@ import phasemap as pm
 from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import Channel
 from phasemap.io.kinds import KINDS
-from phasemap.io.metadata import off_resonance
 from phasemap.io.read import read_image
 from phasemap.io.vendors import mode_of, scan_data
 
@@ -532,7 +531,6 @@ def test_a_simulated_image_tells_its_scan_too(tmp_path: Path) -> None:
     # Below resonance the free lever lags less than 90 degrees behind; the phase is 90 less the lag.
     ratio = 299.5 / 300
     assert read.attrs["phase_zero"] == pytest.approx(90 - np.degrees(np.arctan2(ratio / 400, 1 - ratio**2)))
-    assert off_resonance(ratio, 400.0) == pytest.approx(20e-9 / scope.driven_amplitude)
 
 
 def test_a_netcdf_file_that_is_no_image_is_refused(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ TABLE = [  # raw and corrected loss tangents of the first six cases, by an earli
 def scope_of(case: Case) -> pm.Microscope:
     frequency = case["frequency_ratio"] * case["resonance_frequency"]
     return pm.Microscope(
-        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"]),
+        pm.Cantilever(case["stiffness"], case["resonance_frequency"], case["quality_factor"], participation=1),
         pm.Tip(case["tip_radius"]),
         pm.Drive(case["free_amplitude"], frequency, case["excitation"]),
         pm.Interaction(case["law"], case["decay_length"]),

@@ -25,8 +25,10 @@ from phasemap.solvers.problem import work_of_material
 CASES = load("excitation")
 IN_LIQUID = [case for case in CASES if case["quality_factor"] < 20]
 IN_AIR = [case for case in CASES if case["quality_factor"] >= 100]
-WET = pm.Microscope(pm.Cantilever(0.5, 30e3, 3.0), pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"))
-DRY = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base"))
+WET = pm.Microscope(pm.Cantilever(0.5, 30e3, 3.0, participation=1), pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"))
+DRY = pm.Microscope(
+    pm.Cantilever(40.0, 300e3, 400.0, participation=1), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base")
+)
 SOFT = pm.Material(1e9, adhesion=0.05, damping=0.01)
 SETPOINT = 0.7
 
@@ -34,7 +36,7 @@ SETPOINT = 0.7
 def scope_of(case: Case) -> pm.Microscope:
     frequency = 100e3
     return pm.Microscope(
-        pm.Cantilever(case["stiffness"], frequency, case["quality_factor"]),
+        pm.Cantilever(case["stiffness"], frequency, case["quality_factor"], participation=1),
         pm.Tip(case["radius"]),
         pm.Drive(case["free_amplitude"], case["frequency_ratio"] * frequency, "base"),
         pm.Interaction("dmt", case["decay_length"]),
@@ -97,7 +99,7 @@ def test_kernels_see_what_arrays_see(scope: pm.Microscope) -> None:
 def test_the_spread_is_that_of_the_deflection_behind_a_lock_in() -> None:
     # Taps that come in some periods only. Taken for those of z and turned to the deflection, spreads are 2 % off.
     scope = pm.Microscope(
-        pm.Cantilever(3.6, 300e3, 20.0), pm.Tip(10e-9), pm.Drive(20e-9, excitation="base"),
+        pm.Cantilever(3.6, 300e3, 20.0, participation=1), pm.Tip(10e-9), pm.Drive(20e-9, excitation="base"),
         pm.Interaction("jkr", decay_length=0.3e-9),
     )  # fmt: skip
     sticky = pm.Material(59e6, adhesion=0.1, damping=0.01)
@@ -148,8 +150,8 @@ def test_errors_bound_what_the_search_for_the_amplitude_seen_leaves(
 ) -> None:
     stiffness, quality, free, ratio, radius, modulus, adhesion, damping, setpoint = numbers
     scope = pm.Microscope(
-        pm.Cantilever(stiffness, 100e3, quality), pm.Tip(radius), pm.Drive(free, ratio * 100e3, "base"),
-        pm.Interaction("dmt", 0.3e-9),
+        pm.Cantilever(stiffness, 100e3, quality, participation=1), pm.Tip(radius),
+        pm.Drive(free, ratio * 100e3, "base"), pm.Interaction("dmt", 0.3e-9),
     )  # fmt: skip
     material, strict = pm.Material(modulus, adhesion=adhesion, damping=damping), pm.Accuracy(phase=1e-9, height=1e-16)
     found = pm.solve_pixel(material, scope, setpoint, accuracy=strict)
@@ -188,7 +190,9 @@ def test_without_losses_the_phase_follows_from_the_amplitude() -> None:
 def test_both_excitations_agree_to_order_one_over_q() -> None:
     qualities, apart = np.array([100.0, 200.0, 400.0, 800.0]), []
     for quality in qualities:
-        base = pm.Microscope(pm.Cantilever(40.0, 300e3, quality), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base"))
+        base = pm.Microscope(
+            pm.Cantilever(40.0, 300e3, quality, participation=1), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base")
+        )
         pixels = [pm.solve_pixel(pm.Material(3e9), scope, SETPOINT, "orbit") for scope in (base, direct(base))]
         apart.append(abs(pixels[0].phase - pixels[1].phase))
     slope = np.polyfit(np.log(qualities), np.log(apart), 1)[0]
@@ -318,7 +322,9 @@ def test_check_certifies_an_image_and_finds_a_wrong_word(scope: pm.Microscope) -
 def test_an_orbit_that_the_attractive_branch_leaves_just_before_is_found_along_the_whole_curve() -> None:
     # Where the attractive branch ends between the two A that show the setpoint, neither is what engagement finds at
     # its own A; the sweep, which follows the curve as the deflection shows it, does.
-    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 150.0), pm.Tip(10e-9), pm.Drive(8e-9, excitation="base"))
+    scope = pm.Microscope(
+        pm.Cantilever(40.0, 300e3, 150.0, participation=1), pm.Tip(10e-9), pm.Drive(8e-9, excitation="base")
+    )
     sticky = pm.Material(2e9, adhesion=0.1, damping=0.01)
     setpoints = np.linspace(0.76, 0.66, 51)
     swept = pm.sweep_setpoint(sticky, scope, setpoints).sel(direction="down")

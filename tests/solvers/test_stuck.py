@@ -47,7 +47,7 @@ def test_a_tip_that_falls_out_of_irregular_motion_is_held_where_a_feedback_ends(
     # lowered at four constant speeds, sticks in 39 of 64 runs and taps on in the others, by chance. With an integral
     # feedback, which raises the tip and lowers it again, all of 15 runs at gains from 0.003 to 0.3 a period end here.
     scope = pm.Microscope(
-        pm.Cantilever(0.0409895672161038, 30e3, 7.681549354045569), pm.Tip(19.87027686656883e-9),
+        pm.Cantilever(0.0409895672161038, 30e3, 7.681549354045569, participation=1), pm.Tip(19.87027686656883e-9),
         pm.Drive(11.604198676683446e-9, excitation="base"), pm.Interaction("dmt", 5.178872724788154e-10),
     )  # fmt: skip
     pixel = pm.solve_pixel(pm.Material(72415717.01559418, 0.00462914110867666, 0.11761596440786407), scope, 0.6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,10 @@ SCENES: dict[str, Callable[[], tuple[pm.Surface, pm.Microscope]]] = {
         pm.Microscope(pm.Cantilever(0.3, 20e3, 3.0), TIP, pm.Drive(10e-9)),
     ),
     "off resonance": lambda: (random_map(96, *STIFF), pm.Microscope(LEVER, TIP, pm.Drive(20e-9, 299.6e3))),
-    "base drive": lambda: (random_map(8, *STIFF), pm.Microscope(LEVER, TIP, pm.Drive(20e-9, excitation="base"))),
+    "base drive": lambda: (
+        random_map(8, *STIFF),
+        pm.Microscope(replace(LEVER, participation=1), TIP, pm.Drive(20e-9, excitation="base")),
+    ),
     "second mode": lambda: (
         random_map(8, *STIFF),
         pm.Microscope(LEVER, TIP, pm.Drive(20e-9, second=pm.Mode(1500.0, 1.9e6, 600.0, 0.2e-9))),

@@ -145,7 +145,7 @@ def scope_of(
     drive = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
                   one.get("resonance_frequency") == resonance), None)  # fmt: skip
     nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
-    values = {"resonance_frequency": resonance}
+    values: dict[str, Any] = {"resonance_frequency": resonance}
     for name, unit in (("stiffness", " N/m"), ("quality_factor", "")):
         values[name] = float(said.get(name, nearest.values[name]))
         if name not in said:

@@ -15,6 +15,7 @@ from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.eigenmode import Eigenmode
 from phasemap.experiment.interaction import Cone, Film, FlatPunch, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
@@ -33,8 +34,8 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        Accuracy, Cantilever, Cone, Drive, Engage, Feedback, Film, FlatPunch, Interaction, LinearSpring, MaugisDugdale,
-        Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
+        Accuracy, Cantilever, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch, Interaction, LinearSpring,
+        MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
 """What `phasemap.results.variables.describe` describes."""
@@ -138,12 +139,16 @@ def _made(stored: Any, *kinds: type[T]) -> T:
 
 def _object(stored: Any) -> Any:
     """Whatever was described."""
+    if isinstance(stored, list):
+        return tuple(map(_object, stored))
     if not isinstance(stored, Mapping):
         return stored
     fields = {name: _object(value) for name, value in stored.items() if name != "kind"}
     kind = stored.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError("kind", kind, "one of " + ", ".join(KINDS))
+    if kind == "cantilever":
+        fields.setdefault("participation", 1.0)  # of images from before beams, whose lever was a point mass
     known = [field.name for field in dataclasses.fields(KINDS[kind])]
     if set(fields) - set(known):
         raise InputError(f"configuration of {kind}", ", ".join(fields), ", ".join(known))
