@@ -20,10 +20,32 @@ RELAXATION = 2  # of a law that may remember: tau [1/omega_c] if above 0
 RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 
-# Entries of the lever, shape (5,): omega [1], alpha0 [1], stiffness [N/m], amplitude u0 of the drive [m], and that of
-# the base [m], which a detector does not see: u0, or 0 where the drive's force acts on the tip.
-OMEGA, ALPHA0, STIFFNESS, BASE, SHAKER = 0, 1, 2, 3, 4
-RINGING = 5  # of a longer one: periods in which motion rings down, where the surface takes part in it
+# Entries of the lever, shape (MODE + MODE_NUMBERS n,) for n modes; see `phasemap.experiment.lever.lever_of`. Motion is
+# that of the tip, forces are over k, and the phase of the drive is that of the force it makes at the tip.
+OMEGA = 0  # drive frequency over the first mode's resonance [1]
+ALPHA0 = 1  # damping ratio of the first mode [1]
+STIFFNESS = 2  # k of the first mode [N/m]
+DRIVE = 3  # u0, amplitude of the drive's force at the tip over k [m]
+DYNAMIC_STIFFNESS = 4  # real part of 1 / (k G(omega)), G the compliance at the tip [1]; 1 - omega^2 of one mode
+DYNAMIC_LOSS = 5  # imaginary part of it [1]; 2 alpha0 omega of one mode
+# What the detector sees of a tip that moves with A exp(i phase): A_s exp(i phase_s) = OFFSET + FACTOR A exp(i phase).
+OFFSET_RE = 6  # [m]
+OFFSET_IM = 7
+FACTOR_RE = 8  # [1]
+FACTOR_IM = 9
+TURN_COS = 10  # cosine and sine of the angle by which the drive's force at the tip is ahead of the drive itself
+TURN_SIN = 11
+RIGID = 12  # amplitude [m] with which the tip moves in phase with the drive and not by a mode: of a driven base
+RINGING = 13  # periods in which motion rings down, where the surface takes part in it; 0: as the first mode does
+MODES = 14  # number of modes
+MODE = 15  # where the first begins; of each, in units of the first mode's stiffness, frequency and time:
+MODE_NUMBERS = 5
+FREQUENCY = 0  # w_i, its resonance [1]
+RATE = 1  # alpha_i = w_i / (2 Q_i), at which it rings down [1]
+SHARE = 2  # w_i^2 k / k_i: its acceleration by a force over k [1]
+PULLED = 3  # its acceleration by the drive [m]
+SLOPE_SEEN = 4  # weight with which the detector sees it [1]
+MOST_MODES = 4
 
 # Columns of a result row, shape (COLUMNS,).
 TIP_OFFSET = 0  # z0 [m]

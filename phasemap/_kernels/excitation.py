@@ -1,8 +1,9 @@
-"""Amplitude and phase that the detector sees: the first harmonic of the tip less the motion of the lever's base.
+"""Amplitude and phase that the detector sees, from the first harmonic of the tip.
 
-With z = Re(Z exp(i omega tau)), Z = -i A exp(i phase), and a base that moves by b cos(omega tau), b = lever[SHAKER], it
-sees Z - b; b is 0 where the drive's force acts on the tip itself. Orbits obey u0 sin(phase) = P + A (1 - omega^2) and
-u0 cos(phase) = 2 alpha0 omega A - S (theory, Eqs. (model-5) and (averaging-3)). The same for arrays is in
+With z = Re(Z exp(i omega tau)), Z = -i A exp(i phase), a linear lever shows A_s exp(i phase_s) = offset + factor A
+exp(i phase), with two complex numbers of the lever (`columns.OFFSET_RE` and following; theory, Eq. (lever-5)): 0 and 1
+where a force on the tip drives one mode. Orbits obey u0 sin(phase) = P + A kappa' and u0 cos(phase) = A kappa'' - S,
+kappa the dynamic stiffness at the tip (theory, Eqs. (model-5) and (averaging-3)). The same for arrays is in
 `phasemap.experiment.excitation`.
 """
 
@@ -12,55 +13,102 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, SHAKER
+from phasemap._kernels.columns import (
+    DRIVE,
+    DYNAMIC_LOSS,
+    DYNAMIC_STIFFNESS,
+    FACTOR_IM,
+    FACTOR_RE,
+    OFFSET_IM,
+    OFFSET_RE,
+)
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.lever import drive_needed
 
 CIRCLE_POINTS = 64  # along the orbits without losses
 CIRCLE_HALVINGS = 50  # between two of these points
 LEAST_SLOPE = 0.05  # of the amplitude seen with A: a flatter secant is not believed
 
 
+@kernel(light=True)
+def sees_tip(lever: np.ndarray) -> bool:
+    """Whether the detector sees the motion of the tip itself."""
+    return bool(
+        lever[OFFSET_RE] == 0.0 and lever[OFFSET_IM] == 0.0 and lever[FACTOR_RE] == 1.0 and lever[FACTOR_IM] == 0.0
+    )
+
+
+@kernel(light=True)
+def seen_parts(lever: np.ndarray, along: float, across: float) -> tuple[float, float]:
+    """(A_s cos(phase_s), A_s sin(phase_s)) [m] from (A cos(phase), A sin(phase))."""
+    return (
+        lever[OFFSET_RE] + lever[FACTOR_RE] * along - lever[FACTOR_IM] * across,
+        lever[OFFSET_IM] + lever[FACTOR_RE] * across + lever[FACTOR_IM] * along,
+    )
+
+
+@kernel(light=True)
+def seen_phasor(lever: np.ndarray, cosine: float, sine: float) -> tuple[float, float]:
+    """Cosine and sine part [m] of what the detector sees, from those of the first harmonic of z."""
+    along, across = seen_parts(lever, sine, cosine)
+    return across, along
+
+
+@kernel(light=True)
+def amplitude_seen(lever: np.ndarray, along: float, across: float) -> float:
+    """A_s [m] from (A cos(phase), A sin(phase))."""
+    x, y = seen_parts(lever, along, across)
+    return math.hypot(x, y)
+
+
 @kernel
-def seen_amplitude(lever: np.ndarray, amplitude: float, push: float) -> float:
-    """Amplitude [m] that the detector sees of an orbit with this A and P."""
-    base = lever[SHAKER]
-    if base == 0.0:
+def seen_amplitude(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
+    """Amplitude [m] that the detector sees of an orbit with this A, P and S."""
+    if sees_tip(lever):
         return amplitude
-    sine = (push + amplitude * (1.0 - lever[OMEGA] ** 2)) / lever[BASE]
-    return math.sqrt(max(amplitude * amplitude + base * base - 2.0 * base * amplitude * sine, 0.0))
+    x, y = drive_needed(lever, amplitude, push, drag)
+    return amplitude_seen(lever, amplitude * y / lever[DRIVE], amplitude * x / lever[DRIVE])
 
 
 @kernel
-def seen_rate(lever: np.ndarray, amplitude: float, push: float, by_amplitude: float, by_push: float) -> float:
-    """Rate of the amplitude that the detector sees, from the rates of A and P."""
-    base = lever[SHAKER]
-    if base == 0.0:
+def seen_rate(lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]) -> float:
+    """Rate of the amplitude that the detector sees, from (A, P, S) of an orbit and their rates."""
+    (amplitude, push, drag), (by_amplitude, by_push, by_drag) = orbit, by
+    if sees_tip(lever):
         return by_amplitude
-    stiff = 1.0 - lever[OMEGA] ** 2
-    sine, by_sine = (push + amplitude * stiff) / lever[BASE], (by_push + by_amplitude * stiff) / lever[BASE]
-    rate = amplitude * by_amplitude - base * (by_amplitude * sine + amplitude * by_sine)
-    return rate / seen_amplitude(lever, amplitude, push)
+    x, y = drive_needed(lever, amplitude, push, drag)
+    by_x = by_push + by_amplitude * lever[DYNAMIC_STIFFNESS]
+    by_y = by_amplitude * lever[DYNAMIC_LOSS] - by_drag
+    inverse = 1.0 / lever[DRIVE]
+    along, across = seen_parts(lever, amplitude * y * inverse, amplitude * x * inverse)
+    rate_along = (by_amplitude * y + amplitude * by_y) * inverse
+    rate_across = (by_amplitude * x + amplitude * by_x) * inverse
+    to_along = lever[FACTOR_RE] * rate_along - lever[FACTOR_IM] * rate_across
+    to_across = lever[FACTOR_RE] * rate_across + lever[FACTOR_IM] * rate_along
+    return (along * to_along + across * to_across) / math.hypot(along, across)
 
 
 @kernel
 def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     """A [m] of the orbit without losses that the detector sees with this amplitude, repulsive (1) or attractive (-1).
 
-    Without losses cos(phase) = 2 alpha0 omega A / u0, so that such orbits are on a circle, here walked from resonance.
+    Without losses u0 cos(phase) = A kappa'', so that such orbits are on a circle, here walked from resonance.
     """
-    base, most = lever[SHAKER], lever[BASE] / (2.0 * lever[ALPHA0] * lever[OMEGA])
-    if base == 0.0:
+    if sees_tip(lever):
         return seen
+    if lever[OFFSET_RE] == 0.0 and lever[OFFSET_IM] == 0.0:
+        return seen / math.hypot(lever[FACTOR_RE], lever[FACTOR_IM])
+    most = lever[DRIVE] / lever[DYNAMIC_LOSS]
     low, high = 0.0, 0.5 * math.pi
     for i in range(1, CIRCLE_POINTS):
         at = 0.5 * math.pi * i / CIRCLE_POINTS
-        if _on_circle(most, base, side, at) < seen:
+        if _on_circle(lever, most, side, at) < seen:
             high = at
             break
         low = at
     for _ in range(CIRCLE_HALVINGS):
         at = 0.5 * (low + high)
-        if _on_circle(most, base, side, at) < seen:
+        if _on_circle(lever, most, side, at) < seen:
             high = at
         else:
             low = at
@@ -68,20 +116,19 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
 
 
 @kernel
-def _on_circle(most: float, base: float, side: int, at: float) -> float:
+def _on_circle(lever: np.ndarray, most: float, side: int, at: float) -> float:
     """Amplitude [m] that the detector sees of the orbit without losses whose phase is `at` times its side."""
     amplitude = most * math.cos(at)
-    return math.sqrt(amplitude * amplitude + base * base - 2.0 * side * base * amplitude * math.sin(at))
+    return amplitude_seen(lever, amplitude * math.cos(at), side * amplitude * math.sin(at))
 
 
 @kernel
 def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] that the detector sees, 0 at free resonance, from those of z."""
-    base = lever[SHAKER]
-    if base == 0.0:
+    if sees_tip(lever):
         return amplitude, phase
-    x, y = amplitude * math.sin(phase) - base, amplitude * math.cos(phase)
-    return math.hypot(x, y), math.atan2(x, y) + math.atan(2.0 * lever[ALPHA0])
+    along, across = seen_parts(lever, amplitude * math.cos(phase), amplitude * math.sin(phase))
+    return math.hypot(along, across), math.atan2(across, along)
 
 
 @kernel
@@ -95,5 +142,16 @@ def next_amplitude(
     slope = (miss - before[1]) / (amplitude - before[0])
     if slope > LEAST_SLOPE:
         return amplitude - miss / slope
-    rest = seen * seen - (lever[SHAKER] * math.cos(phase)) ** 2
-    return lever[SHAKER] * math.sin(phase) + math.sqrt(rest) if rest >= 0.0 else math.nan
+    return amplitude_at_phase(lever, seen, phase)
+
+
+@kernel
+def amplitude_at_phase(lever: np.ndarray, seen: float, phase: float) -> float:
+    """The larger A [m] that the detector sees with an amplitude if its phase is this; NaN without one."""
+    c, s = math.cos(phase), math.sin(phase)
+    along = lever[FACTOR_RE] * c - lever[FACTOR_IM] * s
+    across = lever[FACTOR_RE] * s + lever[FACTOR_IM] * c
+    square = along * along + across * across
+    half = (lever[OFFSET_RE] * along + lever[OFFSET_IM] * across) / square
+    rest = half * half + (seen * seen - lever[OFFSET_RE] ** 2 - lever[OFFSET_IM] ** 2) / square
+    return math.sqrt(rest) - half if rest >= 0.0 else math.nan

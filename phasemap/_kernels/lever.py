@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA
+from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
@@ -18,15 +18,13 @@ MUCH_BENT = 0.4  # of the amplitude, by which adhesion bends a lever, or P
 @kernel(light=True)
 def free_amplitude(lever: np.ndarray) -> float:
     """Amplitude [m] of the free lever at the drive frequency: theory, Eq. (model-2)."""
-    omega = lever[col.OMEGA]
-    return lever[col.BASE] / math.hypot(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
+    return lever[col.DRIVE] / math.hypot(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
 
 
 @kernel(light=True)
 def free_phasor(lever: np.ndarray) -> complex:
     """Complex amplitude a [m] of the free lever, z = Re(a exp(i omega tau)): theory, Eq. (model-2)."""
-    omega = lever[col.OMEGA]
-    return lever[col.BASE] / complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega)
+    return lever[col.DRIVE] / complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
 
 
 @kernel
@@ -41,22 +39,21 @@ def scale_of(oscillator: Oscillator, free: float) -> float:
     pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
     if not pull > 0.0:
         return 1e-3 * free
-    half = min(0.15 * math.pi * lever[col.BASE] / pull, 0.05)
+    half = min(0.15 * math.pi * lever[col.DRIVE] / pull, 0.05)
     return 0.5 * free * half * half
 
 
 @kernel(light=True)
 def drive_needed(lever: np.ndarray, amplitude: float, push: float, drag: float) -> tuple[float, float]:
     """Drive [m] that a motion of this amplitude needs against P and S: its part in phase, and that ahead of it."""
-    omega = lever[OMEGA]
-    return push + amplitude * (1.0 - omega * omega), 2.0 * lever[ALPHA0] * omega * amplitude - drag
+    return push + amplitude * lever[DYNAMIC_STIFFNESS], lever[DYNAMIC_LOSS] * amplitude - drag
 
 
 @kernel
 def mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
     """Drive needed over drive given, squared, less one: zero on an orbit. See theory, Eq. (averaging-4)."""
     x, y = drive_needed(lever, amplitude, push, drag)
-    return (x * x + y * y) / (lever[BASE] * lever[BASE]) - 1.0
+    return (x * x + y * y) / (lever[DRIVE] * lever[DRIVE]) - 1.0
 
 
 @kernel(light=True)

@@ -1,8 +1,9 @@
 """From the motion of the tip to what the detector sees of it, and back.
 
-Z is the complex amplitude of z = Re(Z exp(i omega tau)). A detector of the deflection sees Z less what the lever's base
-moves, b; its phase is turned so that it is 0 at free resonance. Where the drive's force acts on the tip b is 0. Solvers
-know z; `phasemap.solvers.detected_setpoint` finds the orbits at which the detector shows the setpoint.
+z = Re(-i A exp(i phase) exp(i omega tau)) is the first harmonic of the tip. The lever is linear: what a detector sees
+of it is offset + factor A exp(i phase), with two complex numbers of the lever, turned so that its phase is 0 at free
+resonance: theory, Eq. (lever-5). Where the drive's force acts on the tip the offset is 0. Solvers know z;
+`phasemap.solvers.detected_setpoint` finds the orbits at which the detector shows the setpoint.
 """
 
 from __future__ import annotations
@@ -23,34 +24,76 @@ DETECTED = {
 """What amplitude, phase and setpoint are of, by excitation."""
 
 
+def sees_tip(lever: Array) -> bool:
+    """Whether the detector sees the motion of the tip itself."""
+    offset, factor = offset_and_factor(lever)
+    return not np.any(offset) and bool(np.all(factor == 1))
+
+
+def offset_and_factor(lever: Array) -> tuple[Any, Any]:
+    """The complex offset [m] and factor [1] of what the detector sees, shape (...)."""
+    return (
+        lever[..., col.OFFSET_RE] + 1j * lever[..., col.OFFSET_IM],
+        lever[..., col.FACTOR_RE] + 1j * lever[..., col.FACTOR_IM],
+    )
+
+
 def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     """What the detector sees of a first harmonic of z.
 
-    `lever` (shape (..., 5)): as of `phasemap.experiment.lever.lever_of`.
+    `lever` (shape (..., n)): as of `phasemap.experiment.lever.lever_of`.
     `amplitude`, `phase`: of z [m, rad].
     Returns `amplitude, phase`: [m, rad], 0 at free resonance.
 
     Examples
     --------
-    >>> lever = np.array([1.0, 0.5 / 3, 1.0, 1e-9, 1e-9])  # Q is 3, the base moves by 1 nm
+    >>> import phasemap as pm
+    >>> from phasemap.experiment.lever import lever_of
+    >>> drive = pm.Drive(3e-9, excitation="base")  # Q is 3, the base moves by 1 nm
+    >>> lever = lever_of(pm.Microscope(pm.Cantilever(1.0, 1e5, 3.0, participation=1), pm.Tip(1e-8), drive))
     >>> amplitude, phase = show(lever, 3e-9, 0.0)  # of the free lever
     >>> bool(np.isclose(amplitude, 10**0.5 * 1e-9)), bool(abs(phase) < 1e-15)
     (True, True)
     """
-    base = lever[..., col.SHAKER]
-    if not np.any(base):
+    if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
-    seen = np.asarray(amplitude) * np.exp(1j * np.asarray(phase)) - 1j * base
-    return np.abs(seen), np.angle(seen) + np.arctan(2 * lever[..., col.ALPHA0])
+    offset, factor = offset_and_factor(lever)
+    seen = offset + factor * np.asarray(amplitude) * np.exp(1j * np.asarray(phase))
+    return np.abs(seen), np.angle(seen)
+
+
+def tip_seen(lever: Array) -> Array:
+    """The lever beside a detector that sees the motion of the tip."""
+    other = lever.copy()
+    other[..., [col.OFFSET_RE, col.OFFSET_IM, col.FACTOR_IM]] = 0.0
+    other[..., col.FACTOR_RE] = 1.0
+    return other
+
+
+def tip_amplitudes(lever: Array, amplitude: Any) -> tuple[Array, Array]:
+    """Smallest and largest amplitude A [m] of z that the detector can see with an amplitude [m], at any phase."""
+    if sees_tip(lever):
+        return np.asarray(amplitude), np.asarray(amplitude)
+    offset, factor = offset_and_factor(lever)
+    size = np.asarray(amplitude) / np.abs(factor)
+    beside = np.abs(offset / factor)
+    return np.abs(size - beside), size + beside
+
+
+def amplitude_at(lever: Array, amplitude: Array, phase: Array) -> Array:
+    """The larger A [m] that the detector sees with an amplitude if the phase of z is this; NaN without one."""
+    offset, factor = offset_and_factor(lever)
+    beside, size = offset / factor * np.exp(-1j * phase), amplitude / np.abs(factor)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(size**2 - beside.imag**2) - beside.real)
 
 
 def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     """The first harmonic of z, from what the detector sees: the inverse of `show`."""
-    base = lever[..., col.SHAKER]
-    if not np.any(base):
+    if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
-    turned = np.asarray(phase) - np.arctan(2 * lever[..., col.ALPHA0])
-    tip = np.asarray(amplitude) * np.exp(1j * turned) + 1j * base
+    offset, factor = offset_and_factor(lever)
+    tip = (np.asarray(amplitude) * np.exp(1j * np.asarray(phase)) - offset) / factor
     return np.abs(tip), np.angle(tip)
 
 
@@ -61,9 +104,9 @@ def seen(rows: Array, lever: Array) -> Array:
     depend on how amplitude and phase vary together: they are left as they are, of what was averaged in time.
 
     `rows` (shape (..., COLUMNS)): of the tip.
-    `lever` (shape (5,) or (..., 5)).
+    `lever` (shape (n,) or (..., n)).
     """
-    if not np.any(lever[..., col.SHAKER]):
+    if sees_tip(lever):
         return rows
     found, amplitude, phase = rows.copy(), rows[..., col.AMPLITUDE], rows[..., col.PHASE]
     found[..., col.AMPLITUDE], found[..., col.PHASE] = show(lever, amplitude, phase)

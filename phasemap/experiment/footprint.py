@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels import columns as col
 from phasemap._shared.arrays import as_array
 from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError, Word
@@ -53,7 +54,8 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     `materials` (shape (n, 4) or (n, 5)): as for `phasemap.experiment.properties.properties`.
     """
     stiffness, adhesion, damping = properties(materials, viscous, scope)
-    omega, alpha0, k, drive, _ = lever_of(scope)
+    lever = lever_of(scope)
+    omega, k, drive = lever[col.OMEGA], lever[col.STIFFNESS], lever[col.DRIVE]
     amplitude, radius = setpoint * scope.driven_amplitude, scope.tip.radius
     pull = scope.interaction.law.pull(stiffness, adhesion, radius)
     reach = scope.interaction.decay_length
@@ -65,8 +67,8 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
         push = 0.375 * np.sqrt(2 / amplitude) * stiffness * np.sqrt(radius) * depth**2 / k
         push = push - pull * (2 * np.sqrt(2 * depth / amplitude) + tail) / (np.pi * k)
         drag = omega * damping / np.sqrt(radius) * (2 / amplitude) ** 1.5 * amplitude * depth**2 / 4
-        across = push + amplitude * (1 - omega**2)
-        missing: Array = np.sign(across) * across**2 + (2 * alpha0 * omega * amplitude + drag) ** 2 - drive**2
+        across = push + amplitude * lever[col.DYNAMIC_STIFFNESS]
+        missing: Array = np.sign(across) * across**2 + (lever[col.DYNAMIC_LOSS] * amplitude + drag) ** 2 - drive**2
         return missing
 
     low, high = np.zeros(len(materials)), np.full(len(materials), amplitude)

@@ -13,45 +13,83 @@ Array = np.ndarray
 
 
 def lever_of(scope: Microscope) -> Array:
-    """The lever as the kernels know it, shape (5,).
+    """The lever of n modes as the kernels know it, shape (MODE + MODE_NUMBERS n,): theory, Eqs. (lever-1) to (lever-5).
 
-    omega [1], alpha0 [1], stiffness [N/m], amplitude of the drive [m], and that of the base [m]: the drive's, or 0.
+    With x_i the displacement of the tip by mode i and Y the base, z_i = x_i + B_i Y obeys z_i'' + 2 alpha_i z_i' +
+    w_i^2 z_i = pulled_i cos(omega tau) - share_i F/k, and z = sum z_i + rigid cos(omega tau), rigid = (1 - sum B_i) Y.
     """
-    lever, drive = scope.cantilever, scope.base_amplitude
-    base = drive if scope.drive.excitation == "base" else 0.0
-    return np.array([scope.frequency_ratio, lever.damping_ratio, lever.stiffness, drive, base])
+    modes, weights, omega = scope.cantilever.eigenmodes, np.array(scope.detector_weights), scope.frequency_ratio
+    based, first = scope.drive.excitation == "base", scope.cantilever.damping_ratio
+    w = np.array([one.frequency_ratio for one in modes])
+    rate = np.array([first, *(0.5 * one.frequency_ratio / one.quality_factor for one in modes[1:])])
+    share = np.array([one.frequency_ratio**2 / one.stiffness_ratio for one in modes])
+    part = np.array([one.participation for one in modes])
+    moved = scope.base_amplitude * part if based else np.zeros(len(modes))  # B_i Y
+    pulled, rigid = (w**2 * moved, scope.base_amplitude - moved.sum()) if based else (scope.base_amplitude * share, 0.0)
+    if not based and len(modes) == 1 and weights[0] == 1:
+        return one_mode(omega, first, scope.cantilever.stiffness, scope.base_amplitude)  # to the last bit
+    lever = np.zeros(col.MODE + col.MODE_NUMBERS * len(modes))
+    lever[[col.OMEGA, col.ALPHA0, col.STIFFNESS, col.RIGID]] = omega, first, scope.cantilever.stiffness, rigid
+    lever[col.MODES] = len(modes)
+    lever[col.MODE :] = np.stack([w, rate, share, pulled, weights], axis=1).reshape(-1)
+    answer = 1 / (w**2 - omega**2 + 2j * rate * omega)
+    kappa = 1 / (share @ answer)
+    drive = kappa * (pulled @ answer + rigid)
+    lever[[col.DYNAMIC_STIFFNESS, col.DYNAMIC_LOSS]] = kappa.real, kappa.imag
+    turn = drive / abs(drive)
+    lever[[col.DRIVE, col.TURN_COS, col.TURN_SIN]] = abs(drive), turn.real, turn.imag
+    resonant = weights @ (pulled / (w**2 - 1 + 2j * rate) - moved)
+    ahead = abs(resonant) / resonant
+    factor = (weights * share) @ answer * kappa
+    offset = ahead * (weights @ (pulled * answer - moved) - factor * drive / kappa) if based else 0j
+    factor *= -1j * ahead * turn
+    seen = offset.real, offset.imag, factor.real, factor.imag
+    lever[[col.OFFSET_RE, col.OFFSET_IM, col.FACTOR_RE, col.FACTOR_IM]] = seen
+    return lever
+
+
+def one_mode(omega: float, alpha0: float, stiffness: float, drive: float) -> Array:
+    """The lever of one mode that a force on the tip of amplitude k `drive` [N] drives, as `lever_of` returns it."""
+    lever = np.zeros(col.MODE + col.MODE_NUMBERS)
+    lever[[col.OMEGA, col.ALPHA0, col.STIFFNESS, col.DRIVE]] = omega, alpha0, stiffness, drive
+    lever[[col.DYNAMIC_STIFFNESS, col.DYNAMIC_LOSS]] = 1 - omega * omega, 2 * alpha0 * omega
+    lever[[col.FACTOR_RE, col.TURN_COS, col.MODES]] = 1.0
+    lever[col.MODE :] = 1.0, alpha0, 1.0, drive, 1.0
+    return lever
 
 
 def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
     """Work of the drive, pi k u0 A cos(phase) [J per cycle].
 
-    `lever` (shape (..., 5)): as of `lever_of`.
+    `lever` (shape (..., n)): as of `lever_of`.
     `amplitude`, `phase`: of the first harmonic [m, rad].
     """
-    work: Array = np.pi * lever[..., col.STIFFNESS] * lever[..., col.BASE] * amplitude * np.cos(phase)
+    work: Array = np.pi * lever[..., col.STIFFNESS] * lever[..., col.DRIVE] * amplitude * np.cos(phase)
     return work
 
 
 def lost_in_air(lever: Array, amplitude: Array) -> Array:
-    """What the lever's own damping takes from the first harmonic, 2 pi alpha0 omega k A^2 [J per cycle].
+    """What the lever's own damping takes from the first harmonic, pi k kappa'' A^2 [J per cycle].
+
+    kappa is the dynamic stiffness at the tip over k, whose imaginary part is 2 alpha0 omega of one mode.
 
     Higher harmonics lose a little more, n^2 (A_n / A)^2 of it each.
 
-    `lever` (shape (..., 5)): as of `lever_of`.
+    `lever` (shape (..., n)): as of `lever_of`.
     `amplitude`: [m].
     """
-    lost: Array = 2 * np.pi * lever[..., col.ALPHA0] * lever[..., col.OMEGA] * lever[..., col.STIFFNESS] * amplitude**2
+    lost: Array = np.pi * lever[..., col.DYNAMIC_LOSS] * lever[..., col.STIFFNESS] * amplitude**2
     return lost
 
 
 def virial_of(lever: Array, amplitude: Any, phase: Any) -> Array:
-    """Virial of the surface's force in the first harmonic, A^2 k (1 - omega^2) / 2 - k u0 A sin(phase) / 2 [J].
+    """Virial of the surface's force in the first harmonic, A^2 k kappa' / 2 - k u0 A sin(phase) / 2 [J].
 
     Positive for attraction. San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001), at resonance.
 
-    `lever` (shape (..., 5)): as of `lever_of`.
+    `lever` (shape (..., n)): as of `lever_of`.
     `amplitude`, `phase`: of the first harmonic of the tip [m, rad].
     """
-    stiff = amplitude * (1 - lever[..., col.OMEGA] ** 2)
-    virial: Array = 0.5 * lever[..., col.STIFFNESS] * amplitude * (stiff - lever[..., col.BASE] * np.sin(phase))
+    stiff = amplitude * lever[..., col.DYNAMIC_STIFFNESS]
+    virial: Array = 0.5 * lever[..., col.STIFFNESS] * amplitude * (stiff - lever[..., col.DRIVE] * np.sin(phase))
     return virial

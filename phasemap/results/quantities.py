@@ -141,7 +141,7 @@ def _loss_tangent(motion: Motion) -> Array:
 
 def _corrected(motion: Motion) -> Array:
     loss, storage = _dissipation(motion) - motion.orbit["adhesion_loss"], motion.orbit["contact_storage"]
-    most = 0.5 * motion.lever[col.STIFFNESS] * motion.lever[col.BASE] * motion.amplitude
+    most = 0.5 * motion.lever[col.STIFFNESS] * motion.lever[col.DRIVE] * motion.amplitude
     with np.errstate(all="ignore"):
         return np.where(storage > FAINT * most, loss / (2 * np.pi * storage), np.nan)
 

@@ -14,7 +14,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.excitation import of_tip, sees_tip
 from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.energy import close
 from phasemap.solvers.in_time import ETA
@@ -93,7 +93,7 @@ def stable_branches(
     >>> found.stable.tolist(), found.engaged.tolist()
     ([[True], [True]], [0])
     """
-    if work.lever[col.SHAKER]:
+    if not sees_tip(work.lever):
         return _seen_branches(work, solver, accuracy, workers, progress)
     count = len(work)
     rows = np.full((SLOTS, count, col.COLUMNS), np.nan)

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
-from phasemap.experiment.excitation import seen, show
+from phasemap.experiment.excitation import (
+    amplitude_at,
+    offset_and_factor,
+    seen,
+    show,
+    tip_amplitudes,
+    tip_seen,
+)
 from phasemap.solvers.in_time import InTime
 from phasemap.solvers.problem import Work
 
@@ -62,8 +69,7 @@ class _Search:
     """Secants in A for all materials at a time, between an A that is seen too small and one that is seen too large."""
 
     def __init__(self, work: Work, solve: Callable[[Work], Found], sides: tuple[int, ...], periods: int) -> None:
-        count, lever = len(work), work.lever.copy()
-        lever[col.SHAKER] = 0.0
+        count, lever = len(work), tip_seen(work.lever)
         self.work, self.solve, self.tip, self.periods = work, solve, replace(work, lever=lever), periods
         self.rows = np.full((count, col.COLUMNS), np.nan)
         self.status, self.used = np.full(count, col.NO_STABLE_ORBIT, np.int8), np.full(count, -1, np.int8)
@@ -74,7 +80,7 @@ class _Search:
         self.ends = np.full((count, 2, LAST), np.nan)  # of the bracket
         self.slopes = np.full((count, 3), np.nan)  # of amplitude seen, phase and tip offset with A
         self.rounds, self.missing = np.zeros(count, int), np.zeros(count, int)
-        self.lost = (work.rows[:, col.RELEASE] != 0) & (len(sides) > 1)
+        self.lost = (work.rows[:, col.RELEASE] != 0) & (len(sides) > 1) & bool(offset_and_factor(work.lever)[0])
         self.open = ~self.lost
 
     def go_on(self) -> bool:
@@ -127,18 +133,19 @@ class _Search:
 
     def _choose(self, at: NDArray[np.intp]) -> None:
         """The next A: by the secant, as if the phase stayed, or in the middle of the bracket."""
-        base, wanted, (a, miss, phase, _, _) = self.work.lever[col.SHAKER], self.work.amplitudes[at], self.last[at].T
+        lever, wanted, (a, miss, phase, _, _) = self.work.lever, self.work.amplitudes[at], self.last[at].T
         low, high = self.ends[at, 0], self.ends[at, 1]
         both = np.isfinite(low[:, A] + high[:, A])
         with np.errstate(invalid="ignore", divide="ignore"):
-            still = base * np.sin(phase) + np.sqrt(wanted**2 - (base * np.cos(phase)) ** 2)
-            following = np.where(self.slopes[at, 0] > LEAST_SLOPE, a - miss / self.slopes[at, 0], still)
+            following = np.where(
+                self.slopes[at, 0] > LEAST_SLOPE, a - miss / self.slopes[at, 0], amplitude_at(lever, wanted, phase)
+            )
         middle = 0.5 * (low[:, A] + high[:, A])
         width = high[:, A] - low[:, A]
         outside = both & ~((following - low[:, A]) * (high[:, A] - following) > 0)
         slow = both & (self.rounds[at] > PATIENT) & (self.rounds[at] % 2 == 0)
         following = np.where(outside | slow, middle, following)
-        self.a[at] = np.clip(following, wanted - base, wanted + base)
+        self.a[at] = np.clip(following, *tip_amplitudes(lever, wanted))
         # The branch changes between the two ends: neither has an orbit there that is seen with this amplitude.
         jump = both & (low[:, SIDE] != high[:, SIDE]) & (np.abs(width) < JUMP * a)
         jump &= high[:, MISS] - low[:, MISS] > STEEP * np.abs(width)
@@ -156,14 +163,16 @@ class _Search:
 
     def _carry_errors(self, at: NDArray[np.intp]) -> None:
         """From errors at a given A to those at a given amplitude seen; the slope of the feedback likewise."""
-        rows, base = self.rows[at], self.work.lever[col.SHAKER]
+        rows, (offset, factor) = self.rows[at], offset_and_factor(self.work.lever)
         a, phase, size = rows[:, col.AMPLITUDE], rows[:, col.PHASE], self.work.amplitudes[at]
         # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
-        turn, grow = a * (a - base * np.sin(phase)) / size**2, -a * base * np.cos(phase) / size
+        part = factor * a * np.exp(1j * phase)
+        share = part / (offset + part)
+        turn, grow = share.real, -size * share.imag
         by_size, by_phase, by_offset = np.nan_to_num(self.slopes[at], nan=0.0).T
         by_size = np.where(by_size > LEAST_SLOPE, by_size, 1.0)
         # As the amplitude seen changes by one: phase seen, and tip offset.
-        phase_rate, offset_rate = (base * np.cos(phase) / size**2 + turn * by_phase) / by_size, by_offset / by_size
+        phase_rate, offset_rate = (share.imag / a + turn * by_phase) / by_size, by_offset / by_size
         missed = np.abs(show(self.work.lever, a, phase)[0] - size)
         error = rows[:, col.ERROR_PHASE]
         rows[:, col.ERROR_HEIGHT] += np.abs(offset_rate) * (np.abs(grow) * error + missed)

@@ -13,6 +13,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import sees_tip
 from phasemap.solvers.detected_setpoint import hold
 from phasemap.solvers.energy import close
 from phasemap.solvers.march import Remembering, check_marches
@@ -36,7 +37,7 @@ def run(
     Returns `rows` (shape (n, COLUMNS), or (n, WIDE) with `widen`): as the detector sees them.
     Returns `status, solver` (shape (n,)).
     """
-    if work.lever[col.SHAKER]:
+    if not sees_tip(work.lever):
         at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
         rows, status, used = hold(work, at_amplitudes, accuracy.periods)
         return (rows if widen is None else widen(work, rows, used, np.arange(len(work)))), status, used

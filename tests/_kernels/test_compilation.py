@@ -31,6 +31,7 @@ from phasemap._kernels import compilation
 {before}
 from phasemap._kernels.neck import loop_energies
 from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.lever import one_mode
 interaction = Interaction("jkr")
 rows = interaction.columns(np.array([1e9]), np.array([0.05]), np.array([0.0]), 10e-9)
 entry = loop_energies
@@ -193,7 +194,7 @@ def test_what_is_linked_by_its_name_has_the_same_name_in_every_process(tmp_path:
 
 
 def test_what_python_does_faster_than_it_is_compiled_is_the_same_in_kernels() -> None:
-    lever = np.array([0.999, 1.25e-3, 40.0, 4e-11, 0.0])
+    lever = one_mode(0.999, 1.25e-3, 40.0, 4e-11)
     for light, arguments in ((free_amplitude, (lever,)), (phase_of, (lever, 8e-9, 1e-12, 2e-12))):
         light(*arguments)
         assert not light.overloads

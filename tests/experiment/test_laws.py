@@ -34,6 +34,7 @@ from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.longrange import Biased
+from phasemap.experiment.lever import one_mode
 from phasemap.results.variables import describe
 from phasemap.solvers.problem import make_work
 
@@ -520,7 +521,7 @@ def brute(token: Any, p: np.ndarray, amplitude: float, c: float) -> tuple[float,
 def test_averaging_takes_the_neck_on_the_way_out(name: str, decay: float | None) -> None:
     interaction = Interaction(LAWS[name](1.0), decay)
     token, p, k = interaction.token(), row_of(interaction), 5.0
-    lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
+    lever = one_mode(1.0, 0.005, k, 2e-10)
     without = p.copy()
     without[10] = 0.0
     for amplitude, c in [(1e-8, 0.999), (1e-8, 1 - 1e-7), (1e-8, 0.9), (1e-8, 0.0), (1e-8, -0.5), (3e-9, 0.3)]:
@@ -540,7 +541,7 @@ def test_averaging_takes_the_neck_on_the_way_out(name: str, decay: float | None)
 def test_a_neck_longer_than_the_swing_is_never_released() -> None:
     interaction = Interaction(Neck(2e-9), 0.3e-9)
     token, p, k = interaction.token(), row_of(interaction), 5.0
-    lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
+    lever = one_mode(1.0, 0.005, k, 2e-10)
     push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), reach_of(token, p), 0.8e-9, 0.5)
 
     def part(n: int) -> float:
@@ -556,7 +557,7 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
 
 def test_no_touch_no_neck() -> None:
     interaction = Interaction("jkr")
-    token, p, lever = interaction.token(), row_of(interaction), np.array([1.0, 0.005, 5.0, 2e-10, 0.0])
+    token, p, lever = interaction.token(), row_of(interaction), one_mode(1.0, 0.005, 5.0, 2e-10)
     without = p.copy()
     without[10] = 0.0
     numbers = reach_of(token, p), 1e-8, 1.001
@@ -569,7 +570,7 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
     k, resonance, eta, amplitude, delta = 5.0, 2 * math.pi * 70e3, 10.0, 2e-8, 2e-11
     interaction = Interaction("hertz", None)
     p = row_of(interaction, damping=eta * RADIUS * resonance / (2 * k))
-    lever = np.array([1.0, 0.005, k, 2e-10, 0.0])
+    lever = one_mode(1.0, 0.005, k, 2e-10)
     _, drag, _ = harmonics.harmonics(Oscillator(interaction.token(), p, lever), 0.0, amplitude, 1 - delta / amplitude)
     expected = math.pi * math.sqrt(2) / 4 * eta * resonance * math.sqrt(RADIUS * amplitude) * delta**2
     assert -math.pi * k * amplitude * drag == pytest.approx(expected, rel=0.01)
@@ -577,7 +578,7 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
 
 # The march through necks.
 
-LEVER = np.array([1.0, 0.5 / 100, 5.0, 20e-9 / 100, 0.0])  # omega, alpha0, k, u0, base
+LEVER = one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100)  # omega, alpha0, k, u0
 MARCHED: dict[str, tuple[Interaction, float]] = {  # with the damping
     "jkr": (Interaction("jkr", 0.3e-9), 0.0),
     "jkr, no force before contact, damped": (Interaction("jkr", None), 0.02),
@@ -645,7 +646,9 @@ def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
 def test_contact_is_carried_over_from_period_to_period() -> None:
     # A weak swing in a long neck, which is never released; and the same depth reached out of contact.
     interaction = Interaction(Neck(4e-9), None)
-    problem = Oscillator(interaction.token(), row_of(interaction, adhesion=1e-3), LEVER * [1, 1, 1, 0.01, 1])
+    problem = Oscillator(
+        interaction.token(), row_of(interaction, adhesion=1e-3), one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100 * 0.01)
+    )
     hanging, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 1.0]), 0.3, 3)
     assert hanging[2] == 1 and acc.deepest < 0 and acc.loss == 0
     free, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 0.0]), 0.3, 1)
@@ -659,7 +662,7 @@ def test_the_phase_with_a_neck_is_that_of_another_integrator() -> None:
     quality, k, damping, z0 = 10.0, 5.0, 0.02, 9.5e-9
     interaction = Interaction("jkr", 0.3e-9)
     p = row_of(interaction, damping=damping)
-    lever = np.array([1.0, 0.5 / quality, k, 12e-9 / quality, 0.0])
+    lever = one_mode(1.0, 0.5 / quality, k, 12e-9 / quality)
     f0, release = 2 * PI_W_R, -3 / RADIUS * (math.pi * ADHESION * RADIUS**2 / (8 * MODULUS)) ** (2 / 3)
 
     def rate(touching: bool) -> Callable[[float, np.ndarray], list[float]]:

@@ -16,7 +16,7 @@ from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, 
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.periods import new_periods
-from phasemap.experiment.lever import lever_of
+from phasemap.experiment.lever import lever_of, one_mode
 from phasemap.imaging.feedback.loop import loop_of
 from phasemap.solvers.continuation.pieces import settling_periods
 from phasemap.solvers.problem import work_of_material
@@ -67,7 +67,7 @@ def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
 
 
 def test_a_landing_is_given_up_after_as_many() -> None:
-    assert settling_periods(np.array([1.0, 0.5 / 1e6, 3.0, 1e-13])) == pm.Accuracy().periods
+    assert settling_periods(one_mode(1.0, 0.5 / 1e6, 3.0, 1e-13)) == pm.Accuracy().periods
 
 
 @pytest.mark.parametrize(("periods", "expected"), [(50, col.NOT_SETTLED), (10**6, col.GOOD)])

@@ -14,6 +14,7 @@ import phasemap as pm
 from benchmarks.accuracy.regimes import REGIMES, Batch, draw
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
+from phasemap.experiment.lever import one_mode
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
@@ -229,7 +230,7 @@ def test_far_from_resonance_a_tip_that_is_pressed_in_stays_on_its_orbits() -> No
 @pytest.mark.parametrize("quality", [3.0, 400.0])
 def test_the_attractive_branch_is_nearest_to_its_end_where_a_search_finds_it(ratio: float, quality: float) -> None:
     # What is needed, (1 - r^2 y^2)^(1/2) + r x, over what there is, r^(-1/2), has its maximum there.
-    lever = np.array([ratio, 0.5 / quality, 1.0, 1.0, 0.0])
+    lever = one_mode(ratio, 0.5 / quality, 1.0, 1.0)
     whole = math.hypot(1 - ratio**2, ratio / quality)
     x, y = (1 - ratio**2) / whole, ratio / quality / whole
     r = np.geomspace(1e-2, 1 / y, 400_001)

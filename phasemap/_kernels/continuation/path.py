@@ -31,7 +31,6 @@ from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_KEPT,
     EQUATIONS_OTHER,
     HOLD_PLANE,
-    STANDING,
     Equation,
     Held,
     Orbit,
@@ -47,7 +46,7 @@ HELD_OFFSET = 0  # a sweep of m holds the tip offset
 HELD_AMPLITUDE = 1
 # Rows of a sweep's table: the law's parameters, the lever, and what is held.
 LEVER_ROW = col.ROW
-HELD_ROW = STANDING
+HELD_ROW = -1
 # Entries of the values and rates of a point: what is swept, wanted or held is told by its entry.
 ENTRY_Z0 = 0
 ENTRY_A = 1
@@ -82,7 +81,7 @@ class Path(NamedTuple):
     p: tuple[float, ...]
     lever: np.ndarray
     reach: float
-    # shape (HELD + 1, n); Elsewhere: Chebyshev coefficients over m of the law's parameters, the lever, and the
+    # shape (ROW + len(lever) + 1, n); elsewhere: Chebyshev coefficients over m of the law's parameters, the lever, the
     # tip offset or amplitude [m] that is held
     table: np.ndarray
     width: float  # a small change of m
@@ -115,10 +114,10 @@ def chebyshev(coefficients: np.ndarray, m: float) -> float:
 @kernel(light=True)
 def material_at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndarray]:
     """The law's parameters and the lever at m."""
-    values = np.empty(STANDING)
-    for i in range(STANDING):
+    values = np.empty(len(table) - 1)
+    for i in range(len(values)):
         values[i] = chebyshev(table[i], m)
-    return parameters(values), values[LEVER_ROW:HELD_ROW]
+    return parameters(values), values[LEVER_ROW:]
 
 
 @kernel(light=True)
@@ -129,11 +128,11 @@ def standing_at(path: Path, m: float) -> tuple[tuple[float, ...], np.ndarray]:
 
 @kernel
 def drift_at(path: Path, m: float) -> np.ndarray:
-    """The law's parameters and the lever beside m, shape (2, STANDING), whose differences are their drift with m."""
+    """The law's parameters and the lever beside m, shape (2, ROW + len(lever)): their differences are the drift."""
     if path.kind == FIXED_PATH:
         return no_drift()
-    drift = np.empty((2, STANDING))
-    for i in range(STANDING):
+    drift = np.empty((2, len(path.table) - 1))
+    for i in range(drift.shape[1]):
         drift[0, i], drift[1, i] = chebyshev(path.table[i], m + DRIFT_STEP), chebyshev(path.table[i], m - DRIFT_STEP)
     return drift
 

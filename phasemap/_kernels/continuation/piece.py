@@ -48,6 +48,7 @@ from phasemap._kernels.orbits.collocation.system import (
     HOLD_OFFSET,
     RIGHT,
     RP,
+    RS,
     RZ,
     Orbit,
     head_of,
@@ -93,10 +94,10 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     p, lever = standing_at(path, head_of(orbit).parameter)
     row[:] = math.nan
     observe(Oscillator(law, p, lever), tables, orbit, row[: col.COLUMNS])
-    amplitude, push = head_of(orbit).amplitude, head_of(orbit).push
-    row[col.SEEN] = seen_amplitude(lever, amplitude, push)
+    of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
+    row[col.SEEN] = seen_amplitude(lever, *of)
     if curve_derivative(lever, orbit, 0.0, 1.0):
-        rate = seen_rate(lever, amplitude, push, 1.0, orbit.system[RP, RIGHT])
+        rate = seen_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
         row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
     complete_row(Oscillator(law, p, lever), tables, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = head_of(orbit).parameter, kind, index

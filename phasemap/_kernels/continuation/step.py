@@ -158,8 +158,8 @@ def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     point.rate[ENTRY_Z0], point.rate[ENTRY_A], point.rate[ENTRY_M] = dz / length, da / length, dm / length
     point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
     lever = standing_at(path, head.parameter)[1]
-    value[ENTRY_SEEN] = seen_amplitude(lever, head.amplitude, head.push)
-    point.rate[ENTRY_SEEN] = seen_rate(lever, head.amplitude, head.push, point.rate[ENTRY_A], point.rate[ENTRY_P])
+    of, by = (head.amplitude, head.push, head.drag), (point.rate[ENTRY_A], point.rate[ENTRY_P], point.rate[ENTRY_S])
+    value[ENTRY_SEEN], point.rate[ENTRY_SEEN] = seen_amplitude(lever, *of), seen_rate(lever, of, by)
     return math.isfinite(length)
 
 

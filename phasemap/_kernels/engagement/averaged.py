@@ -183,7 +183,7 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndar
     status, surety = engage_traced(oscillator, amplitude, guess)
     if status == col.GOOD:
         guess[col.G_SLOPE] = mismatch_slope(oscillator, guess)
-        if rises and not near and guess[col.G_P] + amplitude * (1.0 - lever[col.OMEGA] ** 2) < 0.0:
+        if rises and not near and guess[col.G_P] + amplitude * lever[col.DYNAMIC_STIFFNESS] < 0.0:
             return col.GOOD, LEAP
     return status, surety
 
@@ -198,7 +198,7 @@ def fill_only_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: fl
     """
     lever = oscillator.lever
     plain = decisive_mismatch(lever, amplitude, low_q_margin_factor(lever)) * (
-        1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
+        1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS])
     )
     gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:

@@ -14,6 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import (
@@ -98,8 +99,9 @@ class Errors(NamedTuple):
 def begin_lock_in(lever: np.ndarray, acc: PeriodResult, lock_in: LockIn) -> None:
     """Let a lock-in show the phasor of the last period, as the detector sees it."""
     clear(lock_in)
-    lock_in.low_cos = lock_in.from_cos = lock_in.last_cos = acc.cos - lever[col.SHAKER]
-    lock_in.low_sin = lock_in.from_sin = lock_in.last_sin = acc.sin
+    cosine, sine = seen_phasor(lever, acc.cos, acc.sin)
+    lock_in.low_cos = lock_in.from_cos = lock_in.last_cos = cosine
+    lock_in.low_sin = lock_in.from_sin = lock_in.last_sin = sine
 
 
 @kernel
@@ -132,7 +134,7 @@ def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: 
             return False
         add_period(total.period, acc)
         lock_in.least_depth = min(lock_in.least_depth, acc.deepest)
-        cosine, sine = acc.cos - lever[col.SHAKER], acc.sin
+        cosine, sine = seen_phasor(lever, acc.cos, acc.sin)
         x = keep * lock_in.low_cos + (1.0 - keep) * cosine
         y = keep * lock_in.low_sin + (1.0 - keep) * sine
         from_x, from_y = lock_in.from_cos, lock_in.from_sin
@@ -151,7 +153,7 @@ def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: 
 @kernel
 def mean_phasor(lever: np.ndarray, total: Total) -> tuple[float, float]:
     """Mean phasor [m] that the detector sees."""
-    return total.period.cos / total.count - lever[col.SHAKER], total.period.sin / total.count
+    return seen_phasor(lever, total.period.cos / total.count, total.period.sin / total.count)
 
 
 @kernel
@@ -241,7 +243,7 @@ def branch_slope(lever: np.ndarray, x: float, y: float) -> float:
     """Change of the lag with the amplitude [rad/m] where dissipation stays: theory, Eq. (irregular-7)."""
     cosine = x / math.hypot(x, y)
     steep = math.copysign(max(abs(cosine), LEAST_COS), cosine)
-    return 2.0 * lever[col.ALPHA0] * lever[col.OMEGA] / (lever[col.BASE] * steep)
+    return lever[col.DYNAMIC_LOSS] / (lever[col.DRIVE] * steep)
 
 
 @kernel

@@ -31,6 +31,7 @@ from phasemap._kernels.engagement.averages import (
     with_average,
 )
 from phasemap._kernels.engagement.lowering import STILL_MOTION
+from phasemap._kernels.excitation import seen_phasor, sees_tip
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.by_memory import lingering
@@ -130,7 +131,7 @@ def hold_mean(
         ):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
-        x, y = cosine / (size * block) - lever[col.SHAKER], sine / (size * block)
+        x, y = seen_phasor(lever, cosine / (size * block), sine / (size * block))
         from_x, from_y = lock_in.from_cos, lock_in.from_sin
         z = z0 + amplitude - math.hypot(x, y)
         short += amplitude - math.hypot(x, y)
@@ -162,7 +163,7 @@ def hold_mean(
         return col.NOT_SETTLED
     divide_result(total.period, total.count)
     fill_row(lever, z_mean if held else tip.u[Z0], total.period, row)
-    if held and lever[col.SHAKER] == 0.0:
+    if held and sees_tip(lever):
         row[col.AMPLITUDE] = amplitude
     fill_spread(total, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset

@@ -249,7 +249,7 @@ def share_of(oscillator: Oscillator, most: int) -> float:
         return NONE_LEFT
     # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
     if pace_of_leap(oscillator) > 0.0:
-        far = abs(1.0 - lever[col.OMEGA] ** 2) > FAR_BESIDE
+        far = abs(lever[col.DYNAMIC_STIFFNESS]) > FAR_BESIDE
         return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else NONE_LEFT
     return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most else HASTY_SHARE
 

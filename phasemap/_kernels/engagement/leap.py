@@ -80,11 +80,11 @@ def find_orbit_below_resonance(
     damping in the sample takes is left out: folds lie where the tip hardly touches.
     """
     lever = oscillator.lever
-    stiff, damped = 1.0 - lever[col.OMEGA] ** 2, 2.0 * lever[col.ALPHA0] * lever[col.OMEGA]
+    stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
     whole = stiff * stiff + damped * damped
     for _ in range(4):
         push, _, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
-        square = lever[col.BASE] ** 2 * whole - (push * damped) ** 2
+        square = lever[col.DRIVE] ** 2 * whole - (push * damped) ** 2
         if square < 0.0:
             return False
         before, amplitude = amplitude, (math.sqrt(square) - push * stiff) / whole
@@ -125,7 +125,7 @@ def _complex_amplitude_rate(
     lever = oscillator.lever
     omega, size = lever[col.OMEGA], abs(a)
     push, drag, more = harmonics(oscillator, reach, size, (z0 - mean) / size)
-    drive = lever[col.BASE] - complex(1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega) * a
+    drive = lever[col.DRIVE] - complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]) * a
     return (
         (drive - complex(push, -drag) * a / size) / (2.0 * complex(lever[col.ALPHA0], omega)),
         push,
@@ -140,12 +140,14 @@ def fall_from_fold(oscillator: Oscillator, reach: float, at: FoldPoint, below: f
     The steps are the pair of orders 3 and 2 of Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321.
     """
     lever = oscillator.lever
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    stiff, mean = 1.0 - omega * omega, at.mean_deflection + lift * at.push
+    alpha0 = lever[col.ALPHA0]
+    stiff, mean = lever[col.DYNAMIC_STIFFNESS], at.mean_deflection + lift * at.push
     z0 = at.amplitude + at.gap + mean - below * reach
     # u0 = (X - i Y) a/|a| on an orbit.
     begun = (
-        lever[col.BASE] * at.amplitude / complex(at.push + at.amplitude * stiff, 2.0 * alpha0 * omega * at.amplitude)
+        lever[col.DRIVE]
+        * at.amplitude
+        / complex(at.push + at.amplitude * stiff, lever[col.DYNAMIC_LOSS] * at.amplitude)
     )
     a, h, fastest = begun, 0.02 / alpha0, 0.0
     k1, push, mean = _complex_amplitude_rate(oscillator, reach, z0, lift, a, mean)
@@ -172,8 +174,8 @@ def highest_repulsive_tip_offset(oscillator: Oscillator, reach: float) -> float:
     -P = A (1 - omega^2) on the way in from the strongest attraction.
     """
     law, p, lever = oscillator
-    pull = (1.0 - lever[col.OMEGA] ** 2) * lever[col.BASE] / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA])
-    amplitude = lever[col.BASE] / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA])
+    pull = lever[col.DYNAMIC_STIFFNESS] * lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
+    amplitude = lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
     outer, inner, mean = 0.0, 0.7 * balance_depth(law, p, reach), 0.0
     push, _, _ = harmonics(oscillator, reach, amplitude, 1.0 - inner / amplitude)
     while push + pull <= 0.0:
@@ -212,7 +214,8 @@ def landing_side(oscillator: Oscillator, reach: float, free: float) -> int:
     landed = UNCLEAR
     for i in range(len(VARIANTS)):
         other[col.ALPHA0] = VARIANTS[i, 0] * lever[col.ALPHA0]
-        other[col.BASE] = VARIANTS[i, 0] * lever[col.BASE]
+        other[col.DYNAMIC_LOSS] = VARIANTS[i, 0] * lever[col.DYNAMIC_LOSS]
+        other[col.DRIVE] = VARIANTS[i, 0] * lever[col.DRIVE]
         if VARIANTS[i, 0] != 1.0 and find_fold(Oscillator(law, p, other), reach, free_amplitude(other), at) != FOUND:
             return UNCLEAR
         end = fall_from_fold(Oscillator(law, p, other), reach, at, VARIANTS[i, 1], VARIANTS[i, 2])

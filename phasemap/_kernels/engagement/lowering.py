@@ -19,6 +19,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
+from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
@@ -74,7 +75,7 @@ def deepest_offset(lever: np.ndarray) -> float:
     """Tip offset [m] down to which a tip is lowered: -30 free amplitudes, near resonance of those at it."""
     if not near_resonance(lever):
         return -30.0 * free_amplitude(lever)
-    return -15.0 * lever[col.BASE] / lever[col.ALPHA0]
+    return -15.0 * lever[col.DRIVE] / lever[col.ALPHA0]
 
 
 @kernel
@@ -97,7 +98,7 @@ def pace_of_leap(oscillator: Oscillator) -> float:
     smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
     if not (smooth and leaps(lever, reach_of(law, p), free)):
         return 0.0
-    if -longrange_force(law, 0.0, p) < lever[col.STIFFNESS] * free * (1.0 - lever[col.OMEGA] ** 2):
+    if -longrange_force(law, 0.0, p) < lever[col.STIFFNESS] * free * lever[col.DYNAMIC_STIFFNESS]:
         return 0.0
     return LEAP_PACE * free / max(FEWEST_RINGING, ring_down_periods(lever))
 
@@ -178,10 +179,10 @@ def fall_to_setpoint(
     u, acc, ring = tip.u, tip.acc, max(FEWEST_RINGING, ring_down_periods(lever))
     if not march_tip(oscillator, tolerance.eta, tip):
         return TIME_SPENT
-    x, y = acc.cos - lever[col.SHAKER], acc.sin
+    x, y = seen_phasor(lever, acc.cos, acc.sin)
     from_z0, steady = u[Z0], 0
     seen, flow, allowed = 0 if pace > 0.0 else 1, Flow(), MANY_PERIODS_MISS * reach_of(law, p)
-    gentle = law.memory == 0 and abs(1.0 - lever[col.OMEGA] ** 2) < FAR_BESIDE
+    gentle = law.memory == 0 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE
     gentle = gentle and not attraction_defies_averaging(oscillator, free_amplitude(lever))
     if seen == 0 and gentle and not begin_flow(oscillator, ROUGH_STEPS * tolerance.eta, pace, tip, flow):
         return TIME_SPENT
@@ -207,7 +208,8 @@ def fall_to_setpoint(
             if many > 1:
                 late_x, late_y = 0.5 * (last_x + acc.cos), 0.5 * (last_y + acc.sin)
                 behind = 1.0 / (1.0 - (1.0 - 1.0 / ring) ** many)
-            x += (late_x - lever[col.SHAKER] - x) / behind
+            late_x, late_y = seen_phasor(lever, late_x, late_y)
+            x += (late_x - x) / behind
             y += (late_y - y) / behind
             if seen > 0 or math.hypot(x, y) <= amplitude:
                 seen += 1

@@ -77,8 +77,7 @@ def mismatch_at_gap(oscillator: Oscillator, reach: float, amplitude: float, gap:
 @kernel(light=True)
 def detuning(lever: np.ndarray) -> tuple[float, float]:
     """(x, y): drive that stiffness and damping of the free lever take, over the whole."""
-    omega = lever[col.OMEGA]
-    stiff, damped = 1.0 - omega * omega, 2.0 * lever[col.ALPHA0] * omega
+    stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
     whole = math.hypot(stiff, damped)
     return stiff / whole, damped / whole
 
@@ -93,7 +92,7 @@ def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
 @kernel(light=True)
 def near_resonance(lever: np.ndarray) -> bool:
     """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
-    return abs(1.0 - lever[col.OMEGA] ** 2) < NEAREST
+    return abs(lever[col.DYNAMIC_STIFFNESS]) < NEAREST
 
 
 @kernel
@@ -109,7 +108,7 @@ def attractive_mismatch(lever: np.ndarray, amplitude: float, push: float, drag: 
 
     With X > 0 the square of X would hide that attraction begins to count.
     """
-    x = (push + amplitude * (1.0 - lever[col.OMEGA] ** 2)) / lever[col.BASE]
+    x = (push + amplitude * lever[col.DYNAMIC_STIFFNESS]) / lever[col.DRIVE]
     h = mismatch(lever, amplitude, push, drag)
     return h if x <= 0.0 else h - 2.0 * x * x
 
@@ -193,7 +192,7 @@ def _gap_of_crossing(
 @kernel
 def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
     """Whether repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
-    return push > 0.0 and push + amplitude * (1.0 - lever[col.OMEGA] ** 2) > 0.0
+    return push > 0.0 and push + amplitude * lever[col.DYNAMIC_STIFFNESS] > 0.0
 
 
 @kernel
@@ -236,8 +235,8 @@ def deepest_tip_offset(oscillator: Oscillator) -> float:
 def repulsive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     lever = oscillator.lever
-    stiff = amplitude * (1.0 - lever[col.OMEGA] ** 2)
-    peak, want = top.gap, lever[col.BASE] - stiff - top.push
+    stiff = amplitude * lever[col.DYNAMIC_STIFFNESS]
+    peak, want = top.gap, lever[col.DRIVE] - stiff - top.push
     near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
     gap, last = top.behind, deepest_tip_offset(oscillator)
     for _ in range(60):
@@ -292,7 +291,7 @@ def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float
         top.behind = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least = decisive_mismatch(lever, amplitude, margin)
-    plain = least * (1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2))
+    plain = least * (1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS]))
     find_mismatch_maximum(oscillator, reach, amplitude, plain, top)
     if top.mismatch >= plain:
         return ATTRACTIVE

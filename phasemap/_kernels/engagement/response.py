@@ -10,7 +10,17 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import G_P, G_Z0, GOOD, LONGRANGE, NOT_CONVERGED, OMEGA, PENDING, RELEASE, STIFF
+from phasemap._kernels.columns import (
+    DYNAMIC_STIFFNESS,
+    G_P,
+    G_Z0,
+    GOOD,
+    LONGRANGE,
+    NOT_CONVERGED,
+    PENDING,
+    RELEASE,
+    STIFF,
+)
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import (
     DOUBTFUL,
@@ -84,7 +94,7 @@ def cheap_orbit(
             return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
         if side == UNCLEAR:
             side = decide_by_refined_maximum(oscillator, reach, amplitude, worst, room)
-        if leapt and not low and (guess[G_P] + amplitude * (1.0 - lever[OMEGA] ** 2)) * side < 0.0:
+        if leapt and not low and (guess[G_P] + amplitude * lever[DYNAMIC_STIFFNESS]) * side < 0.0:
             return PENDING  # the averaged curve ends elsewhere
     if side == UNCLEAR:
         return PENDING

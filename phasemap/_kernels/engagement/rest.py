@@ -79,7 +79,9 @@ def resting_amplitude(oscillator: Oscillator, d: float) -> float:
     omega = lever[col.OMEGA]
     slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
     alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
-    return lever[col.BASE] / math.hypot(1.0 + slope - omega * omega, 2.0 * (lever[col.ALPHA0] + alpha) * omega)
+    return lever[col.DRIVE] / math.hypot(
+        lever[col.DYNAMIC_STIFFNESS] + slope, lever[col.DYNAMIC_LOSS] + 2.0 * alpha * omega
+    )
 
 
 @kernel

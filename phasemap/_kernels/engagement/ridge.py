@@ -106,7 +106,7 @@ def start_ridge(
     push, drag, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     put_harmonic_orbit(guess, amplitude, 1.0 + gap / amplitude, push, drag, mean)
     x, y = drive_needed(lever, amplitude, push, drag)
-    driven[col.BASE] = math.hypot(x, y)
+    driven[col.DRIVE] = math.hypot(x, y)
     averaged_row(lever, guess, row)
     place.gap, place.amplitude = guess[col.G_Z0] - amplitude, amplitude
     step, more = min(REACH_STEP * (reach + abs(gap)), DEPTH_STEP * abs(gap)), SPREAD * amplitude
@@ -126,10 +126,10 @@ def linearise_at_ridge_point(law: Law, p: np.ndarray, eta: float, ridge: Ridge) 
     if not linearise_period(Oscillator(law, p, driven), eta, tip):
         return False
     u, y = tip.u, np.empty(len(tip.u))
-    base, size = driven[col.BASE], neighbour_distance(driven, tip)
-    driven[col.BASE] = base + size
+    base, size = driven[col.DRIVE], neighbour_distance(driven, tip)
+    driven[col.DRIVE] = base + size
     good = pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y)
-    driven[col.BASE] = base
+    driven[col.DRIVE] = base
     assign(by, tip.linear)
     by.by_z0.z, by.by_z0.v, by.by_z0.amplitude = y[Z] - u[Z], y[V] - u[V], amplitude_of(driven, tip.acc)
     differentiate(by.by_z0, by.now, size)
@@ -150,9 +150,9 @@ def solve_drive_at_ridge_point(law: Law, p: np.ndarray, eta: float, scale: float
         z, v, more = way_to_rest(by, by.now.z, by.now.v, by.now.amplitude - place.amplitude, True)
         before = FIRST_RIDGE_STEP
         while True:
-            way = math.hypot(z, v) / scale + abs(more) / driven[col.BASE]
-            u[Z], u[V], driven[col.BASE] = u[Z] + z, u[V] + v, driven[col.BASE] + more
-            if not (way < STEP_ASTRAY and driven[col.BASE] > 0.0):
+            way = math.hypot(z, v) / scale + abs(more) / driven[col.DRIVE]
+            u[Z], u[V], driven[col.DRIVE] = u[Z] + z, u[V] + v, driven[col.DRIVE] + more
+            if not (way < STEP_ASTRAY and driven[col.DRIVE] > 0.0):
                 return False
             if way * way < RIDGE_DRIVE_LEFT * before:
                 return True
@@ -174,10 +174,10 @@ def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridg
     place, driven, tip, by = ridge
     if not solve_drive_at_ridge_point(law, p, eta, scale, ridge) or not tip.acc.cos < 0.0:
         return False
-    f, by_drive = driven[col.BASE] / lever[col.BASE], amplitude_slope(by)
+    f, by_drive = driven[col.DRIVE] / lever[col.DRIVE], amplitude_slope(by)
     place.mismatch = f * f - 1.0
-    place.by_gap = -2.0 * f * amplitude_slope(tip.linear) / by_drive / lever[col.BASE]
-    place.by_amplitude = place.by_gap + 2.0 * f / by_drive / lever[col.BASE]
+    place.by_gap = -2.0 * f * amplitude_slope(tip.linear) / by_drive / lever[col.DRIVE]
+    place.by_amplitude = place.by_gap + 2.0 * f / by_drive / lever[col.DRIVE]
     return True
 
 
@@ -192,7 +192,7 @@ def move_on_ridge(ridge: Ridge, of_b: float, of_a: float) -> None:
     u[Z] += z * of_z0 + z_drive * more
     u[V] += v * of_z0 + v_drive * more
     u[Z0] += of_z0
-    driven[col.BASE] += more
+    driven[col.DRIVE] += more
     place.gap += of_b
     place.amplitude += of_a
 

@@ -48,6 +48,7 @@ from phasemap._kernels.engagement.lowering import (
     too_far,
 )
 from phasemap._kernels.engagement.stuck import presses, sticks
+from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.pattern import find_pattern, shorten
@@ -95,9 +96,7 @@ class Descent:
 @kernel
 def with_ringing(lever: np.ndarray, periods: float) -> np.ndarray:
     """The lever, with so many periods in which motion rings down."""
-    other = np.empty(col.RINGING + 1)
-    for j in range(col.RINGING):
-        other[j] = lever[j]
+    other = lever.copy()
     other[col.RINGING] = periods
     return other
 
@@ -219,7 +218,8 @@ def engage_ringing(
                 way.turns += 1
             periods.pattern, wait = 1, FIRST_LOOK
             begin_lock_in(lever, acc, lock_in)
-            way.cos, way.sin, way.before, way.still = acc.cos - lever[col.SHAKER], acc.sin, math.inf, 0.0
+            way.cos, way.sin = seen_phasor(lever, acc.cos, acc.sin)
+            way.before, way.still = math.inf, 0.0
         ends = move(
             Oscillator(law, p, slow), amplitude, coarse.eta, min(most, periods.marched + wait), tip, lock_in, way
         )

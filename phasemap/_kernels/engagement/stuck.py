@@ -18,6 +18,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.rest import loosened, static_depth
+from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, relaxed, rest
 from phasemap._kernels.orbits.time.tip import (
@@ -94,10 +95,10 @@ def too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
     p, lever = oscillator.p, oscillator.lever
     if p[col.RELEASE] == 0.0 and p[col.LONGRANGE] != 0.0:
         return False
-    of_tip, drive = amplitude - lever[col.SHAKER], lever[col.BASE]
-    if not of_tip > 0.0 or pull_off(oscillator) < BEYOND_FREE * drive / (2.0 * lever[col.ALPHA0] * lever[col.OMEGA]):
+    of_tip, drive = likely_amplitude(lever, amplitude, 1), lever[col.DRIVE]
+    if not of_tip > 0.0 or pull_off(oscillator) < BEYOND_FREE * drive / lever[col.DYNAMIC_LOSS]:
         return False
-    needed = drive + of_tip * abs(1.0 - lever[col.OMEGA] ** 2)
+    needed = drive + of_tip * abs(lever[col.DYNAMIC_STIFFNESS])
     return least_push(oscillator, of_tip) > TOO_STIFF * needed
 
 

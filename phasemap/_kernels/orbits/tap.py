@@ -113,7 +113,7 @@ def _march_tip(
     """
     p, lever = oscillator.p, oscillator.lever
     timed, j, half = end > 0.0, first, math.copysign(math.pi / lever[col.OMEGA], h)
-    free, longest = 0.0 < end < math.inf, MOST_FLIGHT if lever[col.BASE] < FAINT_DRIVE * held[0] else MOST_DRIVEN
+    free, longest = 0.0 < end < math.inf, MOST_FLIGHT if lever[col.DRIVE] < FAINT_DRIVE * held[0] else MOST_DRIVEN
     least, most = p[col.RELEASE] if end == math.inf else -math.inf, 0.0 if free else math.inf
     share, r = lever[col.OMEGA] / 6.0, _rates(oscillator, held, end, y)
     _put(lever, end, y, 0.0, at, j)
@@ -150,7 +150,7 @@ def _put_half_period(
 ) -> int:
     """Fill the nodes of the half period before (side -1) or after (1) the deepest point; returns their end."""
     law, p, lever = oscillator
-    base, deepest, release = lever[col.BASE], row[col.INDENTATION], p[col.RELEASE]
+    base, deepest, release = lever[col.DRIVE], row[col.INDENTATION], p[col.RELEASE]
     held = (row[col.TIP_OFFSET], base * math.cos(lag), base * math.sin(lag))
     y, count, edge = (deepest, 0.0, 0.0), first, 0.0
     if deepest > 0.0:
@@ -203,7 +203,7 @@ def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: OrbitNodes) ->
     If not `whole`, those in contact will do, and where the drive is small their angles against the drive are not told.
     """
     lever = oscillator.lever
-    if not whole and row[col.INDENTATION] > 0.0 and lever[col.BASE] < FAINT_DRIVE * row[col.AMPLITUDE]:
+    if not whole and row[col.INDENTATION] > 0.0 and lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]:
         count, _, _ = _followed(oscillator, row, 0.0, False, at)
         if count > 0:
             return count
@@ -216,7 +216,7 @@ def tap(oscillator: Oscillator, row: np.ndarray, whole: bool, at: OrbitNodes) ->
             # Where motion in a liquid is far from a sine, the secant converges and repetition does not.
             off = found - late
             move = -off * (late - last) / (off - last_off) if turn > 0 and off != last_off else off
-            if lever[col.BASE] * abs(off) < DRIVE_ALIKE * row[col.AMPLITUDE]:
+            if lever[col.DRIVE] * abs(off) < DRIVE_ALIKE * row[col.AMPLITUDE]:
                 if abs(size - 1.0) > HARMONIC_ALIKE:
                     break
                 c, s = math.cos(late + move), math.sin(late + move)

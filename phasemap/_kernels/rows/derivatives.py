@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import SHAKER
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
+from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
@@ -139,7 +138,7 @@ def held_root(
     amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
     for step in range(MOST_ROOT_STEPS):
         c, slope = stable_root(oscillator, reach, amplitude, side, search, c)
-        if not slope < 0.0 or lever[SHAKER] == 0.0:
+        if not slope < 0.0 or sees_tip(lever):
             return amplitude, c, slope
         push, drag, mean = harmonics(oscillator, reach, amplitude, c)
         phase, _ = phase_and_offset(lever, amplitude, c, push, drag, mean)
@@ -214,7 +213,7 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
                 (there.phase - here.phase) / small, (there.offset - here.offset) / small,
             )  # fmt: skip
             h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
-            if lever[SHAKER] != 0.0:
+            if not sees_tip(lever):
                 there = detector_signal(oscillator, reach, amplitude + wide, c)
                 h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
                 phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide

@@ -93,7 +93,7 @@ def cheap_rows(
             solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 out[i, KEPT_COUNT] = 0.0
-                if room.state.parts == 1.0 and lever[col.BASE] < FAINT_DRIVE * amplitude:
+                if room.state.parts == 1.0 and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
                     keep_nodes(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, at, out[i])
     return waiting
 

@@ -48,13 +48,12 @@ def nearby_rows(
     """
     orbit, spare = new_orbit(), new_orbit()
     guess = np.zeros(col.HARMONIC_ORBIT)
-    omega = lever[col.OMEGA]
     for i in range(len(rows)):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
         amplitude, z0, phase = guesses.amplitudes[i], guesses.offsets[i], guesses.phases[i]
         guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, guesses.means[i], amplitude
-        guess[col.G_P] = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
-        guess[col.G_S] = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
+        guess[col.G_P] = lever[col.DRIVE] * math.sin(phase) - amplitude * lever[col.DYNAMIC_STIFFNESS]
+        guess[col.G_S] = lever[col.DYNAMIC_LOSS] * amplitude - lever[col.DRIVE] * math.cos(phase)
         tolerance = tolerance_of(oscillator)
         done, throws = col.NOT_CONVERGED, is_thrown_back(oscillator, amplitude, guess[col.G_P])
         for warm in (True, False):

@@ -72,7 +72,7 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
     find_mismatch_maximum(oscillator, reach, amplitude, math.inf, top)
     if side == ATTRACTIVE:
         wanted = 1.0 - (amplitude / free) ** 2
-        detuned = 1.0 + DETUNED * abs(1.0 - lever[col.OMEGA] ** 2)
+        detuned = 1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS])
         plain = min((CLEAR_MISMATCH * wanted + 0.03) * low_q_margin_factor(lever) * detuned, HALF_PULL * wanted)
         if top.mismatch <= -plain:
             return col.NO_STABLE_ORBIT
@@ -125,7 +125,7 @@ def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top:
         return math.inf if push <= 0.0 else math.nan, far
     middle = far
     for _ in range(MOST_STEPS):
-        if abs(push) < 0.05 * lever[col.BASE]:
+        if abs(push) < 0.05 * lever[col.DRIVE]:
             break
         middle = 0.5 * (near + far)
         h, push = mismatch_at_gap(oscillator, reach, amplitude, middle)
@@ -139,7 +139,7 @@ def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top:
 @kernel
 def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) -> float:
     """Mismatch at P = 0; above resonance less the square of the detuning, which repulsion makes up for first."""
-    detuning = amplitude * (1.0 - lever[col.OMEGA] ** 2) / lever[col.BASE]
+    detuning = amplitude * lever[col.DYNAMIC_STIFFNESS] / lever[col.DRIVE]
     return h if detuning >= 0.0 else h - detuning * detuning
 
 
@@ -157,7 +157,7 @@ def exact_drag(oscillator: Oscillator, reach: float, amplitude: float, gap: floa
         )
         if not math.isfinite(h):
             return math.nan
-        if abs(push) < NO_FORCE * lever[col.BASE]:
+        if abs(push) < NO_FORCE * lever[col.DRIVE]:
             return mismatch_without_net_force(lever, amplitude, h)
         before, push_before, gap = gap, push, gap - push * (gap - before) / (push - push_before)
     return math.nan

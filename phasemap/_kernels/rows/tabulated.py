@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import BASE
+from phasemap._kernels.columns import DRIVE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import drive_needed, mismatch, reach_of
@@ -139,7 +139,7 @@ def _find_root(table: Table, image: int, held: HeldOrbit, c: float, parts: Parts
         push, drag = _sum(parts.values, TABLE_PUSH, x), _sum(parts.values, TABLE_DRAG, x)
         ahead, behind = drive_needed(lever, amplitude, push, drag)
         rise = ahead * _sum(parts.slopes, TABLE_PUSH, x) - behind * _sum(parts.slopes, TABLE_DRAG, x)
-        slope = 2.0 * rise / lever[BASE] ** 2
+        slope = 2.0 * rise / lever[DRIVE] ** 2
         if not slope < 0.0:
             return ROOT_LOST, c
         longest = LONGEST_ROOT_STEP * depth

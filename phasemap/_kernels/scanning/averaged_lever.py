@@ -94,7 +94,7 @@ def slow_flow_rhs(
         place += math.pi / omega * loop.proportional * lock_in_rates(loop, y)[0]
     away, shift = place - ground, memory.shift
     inverse = 0.5 / complex(alpha0, omega)
-    free = complex(1.0 - omega * omega, 2.0 * alpha0 * omega)
+    free = complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
     lead = complex(memory.lead_real, memory.lead_imag)
     b = complex(y[A_REAL], y[A_IMAG]) + lead
     a, rate, whole = b - lead, complex(0.0, 0.0), modulus(b)
@@ -103,7 +103,7 @@ def slow_flow_rhs(
         depth, c = size + shift - away, (away - shift) / size
         push, drag, mean = harmonics(oscillator, reach, size, c)
         unit = a * (1.0 / size)
-        rate = (lever[col.BASE] - free * a - complex(push, -drag) * unit) * inverse
+        rate = (lever[col.DRIVE] - free * a - complex(push, -drag) * unit) * inverse
         lead = rate * inverse
         new = mean + tip_shift(oscillator, reach, size, c, push, shares)
         carried = modulus(b - lead) - whole + new

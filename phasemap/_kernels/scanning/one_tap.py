@@ -117,7 +117,7 @@ def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: PeriodResult
         Left by the period before; zeros at first.
     """
     law, p, lever = oscillator
-    alone = lever_on(lever[col.OMEGA], lever[col.ALPHA0], lever[col.BASE], 0.0, z0)
+    alone = lever_on(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], 0.0, z0)
     period = 2.0 * math.pi / alone.omega
     start = Instant(y[Z], y[V], complex(1.0, 0.0))
     surface = Surface(law, p, 1.0 / lever[col.STIFFNESS], reach_of(law, p), z0)

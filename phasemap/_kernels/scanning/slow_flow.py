@@ -222,7 +222,7 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
         error = _step_error(loop, k, h, modulus(complex(trial[A_REAL], trial[A_IMAG])))
         memory.step = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
         if error <= 1.0:
-            if abs(memory.push) > lever[col.BASE] + loop.most_push * modulus(complex(trial[A_REAL], trial[A_IMAG])):
+            if abs(memory.push) > lever[col.DRIVE] + loop.most_push * modulus(complex(trial[A_REAL], trial[A_IMAG])):
                 return col.NOT_CONVERGED
             _note_end(loop, trial, k[STAGES - 1], after)
             _add_step(before, after, h, tally)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, GOOD, SHAKER
+from phasemap._kernels.columns import ALPHA0, GOOD
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
@@ -23,6 +23,7 @@ from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, slow_f
 from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
+from phasemap.experiment.excitation import sees_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.feedback.loop import loop_of, tau_per_second
 from phasemap.solvers.problem import Work
@@ -150,7 +151,7 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
 
 def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
     """Averaged orbits (z0, mean deflection, A, P, S) that the detector sees with this amplitude, shape (n, 5)."""
-    if not work.lever[SHAKER]:
+    if sees_tip(work.lever):
         found: Array = averaged_orbits(Oscillator(work.law, p, work.lever), amplitude)
         return found
     rows, reach = [], reach_of(work.law, p)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.columns import SHAKER
+from phasemap._kernels.columns import DYNAMIC_LOSS, DYNAMIC_STIFFNESS
 from phasemap._kernels.law import Law
 from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
 from phasemap._shared.errors import InputError
-from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.excitation import of_tip, sees_tip
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -113,7 +113,7 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
         np.zeros(3), np.full(3, np.log(factor)), REACH * float(np.log(factor)), prior.poisson_ratio,
         scope, scope.interaction.token(), np.array(levers), np.array(amplitudes),
     )  # fmt: skip
-    if model.levers[:, SHAKER].any():  # the amplitude of the tip then depends on the material
+    if not sees_tip(model.levers):  # the amplitude of the tip then depends on the material
         return model
     rows = model.rows(np.concatenate([np.zeros((1, 3)), np.eye(3), 0.5 * model.reach * CORNERS]))
     return replace(model, tables=make_tables(model.law, rows, model.levers, model.amplitudes))
@@ -131,9 +131,9 @@ def sides_of(stack: Stack) -> Codes:
     seen = np.isfinite(stack.errors[:, :, PHASE])
     turn, phases = [], stack.values[:, :, PHASE].copy()
     for j, (scope, setpoint) in enumerate(zip(stack.scopes, stack.setpoints, strict=True)):
-        omega = scope.frequency_ratio
-        turn.append(np.arctan2(1 - omega**2, 2 * scope.cantilever.damping_ratio * omega))
-        phases[:, j] = of_tip(lever_of(scope), setpoint * scope.driven_amplitude, phases[:, j])[1]
+        lever = lever_of(scope)
+        turn.append(np.arctan2(lever[DYNAMIC_STIFFNESS], lever[DYNAMIC_LOSS]))
+        phases[:, j] = of_tip(lever, setpoint * scope.driven_amplitude, phases[:, j])[1]
     raised = np.where(phases > np.array(turn), 1, -1)
     most = np.where((raised * seen).sum(axis=1, keepdims=True) < 0, -1, 1)
     sides = np.where(seen, raised, most)

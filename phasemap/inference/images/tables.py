@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.columns import BASE
+from phasemap._kernels.columns import DRIVE
 from phasemap._kernels.law import Law
 from phasemap._kernels.rows.tabulated import (
     AXES,
@@ -105,6 +105,6 @@ def _fill(table: Table, image: int, law: Law, rows: Array, axes: Axes, lever: Ar
         "ra,nt,sktav->rsknv", weights, np.vander(CHECKED, TABLE_TERMS, increasing=True), powers, optimize=True
     )
     size = np.einsum("ra,asknv->rsknv", np.abs(weights), np.abs(parts[..., TABLE_TERMS:, :]))
-    size += lever[BASE]
-    size[..., TABLE_MEAN] += SMALL * amplitude - lever[BASE]
+    size += lever[DRIVE]
+    size[..., TABLE_MEAN] += SMALL * amplitude - lever[DRIVE]
     table.sound[image] = (np.abs(told - sums[..., TABLE_TERMS:, :]) < WRONG * size).all(axis=(0, 3, 4))

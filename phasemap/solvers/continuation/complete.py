@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap.experiment.excitation import sees_tip, tip_amplitudes
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.pieces import Curves
 
@@ -24,9 +25,9 @@ def held_curves(path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
     from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_SEEN
     from phasemap._kernels.lever import free_amplitude
 
-    free, base = float(free_amplitude(path.lever)), path.lever[col.SHAKER]
-    least = max(amplitudes[0] - base, FAINT * free) if base else amplitudes[0]  # of z
-    curves = Curves(path, ENTRY_SEEN if base else ENTRY_A, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
+    free, plain = float(free_amplitude(path.lever)), sees_tip(path.lever)
+    least = max(float(tip_amplitudes(path.lever, amplitudes[0])[0]), FAINT * free)  # of z
+    curves = Curves(path, ENTRY_A if plain else ENTRY_SEEN, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
     curves.from_far(0.0)
     # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):

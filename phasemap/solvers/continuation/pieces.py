@@ -10,7 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.experiment.excitation import seen
+from phasemap.experiment.excitation import seen, sees_tip
 
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
@@ -70,7 +70,7 @@ class Curves:
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """Rows as the detector sees them, shape (..., FULL)."""
-        if not self.standing(0.0)[1][col.SHAKER] or not rows.size:
+        if sees_tip(self.standing(0.0)[1]) or not rows.size:
             return rows
         at = np.nan_to_num(rows[..., col.PARAMETER]).reshape(-1)
         levers = np.array([self.standing(m)[1] for m in at]).reshape(*rows.shape[:-1], -1)
@@ -163,7 +163,7 @@ class Curves:
             i = np.flatnonzero((a[1:] > amplitude) != (a[:-1] > amplitude))
             share = (amplitude - a[i]) / (a[i + 1] - a[i])
             at = [rows[i, c] + share * (rows[i + 1, c] - rows[i, c]) for c in (col.TIP_OFFSET, col.STIFFENING)]
-            off = np.abs(at[1] * amplitude - push) / lever[col.BASE]
+            off = np.abs(at[1] * amplitude - push) / lever[col.DRIVE]
             if ((np.abs(at[0] - z0) < NEAR * amplitude) & (off < NEAR_PUSH)).any():
                 return True
         return False

@@ -77,7 +77,7 @@ def _decided(picture: Picture, again: Again) -> Mask:
     decided &= ~np.isin(picture.raw("status").reshape(-1)[again.pixels], UNDECIDED)
     if "tip_offset" in picture:
         lever = lever_of(picture.claims.microscope)
-        deep = picture["tip_offset"].reshape(-1)[again.pixels] < DEEPEST * lever[col.BASE] / lever[col.ALPHA0]
+        deep = picture["tip_offset"].reshape(-1)[again.pixels] < DEEPEST * lever[col.DRIVE] / lever[col.ALPHA0]
         decided &= ~(deep & (again.status == col.NO_STABLE_ORBIT))
     return decided
 

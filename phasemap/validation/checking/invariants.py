@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.excitation import of_tip, offset_and_factor
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
@@ -127,8 +127,9 @@ def _of_tip(picture: Picture) -> tuple[Array, Array]:
 
 def _magnified(picture: Picture) -> Array:
     """At most by how much an error of what the detector sees is larger in the motion of the tip."""
-    base = lever_of(picture.claims.microscope)[col.SHAKER]
-    return np.asarray((1 + base / picture["amplitude"]) ** 2 if base else 1.0)
+    lever = lever_of(picture.claims.microscope)
+    offset = np.abs(offset_and_factor(lever)[0])
+    return np.asarray((1 + offset / picture["amplitude"]) ** 2)
 
 
 def _amplitude_error(picture: Picture) -> Claim:
@@ -144,26 +145,28 @@ def _amplitude_error(picture: Picture) -> Claim:
 def _balances(picture: Picture) -> Claim:
     """Energy and virial leave room for the same higher harmonics, and for no less than none."""
     lever = lever_of(picture.claims.microscope)
-    omega, _, stiffness, base, _ = lever
+    stiffness, drive = lever[col.STIFFNESS], lever[col.DRIVE]
     (amplitude, phase), mean = _of_tip(picture), picture["mean_deflection"]
     unknown = picture.unknown_phase() * _magnified(picture)
     given, air = supplied(lever, amplitude, phase), lost_in_air(lever, amplitude)
-    # Both are sums over harmonics, of n^2 A_n^2 and of (n^2 omega^2 - 1) A_n^2, over A^2.
+    # With one mode both are sums over harmonics, of n^2 A_n^2 and of (n^2 omega^2 - 1) A_n^2, over A^2; with more the
+    # first is still positive.
     power = (given - picture["dissipation"] - air) / air
     elastic = (
-        2 * (mean / amplitude) ** 2 + 1 - omega**2 - base / amplitude * np.sin(phase)
+        2 * (mean / amplitude) ** 2 + lever[col.DYNAMIC_STIFFNESS] - drive / amplitude * np.sin(phase)
         - 2 * picture["virial"] / (stiffness * amplitude**2)
     )  # fmt: skip
     closure = np.abs(np.nan_to_num(picture["energy_closure"])) if "energy_closure" in picture else 0.0
-    full = np.pi * stiffness * base * amplitude
+    full = np.pi * stiffness * drive * amplitude
     harmonic = picture.raw("solver") == col.INTERPOLATED if "solver" in picture else False
     stated = np.where(harmonic, 0.0, closure * np.abs(given))  # there, what the harmonics take is in the closure
     more = unknown + ROUNDING + picture.coarse("amplitude") / amplitude
     power_unknown = (stated + 2 * full * more) / air
-    elastic_unknown = 4 * base / amplitude * more + 4 * np.abs(mean) / amplitude**2 * picture.claims.accuracy.height
+    elastic_unknown = 4 * drive / amplitude * more + 4 * np.abs(mean) / amplitude**2 * picture.claims.accuracy.height
+    omega, several = lever[col.OMEGA], lever[col.MODES] > 1
     below, above = (omega**2 - 0.25) * power - elastic, elastic - omega**2 * power
     doubt = elastic_unknown + omega**2 * power_unknown
-    excess = np.maximum(np.maximum(below, above) - doubt, -power - power_unknown)
+    excess = np.maximum(-np.inf if several else np.maximum(below, above) - doubt, -power - power_unknown)
     found = f"higher harmonics take up to {100 * _largest(power * air / given, picture.good):.2g} % of the energy"
     about = "energy and virial balance with the phase"
     # The sums are those of a period: motion that has none loses energy beside its harmonics, too.

@@ -53,7 +53,7 @@ def allowed(
     are compared.
     """
     claims, lever = picture.claims, lever_of(picture.claims.microscope)
-    base, length = lever[col.BASE], np.where(approximate, claims.accuracy.height, 0.0)
+    base, length = lever[col.DRIVE], np.where(approximate, claims.accuracy.height, 0.0)
     phase = np.radians(np.where(approximate, np.maximum(errors.phase, claims.accuracy.phase), errors.phase))
     work = np.pi * lever[col.STIFFNESS] * base * claims.amplitude * phase
     largest = {

@@ -40,7 +40,7 @@ def crossing(oscillator: Oscillator, reach: float, amplitude: float, near: float
 def far_start(oscillator: Oscillator, reach: float, free: float, amplitude: float) -> float:
     """Return c so large that the surface hardly matters at this setpoint."""
     p, lever = oscillator.p, oscillator.lever
-    allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.BASE]
+    allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.DRIVE]
     away = scale_of(oscillator, free) / free
     for _ in range(60):
         if p[col.LONGRANGE] == 0.0 or abs(harmonics(oscillator, reach, free, 1.0 + away)[0]) < allowed:
@@ -63,7 +63,7 @@ def mismatch_slope(oscillator: Oscillator, guess: np.ndarray) -> float:
 def in_phase(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> float:
     """P + A (1 - omega^2), the part of the drive that acts against stiffness; it passes zero between two branches."""
     lever = oscillator.lever
-    return harmonics(oscillator, reach, amplitude, c)[0] + amplitude * (1.0 - lever[col.OMEGA] ** 2)
+    return harmonics(oscillator, reach, amplitude, c)[0] + amplitude * lever[col.DYNAMIC_STIFFNESS]
 
 
 @kernel(shared=True)
@@ -85,7 +85,7 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
     for i in range(samples + 1):
         c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
         push, drag, _ = harmonics(oscillator, reach, amplitude, c)
-        x = push + amplitude * (1.0 - lever[col.OMEGA] ** 2)
+        x = push + amplitude * lever[col.DYNAMIC_STIFFNESS]
         if i > 0 and (x > 0.0) != (x_before > 0.0):
             near, far = c, at[count - 1]
             for _ in range(60):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.arrays import copy_rows
-from phasemap._kernels.columns import ALPHA0, BASE, OMEGA, ROW
+from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, ROW
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import eliminate
 from phasemap._kernels.lever import drive_needed
@@ -39,7 +39,7 @@ from phasemap._kernels.quadrature import NODES, T_M1, T_M2, T_SUM1
 @kernel
 def _drive(lever: np.ndarray, head: Head) -> float:
     """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
-    base = lever[BASE]
+    base = lever[DRIVE]
     x, y = drive_needed(lever, head.amplitude, head.push, head.drag)
     return (x * x + y * y) / base - base
 
@@ -47,7 +47,7 @@ def _drive(lever: np.ndarray, head: Head) -> float:
 @kernel(shared=True)
 def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> None:
     """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
-    omega, alpha0, base = lever[OMEGA], lever[ALPHA0], lever[BASE]
+    base = lever[DRIVE]
     head = head_of(orbit)
     copy_rows(orbit.chained, orbit.system)
     orbit.system[4:] = 0.0
@@ -56,7 +56,7 @@ def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> None:
     x, y = drive_needed(lever, amplitude, push, drag)
     row[RP] = 2 * x / base
     row[RS] = -2 * y / base
-    row[RA] = (2 * x * (1 - omega**2) + 4 * y * alpha0 * omega) / base
+    row[RA] = (2 * x * lever[DYNAMIC_STIFFNESS] + 2 * y * lever[DYNAMIC_LOSS]) / base
     row[RIGHT] = (base * base - x * x - y * y + 2 * x * push - 2 * y * drag) / base
     if len(drift) > 0:
         row[RM] = (_drive(drift[0][ROW:], head) - _drive(drift[1][ROW:], head)) / (2.0 * DRIFT_STEP)

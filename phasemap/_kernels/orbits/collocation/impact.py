@@ -134,8 +134,8 @@ def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: Hit) -> boo
 def find_hit(oscillator: Oscillator, amplitude: float, hit: Hit) -> bool:
     """Fill the hit that takes the drive at this amplitude; False where no short contact does."""
     lever = oscillator.lever
-    base, omega = lever[col.BASE], lever[col.OMEGA]
-    stiff, damped = amplitude * (1.0 - omega * omega), 2.0 * lever[col.ALPHA0] * omega * amplitude
+    base, omega = lever[col.DRIVE], lever[col.OMEGA]
+    stiff, damped = amplitude * lever[col.DYNAMIC_STIFFNESS], amplitude * lever[col.DYNAMIC_LOSS]
     mean_slope = 0.5 * (after_kick(lever, 0.0)[1] + after_kick(lever, 2.0 * math.pi)[1])
     kick, loss = base, 0.0
     for _ in range(MOST_ROUNDS):

@@ -86,7 +86,7 @@ def allowed_displacement(oscillator: Oscillator, level: int) -> float:
     """Distance of the elements from the contact that does no harm, over its depth: 0 where the force jumps there."""
     law, p, lever = oscillator
     pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[col.LONGRANGE] != 0.0 else 0.0)
-    if p[col.RELEASE] != 0.0 or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.BASE]:
+    if p[col.RELEASE] != 0.0 or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.DRIVE]:
         return 0.0
     return 2e-6 if level == 0 else 0.0
 
@@ -95,7 +95,7 @@ def allowed_displacement(oscillator: Oscillator, level: int) -> float:
 def settled(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
     """True if the last step was within the tolerance of an exact orbit."""
     head = head_of(orbit)
-    return head.change < tolerance and head.turn < DRIVE_TOLERANCE * lever[col.BASE]
+    return head.change < tolerance and head.turn < DRIVE_TOLERANCE * lever[col.DRIVE]
 
 
 @kernel(shared=True, vectors=True)
@@ -110,7 +110,7 @@ def take_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: fl
     head.change, head.turn = change, turned
     if not change < 1e3 * head.amplitude:
         return col.NOT_CONVERGED, change
-    if change < tolerance and turned < (COARSE_DRIVE if coarse else DRIVE_TOLERANCE) * lever[col.BASE]:
+    if change < tolerance and turned < (COARSE_DRIVE if coarse else DRIVE_TOLERANCE) * lever[col.DRIVE]:
         return col.GOOD, change
     return col.PENDING, change
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, RELEASE, ROW, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, DAMPING, DRIVE, LONGRANGE, OMEGA, RELEASE, ROW, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate_columns
 from phasemap._kernels.law import (
@@ -74,9 +74,8 @@ EIGHT = 8
 ELEMENT_COLUMNS = NODES + SEVEN  # columns of an element's matrix with its right-hand sides
 
 
-# Where a parameter m moves, `drift`, shape (2, STANDING), has the law's parameters and the lever at m + DRIFT_STEP
-# and m - DRIFT_STEP; elsewhere it has no rows.
-STANDING = ROW + 5
+# Where a parameter m moves, `drift`, shape (2, ROW + len(lever)), has the law's parameters and the lever at
+# m + DRIFT_STEP and m - DRIFT_STEP; elsewhere it has no rows.
 DRIFT_STEP = 1e-5
 
 
@@ -191,7 +190,7 @@ def the_offset(z0: float) -> Held:
 @kernel
 def no_drift() -> np.ndarray:
     """`drift` where no parameter moves."""
-    return np.empty((0, STANDING))
+    return np.empty((0, 0))
 
 
 @kernel
@@ -303,7 +302,7 @@ def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: floa
     deeper, higher = (after, before) if slope > 0.0 else (before, after)
     jump = surface_force(law, p, inverse_k, deeper, border, v)[0]
     jump -= surface_force(law, p, inverse_k, higher, border, v)[0]
-    if abs(jump) < 1e-13 * lever[BASE]:
+    if abs(jump) < 1e-13 * lever[DRIVE]:
         return 0.0
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 

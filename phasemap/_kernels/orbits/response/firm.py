@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, longrange_slope
@@ -62,12 +62,12 @@ def _touches_once(oscillator: Oscillator, reach: float, f: Nodes, state: PassSta
 def _rises(lever: np.ndarray, bench: Bench) -> bool:
     """Whether the tip offset clearly rises with the amplitude at the drive given: theory, Eq. (stability-5)."""
     f, state, m, right = bench.nodes, bench.state, bench.system, bench.right
-    omega, amplitude, n = lever[OMEGA], state.amplitude, N * parts_of(f)
-    s, y = 1.0 - omega * omega, 2.0 * lever[ALPHA0] * omega
+    amplitude, n = state.amplitude, N * parts_of(f)
+    s, y = lever[DYNAMIC_STIFFNESS], lever[DYNAMIC_LOSS]
     for j in range(n):
         right[j] = m[j, n] * f.cos[contact_node(j)] - m[j, n + 1] * f.sin[contact_node(j)]
     substitute(m, n, bench.order, right)
-    per_a = 2.0 * ((state.push + amplitude * s) * s + (y * amplitude - state.drag) * y) / lever[BASE] ** 2
+    per_a = 2.0 * ((state.push + amplitude * s) * s + (y * amplitude - state.drag) * y) / lever[DRIVE] ** 2
     per_e, mean_a, mean_e = 0.0, 0.0, 0.0
     for j in range(n):
         to_h, to_mean = drive_of(lever, f, state, j), GAUSS_WEIGHTS[j % N] * f.weight[contact_node(j)] / (2 * math.pi)

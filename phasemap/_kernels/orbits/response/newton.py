@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import ALPHA0, BASE, DAMPING, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import ALPHA0, DAMPING, DRIVE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
@@ -158,7 +158,7 @@ def fill_system(
 def drive_of(lever: np.ndarray, f: Nodes, state: PassState, k: int) -> float:
     """Change of the mismatch with g at the k-th node in contact."""
     i, (x, y) = contact_node(k), drive_needed(lever, state.amplitude, state.push, state.drag)
-    share = 2.0 * GAUSS_WEIGHTS[k % N] * f.weight[i] / (math.pi * lever[BASE] * lever[BASE])
+    share = 2.0 * GAUSS_WEIGHTS[k % N] * f.weight[i] / (math.pi * lever[DRIVE] * lever[DRIVE])
     return (x * f.cos[i] - y * f.sin[i]) * share
 
 
@@ -253,7 +253,7 @@ def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray,
         if not math.isfinite(state.phase + state.tip_offset):
             return NO_ORBIT
         anew = not ratio < REUSED
-        if state.phase_change < SETTLED_PHASE and nodes > limits[0] * lever[BASE]:
+        if state.phase_change < SETTLED_PHASE and nodes > limits[0] * lever[DRIVE]:
             return UNRESOLVED
         if share < 1.0:
             state.last_ratio = ratio_before

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import LONGRANGE, OMEGA
+from phasemap._kernels.columns import DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import Maximum, near_resonance, put_averaged_orbit
 from phasemap._kernels.law import Oscillator
@@ -64,7 +64,7 @@ def largest_branch_distance(lever: np.ndarray, amplitude: float) -> float:
     """
     if not near_resonance(lever):
         return FAR_OFF * amplitude
-    return (FAR_OFF + 1.5 * abs(1.0 - lever[OMEGA] ** 2)) * amplitude
+    return (FAR_OFF + 1.5 * abs(lever[DYNAMIC_STIFFNESS])) * amplitude
 
 
 @kernel

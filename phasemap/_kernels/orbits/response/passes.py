@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, BASE, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, LONGRANGE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mismatch, phase_of
@@ -100,7 +100,7 @@ def evaluate_nodes(oscillator: Oscillator, f: Nodes, state: PassState, touching:
 @kernel(light=True)
 def beside_resonance(lever: np.ndarray) -> bool:
     """Whether the drive is more than a linewidth off."""
-    return abs(1.0 - lever[OMEGA] ** 2) > 2.0 * lever[ALPHA0] * lever[OMEGA]
+    return abs(lever[DYNAMIC_STIFFNESS]) > lever[DYNAMIC_LOSS]
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -134,7 +134,7 @@ def remaining_change_ratio(ratio: float, ratio_before: float) -> float:
 @kernel
 def tip_offset_error_factor(lever: np.ndarray, state: PassState) -> float:
     """Error of the tip offset per error of P, S and the mean deflection."""
-    return 1.0 + 4.0 / abs(state.slope * lever[BASE])
+    return 1.0 + 4.0 / abs(state.slope * lever[DRIVE])
 
 
 @kernel
@@ -145,7 +145,7 @@ def estimate_pass_errors(
     share = PASS_SAFETY * rest / (1.0 - rest)
     # The conservative force does no work round an orbit.
     wrong = nodes + 3.0 * abs(state.work) / (math.pi * state.amplitude)
-    state.phase_error = share * phase_left + wrong / lever[BASE] + PASS_FLOOR_PHASE
+    state.phase_error = share * phase_left + wrong / lever[DRIVE] + PASS_FLOOR_PHASE
     state.tip_offset_error = share * height_left + PASS_FLOOR_HEIGHT
     state.tip_offset_error += wrong * tip_offset_error_factor(lever, state)
 
@@ -290,7 +290,7 @@ def converge(
             slow += ratio > 0.7
             change = abs(left - left_before)
             stays = change < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
-            rough = nodes > limit_phase * lever[BASE] or (
+            rough = nodes > limit_phase * lever[DRIVE] or (
                 beside and nodes * tip_offset_error_factor(lever, state) > limit_height
             )
             left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
@@ -307,7 +307,7 @@ def converge(
 def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
     """Work of the conservative part of the force over the energy supplied: zero on an exact orbit."""
     amplitude = state.amplitude
-    return state.work / (math.pi * amplitude * (2.0 * lever[ALPHA0] * lever[OMEGA] * amplitude - state.drag))
+    return state.work / (math.pi * amplitude * (lever[DYNAMIC_LOSS] * amplitude - state.drag))
 
 
 @kernel

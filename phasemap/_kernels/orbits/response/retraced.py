@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import BASE, LONGRANGE, OMEGA
+from phasemap._kernels.columns import DRIVE, DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
@@ -88,11 +88,11 @@ def retrace(oscillator: Oscillator, row: np.ndarray, f: Nodes, state: PassState)
     for j in range(ALL):
         f.g[j] = 0.0
     reach, depth = reach_of(law, p), row[col.INDENTATION]
-    if not (lever[BASE] < FAINT_DRIVE * amplitude and math.isfinite(e) and start_passes(oscillator, reach, f, state)):
+    if not (lever[DRIVE] < FAINT_DRIVE * amplitude and math.isfinite(e) and start_passes(oscillator, reach, f, state)):
         return False
     near = AS_DEEP * (depth if depth > 0.0 else reach - depth)
     state.centre, touching = e, f.theta[EXIT] > f.theta[ENTRY]
-    mean, push = -row[col.MEAN], lever[BASE] * math.sin(row[col.PHASE]) - amplitude * (1.0 - lever[OMEGA] ** 2)
+    mean, push = -row[col.MEAN], lever[DRIVE] * math.sin(row[col.PHASE]) - amplitude * lever[DYNAMIC_STIFFNESS]
     if touching:
         _press(f, state, push)
     for _ in range(RETRACING_PASSES):

@@ -70,11 +70,11 @@ def land_free(oscillator: Oscillator, z0: float, y: np.ndarray, close: float, mo
             break
     if streak < LANDED_PERIODS:
         return False
-    omega, amplitude, phase = lever[col.OMEGA], math.hypot(cosine, sine), math.atan2(cosine, sine)
+    amplitude, phase = math.hypot(cosine, sine), math.atan2(cosine, sine)
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc.mean_z, amplitude, phase
-    push = lever[col.BASE] * math.sin(phase) - amplitude * (1.0 - omega * omega)
+    push = lever[col.DRIVE] * math.sin(phase) - amplitude * lever[col.DYNAMIC_STIFFNESS]
     row[col.STIFFENING] = push / amplitude
-    drag = 2.0 * lever[col.ALPHA0] * omega * amplitude - lever[col.BASE] * math.cos(phase)
+    drag = lever[col.DYNAMIC_LOSS] * amplitude - lever[col.DRIVE] * math.cos(phase)
     row[col.DISSIPATION] = -math.pi * lever[col.STIFFNESS] * amplitude * drag
     return True

@@ -222,7 +222,7 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     if p[col.LONGRANGE] != 0.0:
         edge_force = longrange_force(law, 0.0, row) * compliance
         edge_slope = longrange_slope(law, 0.0, row) * compliance
-    alpha0, base = lever[col.ALPHA0], lever[col.BASE]
+    alpha0, base = lever[col.ALPHA0], lever[col.DRIVE]
     aloft = Medium(omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
     drawn = Medium(omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[col.RELEASE])
     fixed = aloft

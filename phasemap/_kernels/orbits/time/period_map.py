@@ -109,7 +109,7 @@ def pass_from(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, 
 def neighbour_distance(lever: np.ndarray, tip: Tip) -> float:
     """How far beside a motion [m] others are marched for its derivatives."""
     share = DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP
-    return share * (math.hypot(tip.u[Z], tip.u[V]) + lever[col.BASE])
+    return share * (math.hypot(tip.u[Z], tip.u[V]) + lever[col.DRIVE])
 
 
 @kernel
@@ -187,7 +187,7 @@ def _creep(
     u, share, (z, v, move) = tip.u, lingering(oscillator), ahead
     most = 2 + int(min(-0.5 * math.log(DENT_GONE) / -math.log(share), MOST_CREEP)) if share > 0 else 2
     farthest = max(
-        CREEP_STEP * (math.hypot(u[Z], u[V]) + lever[col.BASE]), CREEP_GROWTH * max(math.hypot(z, v), abs(move))
+        CREEP_STEP * (math.hypot(u[Z], u[V]) + lever[col.DRIVE]), CREEP_GROWTH * max(math.hypot(z, v), abs(move))
     )
     left = math.inf
     for i in range(most):
@@ -227,7 +227,7 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
             return False
         z, v, move = way_to_rest(linear, linear.now.z, linear.now.v, linear.now.amplitude - target, hold)
         way = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
-        near = way * y_limit <= 1e-4 * (math.hypot(u[Z], u[V]) + lever[col.BASE])
+        near = way * y_limit <= 1e-4 * (math.hypot(u[Z], u[V]) + lever[col.DRIVE])
         moved, left = False, way
         while way > 1 or not moved:
             trial[Z], trial[V], trial[TOUCHES], trial[Z0] = u[Z] + z, u[V] + v, u[TOUCHES], u[Z0] + move
@@ -291,7 +291,7 @@ def hold_periodic(
     """
     law, p, lever = oscillator
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
-    farthest = 50 * lever[col.BASE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
+    farthest = 50 * lever[col.DRIVE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = FEEDBACK_STRIDE * amplitude, max(FEEDBACK_STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
     jumps, before = 0, np.empty(PLAIN_STATE)
@@ -350,8 +350,8 @@ def fill_row(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -
     row[col.INDENTATION] = acc.deepest
     row[col.DISSIPATION] = acc.loss
     row[col.VIRIAL] = acc.virial
-    row[col.STIFFENING] = lever[col.BASE] * math.cos(lag) / row[col.AMPLITUDE] - 1 + lever[col.OMEGA] ** 2
-    supplied = math.pi * lever[col.STIFFNESS] * lever[col.BASE] * acc.sin
+    row[col.STIFFENING] = lever[col.DRIVE] * math.cos(lag) / row[col.AMPLITUDE] - lever[col.DYNAMIC_STIFFNESS]
+    supplied = math.pi * lever[col.STIFFNESS] * lever[col.DRIVE] * acc.sin
     row[col.CLOSURE] = (supplied - acc.loss - acc.air) / supplied
 
 

@@ -90,7 +90,7 @@ def surface_under(oscillator: Oscillator, z0: float, y: np.ndarray) -> Surface:
         edge_force = longrange_force(law, 0.0, p) * compliance
         edge_slope = longrange_slope(law, 0.0, p) * compliance
     medium = Medium(
-        lever[col.OMEGA], lever[col.ALPHA0], compliance, lever[col.BASE], z0, edge_force, edge_slope, 0.0
+        lever[col.OMEGA], lever[col.ALPHA0], compliance, lever[col.DRIVE], z0, edge_force, edge_slope, 0.0
     )  # fmt: skip
     relaxes, recovery = p[col.RELAXATION] > 0, recovery_of(p, lever)
     kappa, rate, t0 = (p[col.RELAXING], 1 / p[col.RELAXATION], 0.0) if relaxes else (1.0, 0.0, 1 / recovery)
@@ -310,7 +310,7 @@ def remember_period(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray
     fixed, run, lever = surface_under(oscillator, z0, y), March(), oscillator.lever
     if fixed.mode == on.OFF_SURFACE and y[on.OUTER_COUNT] > 0:
         run.dent = fixed.kappa * on.outside(y, 0.0, 0.0, fixed.recovery)[0]
-        if run.dent < DENT_FORGOTTEN * lever[col.BASE] / (2 * lever[col.ALPHA0]):
+        if run.dent < DENT_FORGOTTEN * lever[col.DRIVE] / (2 * lever[col.ALPHA0]):
             y[on.OUTER_COUNT] = run.dent = 0.0
     pace = pace_over(fixed, eta, run.dent)
     begin_period(fixed, z0, y, run)

@@ -9,6 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import amplitude_seen
 from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
 from phasemap._kernels.records import record
 
@@ -113,10 +114,9 @@ def new_state(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: 
 
 @kernel
 def ringing_periods(lever: np.ndarray) -> float:
-    """Periods in which what disturbs a motion falls to 1/e: for the free lever, or as a longer lever says."""
-    if len(lever) > col.RINGING:
-        return float(lever[col.RINGING])
-    return float(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0]))
+    """Periods in which what disturbs a motion falls to 1/e: for the free lever, or as the lever says."""
+    ringing = float(lever[col.RINGING])
+    return ringing if ringing > 0.0 else float(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0]))
 
 
 @kernel
@@ -128,7 +128,7 @@ def ring_down_periods(lever: np.ndarray) -> int:
 @kernel
 def amplitude_of(lever: np.ndarray, acc: PeriodResult) -> float:
     """Amplitude [m] that the detector sees in a period: of the first harmonic of z, less that of the lever's base."""
-    return math.hypot(acc.cos - lever[col.SHAKER], acc.sin)
+    return amplitude_seen(lever, acc.sin, acc.cos)
 
 
 @kernel
