@@ -22,8 +22,8 @@ def lever_of(scope: Microscope) -> Array:
     based, first = scope.drive.excitation == "base", scope.cantilever.damping_ratio
     w = np.array([one.frequency_ratio for one in modes])
     rate = np.array([first, *(0.5 * one.frequency_ratio / one.quality_factor for one in modes[1:])])
-    share = np.array([one.frequency_ratio**2 / one.stiffness_ratio for one in modes])
-    part = np.array([one.participation for one in modes])
+    share = w**2 / np.array([one.stiffness_ratio for one in modes], np.float64)
+    part = np.array([one.participation for one in modes], np.float64)
     moved = scope.base_amplitude * part if based else np.zeros(len(modes))  # B_i Y
     pulled, rigid = (w**2 * moved, scope.base_amplitude - moved.sum()) if based else (scope.base_amplitude * share, 0.0)
     if not based and len(modes) == 1 and weights[0] == 1:

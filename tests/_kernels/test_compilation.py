@@ -22,6 +22,7 @@ from phasemap._kernels.first_use import FirstUse
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.neck import loop_energies
 from phasemap.cli import kinds_of_work
+from phasemap.experiment.lever import one_mode
 
 PACKAGE = Path(pm.__file__).parent
 SMALL = """
