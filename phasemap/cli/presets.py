@@ -47,7 +47,8 @@ def presets(arguments: argparse.Namespace) -> None:
 
 NOTE = (
     "~ marks an estimate. `phasemap presets NAME` says where each number comes from, and its range. Those of levers\n"
-    "are mostly from memory, and in air: in a liquid give resonance_frequency and quality_factor too."
+    "are mostly from memory, and in air; pm.Cantilever.preset(NAME).in_liquid() is a rectangular one in water, as is\n"
+    "liquid = {} beside the preset in a scene."
 )
 
 
@@ -64,9 +65,9 @@ def _table(kind: str, every: Mapping[str, Preset], cls: type) -> Iterator[str]:
 
 
 def _said(cls: type, name: str, preset: Preset) -> str:
-    """A number of a preset with its unit, and whether it is an estimate; a material that relaxes has no viscosity."""
+    """A number of a preset with its unit, and whether it is an estimate, or why it has none."""
     if name not in preset.numbers:
-        return "relaxes"
+        return "relaxes" if name == "viscosity" else "V-shaped"
     quoted = preset.numbers[name]
     return ("~" if quoted.is_estimate else "") + _in_unit(cls, name, quoted.value)
 

@@ -105,6 +105,11 @@ def _of_uniform_beam(beta: float) -> dict[str, float]:
     }
 
 
+def participations(count: int) -> list[float]:
+    """Participations of the first modes of a uniform beam."""
+    return [_slope_and_participation(beta)[1] for beta in BETAS[:count]]
+
+
 def _slope_and_participation(beta: float) -> tuple[float, float]:
     """Slope at the tip, over deflection there and length, and participation of a clamped beam's mode."""
     cosh, sinh, cos, sin = math.cosh(beta), math.sinh(beta), math.cos(beta), math.sin(beta)

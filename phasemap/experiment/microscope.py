@@ -5,101 +5,20 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Renamed, known_as
 from phasemap._shared.plausible import question
 from phasemap._shared.shown import Shown
-from phasemap.experiment.eigenmode import OF_FIRST, Eigenmode, Modes, all_modes, check_modes, free_motion
+from phasemap.experiment.cantilever import FREQUENCY
+from phasemap.experiment.cantilever import Cantilever as Cantilever
+from phasemap.experiment.eigenmode import free_motion
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS, DETECTORS = ("direct", "base"), ("slope", "tip")
-FREQUENCY, RADIUS, AMPLITUDE = (1e3, 1e7), (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what is found in practice [Hz, m, m]
+RADIUS, AMPLITUDE = (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what is found in practice [m, m]
 DETECTIONS = ("fm", "am")
-
-
-@known_as(k="stiffness", f="resonance_frequency", f0="resonance_frequency", Q="quality_factor", B="participation")
-@dataclass(frozen=True, repr=False)
-class Cantilever(Shown):
-    """The lever: its first eigenmode as a damped spring, and higher ones if any.
-
-    Parameters
-    ----------
-    stiffness : float
-        Spring constant k [N/m], > 0.
-    resonance_frequency : float
-        Free resonance frequency f_c = omega_c / (2 pi) [Hz], > 0.
-    quality_factor : float
-        Q = 1 / (2 alpha0) [1], > 0.5 (the lever must oscillate).
-    participation : float
-        How strongly motion of the base drives the first mode [1], > 0: 1.566 for a uniform beam, 1 for a point mass on
-        a spring. It matters with base excitation only.
-    modes : tuple of Eigenmode, or int
-        The modes above the first, by rising frequency; or the number of all modes, 1 to 4, of a uniform beam in a gas:
-        frequencies as in vacuum, and quality factors in proportion to the root of the frequency, which is the limit of
-        Sader's hydrodynamic function (J. Appl. Phys. 84, 64 (1998)) for boundary layers thinner than the lever is wide.
-
-    Examples
-    --------
-    >>> Cantilever(stiffness=40.0, resonance_frequency=148.5e3, quality_factor=833.0).damping_ratio
-    0.0006002400960384153
-    >>> [round(mode.quality_factor) for mode in Cantilever("2 N/m", "70 kHz", 150, modes=3).eigenmodes]
-    [150, 376, 628]
-    """
-
-    stiffness: Number[float] = Number("N/m", above=0, usual=(1e-3, 1e3))
-    resonance_frequency: Number[float] = Number("Hz", above=0, usual=FREQUENCY)
-    quality_factor: Number[float] = Number("1", above=0.5, usual=(0.5, 1e6))
-    participation: Number[float] = Number("1", OF_FIRST, above=0, usual=(0.1, 10))
-    modes: Modes = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "modes", check_modes(self.modes))
-
-    @classmethod
-    def preset(cls, name: str, **changes: Any) -> Cantilever:
-        """A commercial lever, with the nominal values of its kind.
-
-        Parameters
-        ----------
-        name : str
-            As ``phasemap presets`` lists them: "PPP-NCHR", "Multi75Al-G" and more.
-        **changes : float, str or quantity
-            Arguments that are to be other ones, such as what was measured of the lever at hand.
-
-        Returns
-        -------
-        Cantilever
-            The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two. The
-            numbers were not verified against the makers' data sheets.
-
-        Raises
-        ------
-        InputError
-            If there is no such preset, or a change is out of range.
-
-        Examples
-        --------
-        >>> Cantilever.preset("PPP-NCHR", resonance_frequency="312 kHz")
-        Cantilever(stiffness=42.0, resonance_frequency=312000.0, quality_factor=450.0)
-        """
-        from phasemap.experiment.presets import combined, preset_of
-
-        return cls(**combined(preset_of("levers", name).values, changes))
-
-    @property
-    def damping_ratio(self) -> float:
-        """alpha0 = 1 / (2 Q), the lever's own damping [1]."""
-        return 0.5 / self.quality_factor
-
-    @property
-    def eigenmodes(self) -> tuple[Eigenmode, ...]:
-        """All modes, the first one too, with every number that a higher one leaves to the uniform beam."""
-        return all_modes(self.quality_factor, self.participation, self.modes)
-
-    damping = Renamed("damping_ratio", "`damping` is that of a material")
 
 
 @known_as(R="radius", E="modulus", nu="poisson_ratio")

@@ -119,7 +119,7 @@ def stated_by(kind: str, name: object) -> set[str]:
     Examples
     --------
     >>> sorted(stated_by("levers", "PPP-NCHR")), "damping" in stated_by("materials", "PS")
-    (['quality_factor', 'resonance_frequency', 'stiffness'], True)
+    (['length', 'quality_factor', 'resonance_frequency', 'stiffness', 'width'], True)
     """
     try:
         stated = set(preset_of(kind, name).numbers)

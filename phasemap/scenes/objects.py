@@ -76,8 +76,13 @@ def microscope_tables(scope: Microscope) -> Table:
 
 
 def _cantilever(tables: Table) -> Cantilever:
-    """The lever, which may have higher modes."""
+    """The lever, which may have higher modes, and be in a liquid."""
     table = table_of(tables, "cantilever")
+    if "liquid" in table:
+        name = "[cantilever.liquid]"
+        check_keys(name, table["liquid"], ("density", "viscosity", "modes", "liquid_pulls"))
+        in_air = _cantilever({"cantilever": {key: value for key, value in table.items() if key != "liquid"}})
+        return construct(name, table["liquid"], in_air.in_liquid)
     if isinstance(modes := table.get("modes"), (list, tuple)):
         made = [_from_table(f"[[cantilever.modes]] {i}", mode, Eigenmode) for i, mode in enumerate(modes, 2)]
         table = {**table, "modes": made}

@@ -12,8 +12,9 @@ from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import Scalar
+from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import FREQUENCY, Microscope
+from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.path import NUMBERS, UNITS
 from phasemap.solvers.problem import check_setpoint
 
