@@ -111,6 +111,16 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
     warnings.warn(message, PlausibilityWarning, stacklevel=outside())
 
 
+def advise(sentence: str) -> None:
+    """Warn, once where `once` holds, of what is allowed and seldom meant; never an error."""
+    told = _TOLD.get()
+    if _MANNER.get() == "pass" or (told is not None and sentence in told):
+        return
+    if told is not None:
+        told.add(sentence)
+    warnings.warn(sentence, UserWarning, stacklevel=outside())
+
+
 def likely(value: float, unit: str, usual: Usual) -> str:
     """What a number outside all practice was likely meant to be, with its unit; empty where nothing is likely.
 

@@ -47,9 +47,11 @@ def in_words(thing: Shown) -> str:
     >>> import phasemap as pm
     >>> in_words(pm.Material(3e9, damping=0.01))
     'modulus 3 GPa, damping 0.01'
+    >>> in_words(pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0),)))
+    'stiffness 100 mN/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7.5, quality factor 6)'
     """
     given = {field.name.replace("_", " ") for field in _given(thing)}
-    return ", ".join(f"{name} {said}" for name, said in _rows(thing, str) if name in given)
+    return ", ".join(f"{name} {said}" for name, said in _rows(thing, _in_line) if name in given)
 
 
 def table(caption: str, rows: Mapping[str, str]) -> str:
@@ -89,8 +91,19 @@ def _python(value: object) -> str:
     return short if "e" in short and float(short) == value else repr(value)
 
 
+def _are_shown(value: Any) -> bool:
+    return isinstance(value, tuple) and all(isinstance(one, Shown) for one in value)
+
+
+def _in_line(value: Any) -> str:
+    """A value in words where it says itself, else as text."""
+    return " and ".join(f"({in_words(one)})" for one in value) if _are_shown(value) else str(value)
+
+
 def _in_html(value: Any) -> str:
     """A value as a table where it has one, else as text."""
+    if _are_shown(value):
+        return "".join(map(_in_html, value))
     return value._repr_html_() if hasattr(value, "_repr_html_") else html.escape(str(value))
 
 

@@ -19,6 +19,7 @@ from phasemap.experiment.interaction import Interaction
 EXCITATIONS, DETECTORS = ("direct", "base"), ("slope", "tip")
 RADIUS, AMPLITUDE = (0.5e-9, 10e-6), (0.05e-9, 1e-6)  # what is found in practice [m, m]
 DETECTIONS = ("fm", "am")
+LOW_Q = 20.0  # below this the second mode changes phases by degrees
 
 
 @known_as(R="radius", E="modulus", nu="poisson_ratio")
@@ -205,6 +206,27 @@ class Microscope(Shown):
         """Phase of the free lever at the drive frequency, as the detector sees it [degree]; 0 at resonance."""
         at_resonance = self._free_signal(1.0)
         return math.degrees(cmath.phase(self._free_signal(self.frequency_ratio) * at_resonance.conjugate()))
+
+    @property
+    def advice(self) -> str:
+        """Where one mode of the lever is not enough, a sentence that says why and what to do; else empty."""
+        lever, second = self.cantilever, self.drive.second
+        if lever.modes:
+            return ""
+        if lever.quality_factor < LOW_Q:
+            return (
+                f"Q is {lever.quality_factor:.3g} and the lever has one mode: at such a Q most of the phase contrast "
+                "comes from energy that taps give to the second. Set modes, or give the lever as it is in air and "
+                "[cantilever.liquid] (in Python in_liquid()), which finds its modes in the liquid."
+            )
+        if second is not None:
+            ratio = second.frequency / (self.frequency_ratio * lever.resonance_frequency)
+            if abs(ratio - round(ratio)) < ratio / second.quality_factor:
+                return (
+                    f"The second mode, at {ratio:.4g} times the drive frequency, is within a linewidth of harmonic "
+                    f"{round(ratio)}, by which taps drive it: give it as one of the lever's modes too."
+                )
+        return ""
 
     def _free_signal(self, omega: float) -> complex:
         """What the detector sees of the free lever [m]; the drive leads the first mode at resonance by 90 degrees."""

@@ -6,13 +6,13 @@ Each table is checked as a whole, so that everything wrong in it is said at once
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, TypeVar
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
+from phasemap._shared.plausible import advise
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.eigenmode import Eigenmode
 from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
@@ -57,16 +57,18 @@ def microscope_of(tables: Table) -> Microscope:
     assert isinstance(lever, Cantilever) and isinstance(tip, Tip)
     assert isinstance(drive, Drive) and isinstance(interaction, Interaction)
     if lever.quality_factor < LOW_Q and "excitation" not in table_of(tables, "drive"):
-        warnings.warn(
+        advise(
             f"Q is {lever.quality_factor:g} and [drive] does not say excitation: set it to 'base' for a shaker under "
-            "the lever, by which phases change by degrees, or to 'direct' for a force on the tip.",
-            stacklevel=2,
+            "the lever, by which phases change by degrees, or to 'direct' for a force on the tip."
         )
     try:
-        return Microscope(lever, tip, drive, interaction, detector["sees"])
+        scope = Microscope(lever, tip, drive, interaction, detector["sees"])
     except InputError as error:
         name = "[detector] sees" if error.name == "detector" else error.name
         raise InputError(name, error.value, error.allowed, error.hint) from error
+    if scope.advice:
+        advise(scope.advice)
+    return scope
 
 
 def microscope_tables(scope: Microscope) -> Table:

@@ -202,7 +202,7 @@ def stated_in(name: str, value: Any) -> set[str]:
     Examples
     --------
     >>> sorted(stated_in("cantilever.preset", "PPP-NCHR"))[0], stated_in("tip.radius", 10e-9)
-    ('cantilever.quality_factor', set())
+    ('cantilever.length', set())
     """
     match name.split("."):
         case ["cantilever", "preset"]:

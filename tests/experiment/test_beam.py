@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import json
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from phasemap.experiment.eigenmode import BETAS
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import describe
 from phasemap.scenes.objects import microscope_of, microscope_tables
+from phasemap.scenes.scene import scene_from_json
 from phasemap.validation.checking.claims import microscope_from
 
 SECOND = pm.Eigenmode(frequency_ratio=7.5, quality_factor=6.0)
@@ -183,3 +185,24 @@ def test_what_a_scene_says_wrongly_of_modes_is_told_by_its_place(override: str, 
     with pytest.raises(pm.InputError) as error:
         pm.load_scene("samples/step.toml", [override])
     assert sentence in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        (["cantilever.quality_factor=3"], "Q is 3 and the lever has one mode"),
+        (["cantilever.quality_factor=3", "cantilever.modes=2"], ""),
+        (["cantilever.quality_factor=3", "cantilever.preset=BL-AC40TS", "cantilever.liquid={}"], ""),
+        (["drive.second={stiffness=1600, frequency=1.805e6, quality_factor=200, free_amplitude=1e-10}"],
+         "at 6.017 times the drive frequency, is within a linewidth of harmonic 6"),
+        (["drive.second={stiffness=1600, frequency=1.88e6, quality_factor=600, free_amplitude=1e-10}"], ""),
+        ([], ""),
+    ],
+)  # fmt: skip
+def test_a_scene_says_where_one_mode_is_not_enough(said: list[str], told: str) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        scene = pm.load_scene("samples/step.toml", ["drive.excitation=direct", *said])
+        scene_from_json(scene.to_json(), Path("samples"))  # who reads it again was told
+    sentences = [str(warning.message) for warning in caught]
+    assert len(sentences) == bool(told) and told in "".join(sentences) and scene.microscope.advice == "".join(sentences)
