@@ -48,7 +48,7 @@ def in_words(thing: Shown) -> str:
     >>> in_words(pm.Material(3e9, damping=0.01))
     'modulus 3 GPa, damping 0.01'
     >>> in_words(pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0),)))
-    'stiffness 100 mN/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7.5, quality factor 6)'
+    'stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7.5, quality factor 6)'
     """
     given = {field.name.replace("_", " ") for field in _given(thing)}
     return ", ".join(f"{name} {said}" for name, said in _rows(thing, _in_line) if name in given)

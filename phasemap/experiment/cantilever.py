@@ -46,8 +46,10 @@ class Cantilever(Shown):
         The modes above the first, by rising frequency; or the number of all modes, 1 to 4, of a uniform beam in a gas:
         frequencies as in vacuum, and quality factors in proportion to the root of the frequency, which is the limit of
         Sader's hydrodynamic function (J. Appl. Phys. 84, 64 (1998)) for boundary layers thinner than the lever is wide.
-    length, width : float, optional
-        Of a rectangular lever [m], > 0; `in_liquid` needs them, and nothing else does.
+    length : float, optional
+        Of a rectangular lever [m], > 0; `in_liquid` needs it, and nothing else does.
+    width : float, optional
+        Likewise.
 
     Examples
     --------
