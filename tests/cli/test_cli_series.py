@@ -5,14 +5,15 @@ import pytest
 import xarray as xr
 
 from phasemap.cli import main
-from phasemap.inference.series import orbits, sampling
+from phasemap.inference import sampling
+from phasemap.inference.series import orbits
 
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     """Two files that say their setpoint, few draws and a coarse table: what is asked here is not how good they are."""
-    monkeypatch.setattr(sampling, "DRAWS", 40)
-    monkeypatch.setattr(sampling, "FIRST", 1000)
+    monkeypatch.setattr(sampling, "STEPS", 20)
+    monkeypatch.setattr(sampling, "FIRST", 2000)
     monkeypatch.setattr(orbits, "COUNTS", (5, 3, 4))
     labels = np.tile(np.repeat([0, 1], [12, 8]), (20, 1))
     paths = []

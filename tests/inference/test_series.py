@@ -97,6 +97,24 @@ def test_the_truth_is_within_the_errors(found):
     assert float(found.free_amplitude_low[0]) < AMPLITUDE < float(found.free_amplitude_high[0])
 
 
+def test_a_shared_zero_is_one_in_each_tune_wherever_it_is_on_the_circle():
+    zeros = (179.0, -40.0)
+    files = [*measure(phases()), *measure(phases(), seed=1)]
+    for i, one in enumerate(files):
+        levels = phases()[:, i % 3] + zeros[i // 3]
+        one["phase"] = (("y", "x"), levels[labels_at()] + np.random.default_rng(i).normal(0, 1.0, SHAPE))
+        one.attrs |= {"title": f"file {i}", "drive_frequency": (300e3, 300.3e3)[i // 3]}
+    found = pm.series(files, pm.Microscope(LEVER, TIP, pm.Drive(1e-9)), sign=1, phase_zero="shared", labels=labels_at())
+    assert "are of 2 tunes (file 0, file 1, file 2; file 3, file 4, file 5)" in found.attrs["notes"]
+    assert "scale of the free amplitude, tune 1" in found.unknown.values
+    for i, name in enumerate(found.file.values):
+        one = found.sel(file=name)
+        apart = (one.phase_zero - zeros[int(name[-1]) // 3] + 180) % 360 - 180
+        assert abs(apart) < 3 * ERROR, name
+        assert (one.repulsive.values > 0.5).tolist() == (phases()[:, int(name[-1]) % 3] > 0).tolist(), (i, name)
+    assert found.misfit < 20.5  # chi2 of 10 data, once in 40 series
+
+
 def test_a_series_is_a_file_and_a_page(found, tmp_path):
     found.to_netcdf(tmp_path / "series.nc")
     with xr.open_dataset(tmp_path / "series.nc") as again:

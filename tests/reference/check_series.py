@@ -14,7 +14,7 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap.inference.images.images import PRIOR
-from phasemap.inference.series.problem import REACH
+from phasemap.inference.sampling import REACH
 from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR
 

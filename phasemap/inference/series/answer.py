@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from phasemap.inference.images.identifiability import CODES, GIVEN, codes_of
 from phasemap.inference.images.model import PARAMETERS
 from phasemap.inference.images.verdict import UNITS
+from phasemap.inference.sampling import Draws
 from phasemap.inference.series.contrasts import Labels, Medians
-from phasemap.inference.series.problem import Problem, State
-from phasemap.inference.series.sampling import Draws
+from phasemap.inference.series.problem import Explained, Problem, State
 from phasemap.inference.series.settings import HELD, SAME
 from phasemap.inference.series.words import tell
 from phasemap.results.variables import coded, describe, provenance
@@ -31,22 +31,14 @@ SIDES = ("attractive", "repulsive")
 DEGREE = {"units": "degree"}
 
 
-class _Fit(NamedTuple):
-    """Of n draws: recorded phases, shape (n, r, m), zeros, shape (n, m), and chances, shape (n, r, m)."""
-
-    phases: Array
-    zeros: Array
-    repulsive: Array
-
-
 def dataset_of(
-    problem: Problem, draws: Draws, seen: Medians, images: Sequence[xr.Dataset], labels: Sequence[Labels]
-) -> xr.Dataset:
+    problem: Problem, draws: Draws, fit: Explained, seen: Medians, images: Sequence[xr.Dataset],
+    labels: Sequence[Labels],
+) -> xr.Dataset:  # fmt: skip
     """All variables and sentences."""
     import xarray as xr
 
     state = problem.state(draws.x)
-    fit = _fit(problem, draws, state)
     regions = len(problem.values)
     ds = xr.Dataset(
         coords={
@@ -73,13 +65,13 @@ def dataset_of(
         ("region", "file"), fit.repulsive.mean(axis=0), {"long_name": "chance of the repulsive branch", "units": "1"}
     )  # fmt: skip
     _add_materials(ds, problem, state)
-    ds["sign_chance"] = ((), float((draws.sign > 0).mean()), {"long_name": "chance of sign 1", "units": "1"})
-    likeliest = int(np.argmax(draws.fit - 0.5 * (draws.x**2).sum(axis=1)))
+    ds["sign_chance"] = ((), float((fit.sign > 0).mean()), {"long_name": "chance of sign 1", "units": "1"})
+    likeliest = int(np.argmax(draws.fit))
     ds["misfit"] = ((), _misfit(problem, fit, likeliest), {"long_name": "chi2 of the likeliest draw", "units": "1"})
     about = {"long_name": "recorded phase of the free lever by the likeliest draw", **DEGREE}
     ds["likeliest_zero"] = ("file", fit.zeros[likeliest], about)
     ds["likeliest_setpoint"] = ("file", state.ratios[likeliest], {"long_name": "setpoint by that draw", "units": "1"})
-    _add_curves(ds, problem, draws, state, likeliest)
+    _add_curves(ds, problem, fit.sign, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)
     _add_pictures(ds, images, labels)
@@ -93,22 +85,7 @@ def dataset_of(
     return ds
 
 
-def _fit(problem: Problem, draws: Draws, state: State) -> _Fit:
-    """What each draw says of the data."""
-    solved = problem.solved(state)
-    repulsive = problem.likelihood(solved, state.zeros, draws.sign)[1]
-    lower, upper = np.nan_to_num(solved)
-    phases = draws.sign[:, None, None] * np.where(repulsive > 0.5, upper, lower)
-    apart = (problem.values - phases - state.zeros[:, None] + 180.0) % 360.0 - 180.0
-    precision = 1.0 / problem.errors**2
-    total = precision.sum(axis=0)
-    mean = (apart * precision).sum(axis=1) / total
-    loose = problem.settings.loose
-    zeros = state.zeros + mean * loose * total / (1.0 + loose * total)
-    return _Fit(phases, zeros, repulsive)
-
-
-def _misfit(problem: Problem, fit: _Fit, k: int) -> float:
+def _misfit(problem: Problem, fit: Explained, k: int) -> float:
     apart = (problem.values - fit.phases[k] - fit.zeros[k] + 180.0) % 360.0 - 180.0
     return float(((apart / problem.errors) ** 2).sum())
 
@@ -121,7 +98,7 @@ def _add(ds: xr.Dataset, name: str, dims: tuple[str, ...], values: Array, unit: 
         ds[name + word] = (dims, what, {"long_name": about, "units": unit})
 
 
-def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: _Fit) -> None:
+def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explained) -> None:
     dims = ("region", "file")
     measured = seen.values - seen.values[0]
     measured = (measured + 180.0) % 360.0 - 180.0
@@ -156,13 +133,13 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     ds["determination"] = (("region", "property"), codes, about)
 
 
-def _add_curves(ds: xr.Dataset, problem: Problem, draws: Draws, state: State, likeliest: int) -> None:
+def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, likeliest: int) -> None:
     """Phases against the setpoint for each free amplitude: both branches of one draw, and contrasts of some."""
     sizes = np.log(problem.settings.relative)
     groups = [int(np.flatnonzero(np.abs(sizes - one) < SAME)[0]) for one in sizes]
     firsts = sorted(set(groups))
     curve = np.array([firsts.index(one) for one in groups])
-    some = np.linspace(0, len(draws.x) - 1, BAND).astype(int)
+    some = np.linspace(0, len(sign) - 1, BAND).astype(int)
     regions, points = len(problem.values), len(CURVE)
     band = np.full((BAND, len(firsts), regions, points), np.nan)
     lines = np.full((len(firsts), 2, regions, points), np.nan)
@@ -170,13 +147,13 @@ def _add_curves(ds: xr.Dataset, problem: Problem, draws: Draws, state: State, li
         lines[g] = _branches(problem, state, likeliest, state.amplitudes[likeliest, first])
         for k, draw in enumerate(some):
             both = _branches(problem, state, int(draw), state.amplitudes[draw, first])
-            band[k, g] = draws.sign[draw] * _engaged(both)
+            band[k, g] = sign[draw] * _engaged(both)
     contrasts = band - band[:, :, :1]
     known = np.isfinite(contrasts)
     with np.errstate(all="ignore"):
         enough = known.mean(axis=0) > 0.5
         low, high = np.nanpercentile(np.where(enough, contrasts, 0.0), ENDS, axis=0)
-    own = draws.sign[likeliest] * _engaged(lines)
+    own = sign[likeliest] * _engaged(lines)
     dims = ("curve", "region", "level")
     ds["level"] = ("level", CURVE, {"long_name": "setpoint", "units": "1"})
     ds["curve_of"] = ("file", curve, {"long_name": "number of the file's curve"})
@@ -186,7 +163,7 @@ def _add_curves(ds: xr.Dataset, problem: Problem, draws: Draws, state: State, li
     for name, values in (("curve_contrast", own - own[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
                          ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
         ds[name] = (dims, values, {"long_name": f"{name.replace('_', ' ')}, as recorded", **DEGREE})
-    ds["likeliest_sign"] = ((), int(draws.sign[likeliest]), {"long_name": "sign of the likeliest draw"})
+    ds["likeliest_sign"] = ((), int(sign[likeliest]), {"long_name": "sign of the likeliest draw"})
 
 
 def _branches(problem: Problem, state: State, draw: int, amplitude: float) -> Array:

@@ -23,8 +23,6 @@ COUNTS = (11, 6, 8)  # materials: modulus, adhesion, damping
 OF_AMPLITUDE = 0.25  # step of the logarithm of the free amplitude
 SIDES = (-1, 1)
 EVERY = 6  # settings of which all orbits are looked for; from there, orbits are followed to the others
-ROUNDS = 1
-HALF = 0.5  # share of a cell's corners where there is an orbit, above which there is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,25 +70,20 @@ class Lever:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Phases over logarithms of the material, logarithm of the free amplitude [m], and setpoint."""
+    """Places of orbits over logarithms of the material, logarithm of the free amplitude [m], and setpoint."""
 
     axes: list[Array]  # five
-    values: Array  # shape (..., 6); phase [rad], place and whether there is an orbit, of both branches
+    values: Array  # shape (..., 4); of both branches, the place of the orbit, and 1 where there is one
 
-    def look(self, points: Array) -> tuple[Array, Array, Array]:
-        """Phases [rad], NaN without an orbit, places, and shares of the corners that have one, shape (2, ...).
-
-        `points` (shape (..., 5)).
-        """
+    def look(self, points: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Places, and whether there may be an orbit, shape (2, k), at points, shape (k, 5)."""
         from scipy.interpolate import RegularGridInterpolator
 
-        low, high = np.array([[axis[0], axis[-1]] for axis in self.axes]).T
-        inside = np.clip(points, low, high)
-        found = RegularGridInterpolator(self.axes, self.values)(inside)
-        found = np.moveaxis(found.reshape(*points.shape[:-1], 3, 2), (-2, -1), (0, 1))
-        beyond = (points < low - 1e-9).any(axis=-1) | (points > high + 1e-9).any(axis=-1)
-        share = np.where(beyond, 0.0, found[2])
-        return np.where(share < HALF, np.nan, found[0]), np.where(share > 0, found[1], np.nan), share
+        ends = np.array([[axis[0], axis[-1]] for axis in self.axes]).T
+        inside = np.clip(points, *ends)
+        found = RegularGridInterpolator(self.axes, self.values)(inside).T
+        there = (found[2:] > 0) & (np.abs(points - inside) < 1e-9).all(axis=1)
+        return np.where(there, found[:2], np.nan), there
 
 
 def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
@@ -104,59 +97,40 @@ def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], leve
     grid = lever.model.centre + np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)
     first, last = np.log(amplitudes)
     logs = np.linspace(first, last, max(2, 1 + int(np.ceil((last - first) / OF_AMPLITUDE))))
-    shape = len(logs), len(levels)
-    places = np.full((*shape, 2, len(grid)), np.nan)
-    phases = np.full_like(places, np.nan)
-    for (i, size), (j, level) in product(enumerate(np.exp(logs)), enumerate(levels)):
-        search = i % EVERY == 0 and j % EVERY == 0
-        if search:
-            _solve(lever, grid, size, level, phases[i, j], places[i, j], np.full((2, len(grid)), np.nan), search)
-    for _ in range(ROUNDS):
-        for axis, turn in product((0, 1), (1, -1)):
-            _spread(lever, grid, (np.exp(logs), levels), phases, places, axis, turn)
-    return Table([*materials, logs, levels], _filled(phases, places, [len(one) for one in materials]))
+    places = np.full((len(logs), len(levels), 2, len(grid)), np.nan)
+
+    def solve(node: tuple[int, int], near: Array, search: bool) -> None:
+        """Find orbits of one setting that are not known, from those of another or anywhere."""
+        here = places[node]
+        some = np.flatnonzero(np.isnan(here).any(axis=0) & (search | ~np.isnan(near).all(axis=0)))
+        if len(some):
+            at = np.where(np.isnan(here[:, some]), near[:, some], here[:, some])
+            sizes, ratios = np.full(len(some), np.exp(logs[node[0]])), np.full(len(some), levels[node[1]])
+            found = lever.phases(grid[some], sizes, ratios, at, search=search)
+            here[:, some] = np.where(np.isnan(found), np.nan, at)
+
+    every = list(product(range(len(logs)), range(len(levels))))
+    for i, j in every:
+        if i % EVERY == 0 and j % EVERY == 0:
+            solve((i, j), places[i, j], True)
+    for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        for i, j in every if sum(step) > 0 else reversed(every):
+            before = i - step[0], j - step[1]
+            if min(before) >= 0 and before[0] < len(logs) and before[1] < len(levels):
+                solve((i, j), places[before], False)
+    counts = *places.shape[:2], *COUNTS
+    whole = np.moveaxis(places.transpose(2, 0, 1, 3).reshape(2, *counts), (0, 1, 2), (-1, 3, 4))
+    return Table([*materials, logs, levels], np.concatenate([_filled(whole), ~np.isnan(whole)], axis=-1))
 
 
-def _solve(
-    lever: Lever, grid: Array, amplitude: float, ratio: float, phases: Array, places: Array, near: Array,
-    search: bool = False,
-) -> None:  # fmt: skip
-    """Fill phases and places of one setting, shape (2, n), where they are not known."""
-    some = np.flatnonzero(np.isnan(phases).any(axis=0) & (search | ~np.isnan(near).all(axis=0)))
-    if not len(some):
-        return
-    at = np.where(np.isnan(phases[:, some]), near[:, some], places[:, some])
-    found = lever.phases(grid[some], np.full(len(some), amplitude), np.full(len(some), ratio), at, search=search)
-    phases[:, some], places[:, some] = found, np.where(np.isnan(found), np.nan, at)
-
-
-def _spread(
-    lever: Lever, grid: Array, settings: tuple[Array, Array], phases: Array, places: Array, axis: int, turn: int
-) -> None:
-    """Go on from every setting to the next one along an axis."""
-    count = len(settings[axis])
-    for here in range(1, count) if turn > 0 else range(count - 2, -1, -1):
-        for other in range(len(settings[1 - axis])):
-            node = (here, other) if axis == 0 else (other, here)
-            last = (here - turn, other) if axis == 0 else (other, here - turn)
-            size, level = settings[0][node[0]], settings[1][node[1]]
-            _solve(lever, grid, float(size), float(level), phases[node], places[node], places[last])
-
-
-def _filled(phases: Array, places: Array, counts: list[int]) -> Array:
-    """Values for interpolation: beyond the end of a branch, those of the nearest node that has an orbit."""
+def _filled(places: Array) -> Array:
+    """Places for interpolation: beyond the end of a branch, those of the nearest node that has an orbit."""
     from scipy.ndimage import distance_transform_edt
 
-    amplitudes, ratios = phases.shape[:2]
-    parts = np.zeros((*counts, amplitudes, ratios, 3, 2))
+    filled = np.zeros_like(places)
     for branch in range(2):
-        there = ~np.isnan(phases[:, :, branch]).reshape(amplitudes, ratios, *counts)
-        there = np.moveaxis(there, (0, 1), (3, 4))
-        parts[..., 2, branch] = there
-        if not there.any():
-            continue
-        nearest = tuple(distance_transform_edt(~there, return_distances=False, return_indices=True))
-        for k, values in enumerate((phases, places)):
-            whole = np.moveaxis(values[:, :, branch].reshape(amplitudes, ratios, *counts), (0, 1), (3, 4))
-            parts[..., k, branch] = whole[nearest]
-    return parts.reshape(*counts, amplitudes, ratios, 6)
+        lost = np.isnan(places[..., branch])
+        if not lost.all():
+            nearest = distance_transform_edt(lost, return_distances=False, return_indices=True)
+            filled[..., branch] = places[..., branch][tuple(nearest)]
+    return filled

@@ -1,4 +1,8 @@
-"""What is unknown of a series, and how likely data are: materials, free amplitude, setpoint, zeros and sign."""
+"""What is unknown of a series, and how likely data are.
+
+Materials, free amplitudes and setpoints are sampled. The sign of the phase, the branch of every region and the zeros of
+the phase are summed and integrated over at each sample, and drawn afterwards.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.inference.sampling import REACH
 from phasemap.inference.series.orbits import Lever, Table
-from phasemap.inference.series.settings import FREE, SHARED, Settings
+from phasemap.inference.series.settings import FREE, HELD, SHARED, Settings
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
-REACH = 2.25  # standard deviations of the prior within which everything is sought
 OTHER = 0.25  # chance that of two branches the tip is on the one that it does not meet first
+MOST = 16  # ways to be on the branches in the files of one zero that are followed
 ALL = np.newaxis
 
 
@@ -26,7 +32,23 @@ class State(NamedTuple):
     # amplitudes, ratios: shape (n, m); free amplitudes at the drive frequency [m], and setpoints
     amplitudes: Array
     ratios: Array
-    zeros: Array  # shape (n, m); expected zeros of the phase [degree]
+
+
+class Explained(NamedTuple):
+    """What n combinations say of the data, with sign, branches and zeros drawn."""
+
+    phases: Array  # shape (n, r, m); as recorded, without zeros [degree]
+    sign: Array  # shape (n,); 1 or -1
+    repulsive: NDArray[np.bool_]  # shape (n, r, m)
+    zeros: Array  # shape (n, m) [degree]
+
+
+class _Ways(NamedTuple):
+    """K ways to be on the branches in the files of one zero, for n combinations."""
+
+    logs: Array  # shape (n, K); logarithms of their likelihoods
+    zeros: Array  # shape (n, K) [degree]
+    chosen: Indices  # shape (n, K, files); which combination of branches
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +66,7 @@ class Problem:
     widths: Array  # shape (3,); standard deviations of the logarithms by the prior
 
     @property
-    def unknown(self) -> NDArray[np.intp]:
+    def unknown(self) -> Indices:
         """Regions whose material is sought."""
         return np.flatnonzero(np.isnan(self.known).any(axis=1))
 
@@ -52,92 +74,161 @@ class Problem:
     def names(self) -> list[str]:
         """Of the unknowns."""
         named = [f"{name} {r}" for r in self.unknown for name in ("modulus", "adhesion", "damping")]
-        named.append("scale of the free amplitude")
+        count = self.settings.tune_count
+        tunes = [f", tune {k}" for k in range(count)] if count > 1 else [""]
+        named += [f"scale of the free amplitude{one}" for one in tunes]
         if self.settings.amplitude == FREE:
             named += [f"free amplitude of file {i}" for i in range(len(self.settings))]
         if self.settings.setpoint == SHARED:
-            named.append("setpoint")
-        if self.settings.zero == SHARED:
-            named.append("phase zero")
+            named += [f"setpoint{one}" for one in tunes]
         return named
 
     def state(self, x: Array) -> State:
         """Physical values at standard ones, shape (n, p)."""
-        count, files, done = len(x), len(self.settings), 3 * len(self.unknown)
+        count, files, tunes = len(x), len(self.settings), self.settings.tune_count
+        sizes = 3 * len(self.unknown), tunes, files * (self.settings.amplitude == FREE)
+        materials, scale, own, level = np.split(x, np.cumsum(sizes), axis=1)
         logs = np.repeat(self.known[ALL], count, axis=0)
-        logs[:, self.unknown] = (x[:, :done] * np.tile(self.widths, len(self.unknown))).reshape(count, -1, 3)
-        scale, done = x[:, done : done + 1], done + 1
-        own = np.zeros((count, files))
-        if self.settings.amplitude == FREE:
-            own, done = x[:, done : done + files], done + files
-        level = np.zeros((count, 1))
-        if self.settings.setpoint == SHARED:
-            level, done = x[:, done : done + 1], done + 1
-        amplitudes, ratios = self.settings.at(scale, own, _share(level))
-        zeros = np.repeat(self.settings.zeros[ALL], count, axis=0)
-        if self.settings.zero == SHARED:
-            zeros = zeros + 360.0 * (_share(x[:, done : done + 1]) - 0.5)
-        return State(logs, amplitudes, ratios, zeros)
+        logs[:, self.unknown] = (materials * np.tile(self.widths, len(self.unknown))).reshape(count, -1, 3)
+        own = own if own.shape[1] else np.zeros((count, files))
+        return State(logs, *self.settings.at(scale, own, _share(level)))
 
-    def tabulated(self, state: State) -> tuple[Array, Array, Array]:
-        """Phases [degree], places and shares, shape (2, n, r, m), by the table."""
-        count, regions, files = len(state.logs), len(self.values), len(self.settings)
-        shape = count, regions, files
-        points = np.empty((*shape, 5))
+    def solved(self, state: State) -> Array:
+        """Phases [degree] of averaged orbits on both branches, shape (2, n, r, m), NaN without an orbit."""
+        count, (regions, files) = len(state.logs), self.values.shape
+        points = np.empty((count, regions, files, 5))
         points[..., :3] = state.logs[:, :, ALL]
         points[..., 3] = np.log(state.amplitudes)[:, ALL]
         points[..., 4] = state.ratios[:, ALL]
-        phases, places, share = self.table.look(points)
-        return np.degrees(phases), places, share
+        places, there = self.table.look(points.reshape(-1, 5))
+        logs, (sizes, levels) = points[..., :3], np.broadcast_arrays(
+            state.amplitudes[:, ALL], state.ratios[:, ALL], np.empty((1, regions, 1))
+        )[:2]  # fmt: skip
+        found = self.lever.phases(logs.reshape(-1, 3), sizes.ravel(), levels.ravel(), places, there)
+        return np.degrees(found.reshape(2, count, regions, files))
 
-    def solved(self, state: State) -> Array:
-        """Phases [degree], shape (2, n, r, m), of averaged orbits."""
-        _, places, share = self.tabulated(state)
-        regions, files = self.values.shape
-        sizes, levels = (np.repeat(values, regions, axis=0).ravel() for values in (state.amplitudes, state.ratios))
-        logs = np.repeat(state.logs, files, axis=1).reshape(-1, 3)
-        found = self.lever.phases(logs, sizes, levels, places.reshape(2, -1), (share > 0).reshape(2, -1))
-        return np.degrees(found.reshape(places.shape))
+    def likelihood(self, x: Array) -> Array:
+        """Logarithm of the likelihood, shape (n,)."""
+        solved = self.solved(self.state(x))
+        signed = [sum(_total(ways.logs) for ways in self._ways(solved, sign)[0]) for sign in self._signs]
+        whole: Array = _total(np.stack(signed, axis=1)) - np.log(len(signed))
+        return whole
 
-    def likelihood(self, phases: Array, zeros: Array, sign: Array) -> tuple[Array, Array]:
-        """Logarithm of the likelihood, shape (n,), and chances of the repulsive branch, shape (n, r, m).
+    def explained(self, x: Array, seed: int) -> Explained:
+        """Draw what is not among the unknowns; zeros are those expected of the materials and branches drawn."""
+        rng = np.random.default_rng(seed)
+        solved = self.solved(self.state(x))
+        parts = [self._ways(solved, sign) for sign in self._signs]
+        every = np.arange(len(x))
+        turned = _drawn(np.stack([sum(_total(ways.logs) for ways in part[0]) for part in parts], axis=1), rng)
+        chosen, zeros = np.empty((len(x), self.values.shape[1]), np.intp), np.empty((len(x), self.values.shape[1]))
+        for which, (groups, means) in enumerate(parts):
+            mine = turned == which
+            for ways, files in zip(groups, self._groups, strict=True):
+                best = _drawn(ways.logs, rng)
+                taken = ways.chosen[every, best]
+                common = ways.zeros[every, best, ALL]
+                gain = self._loose[files] / (self._loose[files] + self._narrow[files])
+                apart = _turned(means[taken, every[:, ALL], files] - common)
+                chosen[np.ix_(mine, files)] = taken[mine]
+                zeros[np.ix_(mine, files)] = (common + gain * apart)[mine]
+        repulsive = self._patterns[chosen].transpose(0, 2, 1) > 0
+        sign = np.array(self._signs, float)[turned]
+        lower, upper = np.nan_to_num(solved)
+        return Explained(sign[:, ALL, ALL] * np.where(repulsive, upper, lower), sign, repulsive, zeros)
+
+    @property
+    def _signs(self) -> tuple[int, ...]:
+        return (1, -1) if self.settings.sign is None else (self.settings.sign,)
+
+    @property
+    def _groups(self) -> list[Indices]:
+        """Files that have one unknown zero, or each file by itself."""
+        if self.settings.zero != SHARED:
+            return [np.array([i]) for i in range(len(self.settings))]
+        return [np.flatnonzero(self.settings.tunes == k) for k in range(self.settings.tune_count)]
+
+    @property
+    def _patterns(self) -> Indices:
+        """Branches of the regions in one file, shape (2^r, r)."""
+        return np.array(list(product((0, 1), repeat=len(self.values))))
+
+    @property
+    def _loose(self) -> Array:
+        """Variance of the zero of each file about what it has in common with others [degree^2]."""
+        loose: Array = self.settings.zero_errors**2
+        return loose
+
+    @property
+    def _narrow(self) -> Array:
+        """Variance of the zero of each file by its own data [degree^2]."""
+        precision: Array = (1 / self.errors**2).sum(axis=0)
+        return np.where(precision > 0, 1 / np.maximum(precision, 1e-30), 1e30)
+
+    def _ways(self, solved: Array, sign: int) -> tuple[list[_Ways], Array]:
+        """Ways to explain the files of each zero, and zeros of the files by themselves, shape (2^r, n, m).
 
         Where the tip may be on either branch, both count, the one it meets first for more: the attractive one, if it
         goes on without a gap to larger setpoints.
-
-        `phases` (shape (2, n, r, m)).
-        `zeros` (shape (n, m)).
-        `sign` (shape (n,)): of the recorded phase.
         """
-        there = ~np.isnan(phases)
+        there = ~np.isnan(solved)
         left = (~there[0]).astype(float) @ self.settings.above > 0  # a gentler file has no attractive orbit
         before = np.where(left, OTHER, 1 - OTHER)
         first = np.where(there[0], np.where(there[1], before, 1.0), 0.0)
         second = np.where(there[1], np.where(there[0], 1 - before, 1.0), 0.0)
+        precision = (1 / self.errors**2)[:, ALL]  # (r, 1, m)
         with np.errstate(divide="ignore"):
-            chances = np.log(np.stack([first, second]))
-        precision = 1.0 / self.errors**2
-        seen = precision > 0
-        loose = self.settings.loose
-        apart = np.where(there, self.values - sign[:, ALL, ALL] * np.nan_to_num(phases) - zeros[:, ALL], 0.0)
-        logs, taken = [], []
-        for branches in product((0, 1), repeat=len(self.values)):
-            which, each = list(branches), range(len(branches))
-            d = np.stack([apart[b, :, r] for r, b in zip(each, which, strict=True)], axis=1)
-            d = (d + 180.0) % 360.0 - 180.0
-            own = np.stack([chances[b, :, r] for r, b in zip(each, which, strict=True)], axis=1)
-            misfit = (precision * d**2).sum(axis=1)
-            shared = (precision * d).sum(axis=1) ** 2 * loose / (1 + precision.sum(axis=0) * loose)
-            logs.append(np.where(seen, own, 0.0).sum(axis=1) - 0.5 * (misfit - shared))
-            taken.append(np.array(branches, float))
-        total = np.stack(logs)  # (combinations, n, m)
-        most = total.max(axis=0)
-        weights = np.exp(total - np.where(np.isfinite(most), most, 0.0))
-        mass = weights.sum(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            whole = (most + np.log(mass)).sum(axis=1)
-            repulsive = np.einsum("cnm,cr->nrm", weights, np.array(taken)) / mass[:, ALL]
-        return np.where(np.isnan(whole), -np.inf, whole), repulsive
+            chances = np.where(precision > 0, np.log(np.stack([first, second]).transpose(0, 2, 1, 3)), 0.0)
+        apart = self.values[:, ALL] - sign * np.nan_to_num(solved).transpose(0, 2, 1, 3)  # (2, r, n, m)
+        regions = np.arange(len(self.values))
+        own, apart = chances[self._patterns, regions], apart[self._patterns, regions]  # (2^r, r, n, m)
+        middle = np.degrees(np.angle((precision * np.exp(1j * np.radians(apart))).sum(axis=1, keepdims=True)))
+        rest = _turned(apart - middle)
+        mean = (precision * rest).sum(axis=1) * self._narrow
+        logs = own.sum(axis=1) - 0.5 * ((precision * rest**2).sum(axis=1) - mean**2 / self._narrow)
+        means = middle[:, 0] + mean
+        if self.settings.zero == HELD:
+            logs = logs - 0.5 * _turned(means - self.settings.zeros) ** 2 / (self._loose + self._narrow)
+            alone = self.settings.zeros + np.zeros_like(means)
+        else:
+            alone = means
+        return [self._joined(logs[..., files], alone[..., files], files) for files in self._groups], means
+
+    def _joined(self, logs: Array, means: Array, files: Indices) -> _Ways:
+        """The likeliest combinations of the ways to explain single files that have one zero, shape (2^r, n, files)."""
+        found = _Ways(logs[..., 0].T, means[..., 0].T, np.arange(len(logs))[ALL, :, ALL].repeat(logs.shape[1], axis=0))
+        variance = (self._loose + self._narrow)[files]
+        known = variance[0]
+        for k in range(1, len(files)):
+            apart = _turned(means[..., k].T[:, ALL] - found.zeros[..., ALL])  # (n, K, 2^r)
+            total = found.logs[..., ALL] + logs[..., k].T[:, ALL] - 0.5 * apart**2 / (known + variance[k])
+            zeros = found.zeros[..., ALL] + apart * known / (known + variance[k])
+            known = 1 / (1 / known + 1 / variance[k])
+            count = total.shape[1] * total.shape[2]
+            best = np.argpartition(-total.reshape(-1, count), min(MOST, count) - 1, axis=1)[:, :MOST]
+            parent, branches = np.divmod(best, total.shape[2])
+            before = np.take_along_axis(found.chosen, parent[..., ALL], axis=1)
+            total, zeros = (np.take_along_axis(one.reshape(-1, count), best, axis=1) for one in (total, zeros))
+            found = _Ways(total, zeros, np.concatenate([before, branches[..., ALL]], axis=2))
+        return found
+
+
+def _total(logs: Array) -> Array:
+    """Logarithm of the sum of exponentials, shape (n, k) to (n,)."""
+    total: Array = np.logaddexp.reduce(logs, axis=1)
+    return total
+
+
+def _drawn(logs: Array, rng: np.random.Generator) -> Indices:
+    """One of k choices with these logarithms of their chances, shape (n, k) to (n,)."""
+    drawn: Indices = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
+    return drawn
+
+
+def _turned(angle: Array) -> Array:
+    """The same angle within half a turn [degree]."""
+    turned: Array = (angle + 180.0) % 360.0 - 180.0
+    return turned
 
 
 def _share(x: Array) -> Array:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
@@ -18,6 +19,7 @@ from phasemap.io.metadata import of_simulation
 if TYPE_CHECKING:
     import xarray as xr
 
+SAME_DRIVE, SAME_ZERO = 2e-4, 5.0  # by which drive frequencies (relative) and zeros [degree] of one tune differ
 LINEAR = 1.2  # factor within which free amplitudes follow the voltage of the drive
 PAIRS = (("setpoint_voltage", "free_amplitude_voltage"), ("setpoint_amplitude", "free_amplitude"))
 FREE_AMPLITUDES = ("free_amplitude", "free_amplitude_voltage")
@@ -60,12 +62,46 @@ def _check_different(images: Sequence[xr.Dataset]) -> None:
             raise InputError("files", Word(both), "different ones", hint)
 
 
-def recorded_of(images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]) -> list[dict[str, Any]]:
-    """What each file says of its settings; where some do not say the free amplitude, it follows from the others.
+def recorded_of(
+    images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]
+) -> tuple[list[dict[str, Any]], NDArray[np.intp]]:
+    """What each file says of its settings, and which tune it is of, shape (m,).
+
+    Where some files of a tune do not say the free amplitude, it follows from the others.
 
     `told`: gets a sentence on everything that is not as recorded.
     """
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    tunes = _tunes_of(known)
+    each = [np.flatnonzero(tunes == k).tolist() for k in range(1 + int(tunes.max()))]
+    if len(each) > 1:
+        listed = "; ".join(", ".join(names[i] for i in some) for some in each)
+        told.append(
+            f"Drive frequencies or recorded zeros are of {len(each)} tunes ({listed}): an unknown sensitivity, "
+            "setpoint or shared zero is the same within a tune only."
+        )
+    for some in each:
+        _complete([known[i] for i in some], [names[i] for i in some], told)
+    return known, tunes
+
+
+def _tunes_of(known: list[dict[str, Any]]) -> NDArray[np.intp]:
+    """Number of the tune of each file: the first that has its drive frequency and recorded zero, or does not say."""
+    tunes, firsts = [], list[tuple[float, float]]()
+    for one in known:
+        mine = tuple(float(one.get(name, np.nan)) for name in ("drive_frequency", "phase_zero"))
+        alike = [
+            not abs(mine[0] / first[0] - 1) > SAME_DRIVE and not abs((mine[1] - first[1] + 180) % 360 - 180) > SAME_ZERO
+            for first in firsts
+        ]
+        tunes.append(alike.index(True) if any(alike) else len(firsts))
+        if not any(alike):
+            firsts.append((mine[0], mine[1]))
+    return np.array(tunes)
+
+
+def _complete(known: list[dict[str, Any]], names: Sequence[str], told: list[str]) -> None:
+    """Fill what files of one tune do not say of setpoint and free amplitude, and forget what contradicts itself."""
     for name, one in zip(names, known, strict=True):
         most = max(_ratios(one), default=0.0)
         if most >= 1:
@@ -76,14 +112,15 @@ def recorded_of(images: Sequence[xr.Dataset], names: Sequence[str], told: list[s
     for quantity in FREE_AMPLITUDES:
         _fill(known, names, quantity, told)
     if any(max(_ratios(one), default=0.0) >= 1 for one in known):
-        known, told[:] = before, said
-        for one in known:
+        told[:] = said
+        for one, old in zip(known, before, strict=True):
+            one.clear()
+            one.update(old)
             _forget(one)
         told.append("Recorded setpoints, free amplitudes and drive contradict each other: no free amplitude is used.")
     for one in known:
         if "setpoint" not in one and (ratios := _ratios(one)):
             one["setpoint"] = ratios[0]
-    return known
 
 
 def _ratios(one: dict[str, Any]) -> list[float]:

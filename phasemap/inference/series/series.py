@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from phasemap._shared.arrays import as_list
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, SolveError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
 from phasemap.inference.images.images import PRIOR, check_prior
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack
+from phasemap.inference.sampling import REACH, sample
 from phasemap.inference.series.answer import dataset_of
 from phasemap.inference.series.contrasts import each_of, medians, regions_of
 from phasemap.inference.series.orbits import Lever, make_table
-from phasemap.inference.series.problem import REACH, Problem
+from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.recorded import read_files
-from phasemap.inference.series.sampling import sample
 from phasemap.inference.series.settings import scope_of, settings_of
 from phasemap.io.measured import one_scan
 from phasemap.solvers.problem import material_row
@@ -168,8 +168,12 @@ def series(
     there = np.isfinite(seen.values)
     errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
     problem = Problem(lever, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
-    draws = sample(problem, seed)
-    ds = dataset_of(problem, draws, seen, images, found.labels)
+    draws = sample(problem.likelihood, len(problem.names), seed)
+    if draws is None:
+        raise SolveError(
+            "No oscillation that the prior allows holds the setpoints: see to lever, amplitude, setpoints."
+        )
+    ds = dataset_of(problem, draws, problem.explained(draws.x, seed), seen, images, found.labels)
     ds.attrs["notes"] = "\n".join([*told, *settings.told, *found.told])
     return ds
 

@@ -63,10 +63,16 @@ class Settings:
     zeros: Array
     zero_errors: Array
     sign: int | None  # of the recorded phase; none where it is not known
+    tunes: NDArray[np.intp]  # shape (m,); within one, scale, highest setpoint and shared zero are the same
     told: tuple[str, ...] = ()  # sentences on where all this comes from
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def tune_count(self) -> int:
+        """Number of tunes."""
+        return 1 + int(self.tunes.max())
 
     @property
     def above(self) -> Array:
@@ -75,36 +81,33 @@ class Settings:
         larger: Array = (alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
         return larger
 
-    @property
-    def loose(self) -> Array:
-        """Variance of each zero about what is expected of it [degree^2]."""
-        variance: Array = self.zero_errors**2 + (ANYWHERE**2 if self.zero == FREE else 0.0)
-        return variance
-
     def at(self, scale: Array, own: Array, share: Array) -> tuple[Array, Array]:
         """Free amplitudes [m] and setpoints, shape (n, m), at standard normal numbers and a share of what is allowed.
 
+        `scale`, `share` (shape (n, tunes)); `own` (shape (n, m)).
+
         Examples
         --------
-        >>> one = np.ones(2)
-        >>> known = Settings(("a", "b"), 0.6 * one, one, 4e-8, 1.1, HELD, HELD, FREE, False, one, one, None)
+        >>> one, first = np.ones(2), np.zeros(2, int)
+        >>> known = Settings(("a", "b"), 0.6 * one, one, 4e-8, 1.1, HELD, HELD, FREE, False, one, one, None, first)
         >>> [values.tolist() for values in known.at(np.zeros((1, 1)), np.zeros((1, 2)), np.zeros((1, 1)))]
         [[[4e-08, 4e-08]], [[0.6, 0.6]]]
         """
-        amplitudes = self.relative * self.scale * self.factor**scale * OWN**own
+        factor = self.factor ** scale[:, self.tunes]
+        amplitudes = self.relative * self.scale * factor * OWN**own
         if self.setpoint == HELD:
             return amplitudes, np.broadcast_to(self.ratios, amplitudes.shape)
-        highest = HIGHEST[0] + (HIGHEST[1] - HIGHEST[0]) * share
-        ratios = highest * self.ratios / self.ratios.max()
+        highest = HIGHEST[0] + (HIGHEST[1] - HIGHEST[0]) * share[:, self.tunes]
+        most = np.array([self.ratios[self.tunes == k].max() for k in self.tunes])
+        ratios = highest * self.ratios / most
         if self.metres:
-            amplitudes = self.ratios / ratios * self.factor**scale
+            amplitudes = self.ratios / ratios * factor
         return amplitudes, ratios
 
     def ranges(self, reach: float) -> tuple[tuple[float, float], Array]:
         """Least and largest free amplitude [m], and setpoints between which others are interpolated."""
-        ends = np.array([[-reach], [reach]])
-        own = ends * (self.amplitude == FREE)
-        corners = [self.at(ends, np.broadcast_to(own, (2, len(self))), np.array([[share]])) for share in (0.0, 1.0)]
+        ends = np.repeat([[-reach], [reach]], len(self), axis=1)
+        corners = [self.at(ends, ends * (self.amplitude == FREE), np.full_like(ends, share)) for share in (0.0, 1.0)]
         sizes, levels = (np.concatenate([corner[k] for corner in corners]) for k in (0, 1))
         nodes = np.unique(levels)
         if self.setpoint != HELD or len(nodes) == 1:
@@ -118,7 +121,7 @@ class Settings:
             1 - (self.ratios if self.setpoint == HELD else self.ratios / (1.05 * self.ratios.max()))
         )
         order = np.lexsort((-self.ratios, drop.round(9)))
-        some = {name: getattr(self, name)[order] for name in ("ratios", "relative", "zeros", "zero_errors")}
+        some = {name: getattr(self, name)[order] for name in ("ratios", "relative", "zeros", "zero_errors", "tunes")}
         return replace(self, names=tuple(self.names[i] for i in order), **some), order
 
 
@@ -185,7 +188,7 @@ def _of_lever(
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
     """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`."""
     count, told = len(images), list[str]()
-    known = recorded_of(images, names, told)
+    known, tunes = recorded_of(images, names, told)
     amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)
     setpoint, metres, ratios = _setpoints(known, relative, amplitude, scale, given["setpoints"], told)
     if metres:
@@ -206,7 +209,7 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
     return Settings(
         tuple(names), ratios, relative, scale, factor, amplitude, setpoint, zero, metres,
         np.broadcast_to(zeros, (count,)).astype(float), np.broadcast_to(errors, (count,)).astype(float), sign,
-        tuple(told),
+        tunes, tuple(told),
     )  # fmt: skip
 
 

@@ -107,8 +107,11 @@ def turns(ds: xr.Dataset) -> list[str]:
 def _contrasts(problem: Problem) -> int:
     """Data less the zeros that they have to give."""
     seen = np.isfinite(problem.errors)
-    unknown = seen.any(axis=0) & (problem.settings.loose >= ANYWHERE**2)
-    return int(seen.sum()) - int(unknown.sum()) - (problem.settings.zero == SHARED)
+    settings = problem.settings
+    there = seen.any(axis=0)
+    if settings.zero == SHARED:
+        return int(seen.sum()) - len(set(settings.tunes[there]))
+    return int(seen.sum()) - int((there & ((settings.zero == FREE) | (settings.zero_errors >= ANYWHERE))).sum())
 
 
 def _of_order(ds: xr.Dataset, problem: Problem) -> list[str]:
@@ -142,7 +145,7 @@ def _of_nothing(ds: xr.Dataset) -> str:
 
 
 def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
-    data, unknown = _contrasts(problem), len(problem.names) - (problem.settings.zero == SHARED)
+    data, unknown = _contrasts(problem), len(problem.names)
     what = "contrasts" if problem.settings.zero == FREE else "phases"
     if poor:
         return (
