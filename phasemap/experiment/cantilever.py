@@ -110,11 +110,11 @@ class Cantilever(Shown):
         Parameters
         ----------
         length, width, thickness : float, str or quantity
-            [m], > 0.
+            [m], 1 nm to 1 m.
         modulus : float, str or quantity
-            Young's modulus of its material [Pa], > 0: 169 GPa of silicon along <110>, 250 GPa of silicon nitride.
+            Young's modulus of its material [Pa], >= 1: 169 GPa of silicon along <110>, 250 GPa of silicon nitride.
         density : float, str or quantity
-            Of its material [kg/m3], > 0: 2330 of silicon, 3100 of silicon nitride.
+            Of its material [kg/m3], >= 0.001: 2330 of silicon, 3100 of silicon nitride.
         modes : int
             How many modes it has in all, 1 to 4.
 
@@ -130,8 +130,9 @@ class Cantilever(Shown):
         ['2.89', '8.12e+04', '216']
         """
         lengths = {"length": length, "width": width, "thickness": thickness}
-        size = {name: number(name, value, "m", above=0) for name, value in lengths.items()}
-        young, heavy = number("modulus", modulus, "Pa", above=0), number("density", density, "kg/m3", above=0)
+        size = {name: number(name, value, "m", minimum=1e-9, maximum=1) for name, value in lengths.items()}
+        young = number("modulus", modulus, "Pa", minimum=1, maximum=1e15)
+        heavy = number("density", density, "kg/m3", minimum=1e-3, maximum=1e6)
         static = young * size["width"] * size["thickness"] ** 3 / (4 * size["length"] ** 3)
         mass = heavy * size["width"] * size["thickness"]
         beam = Beam(size["length"], size["width"], mass, static * BETAS[0] ** 4 / 12)
@@ -185,6 +186,8 @@ class Cantilever(Shown):
             if size is None:
                 raise InputError(f"{name} of the lever", None, "a length in m", f"Cantilever(..., {name}=...) has it.")
         assert self.length is not None and self.width is not None
+        if not isinstance(liquid_pulls, bool):
+            raise InputError("liquid_pulls", liquid_pulls, "True or False")
         fluid = Fluid(number("density", density, "kg/m3", above=0), number("viscosity", viscosity, "Pa s", above=0))
         omega = 2 * math.pi * self.resonance_frequency
         beam = Beam.from_resonance(self.length, self.width, self.stiffness, omega)

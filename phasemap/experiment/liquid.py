@@ -84,9 +84,9 @@ class Beam:
     @classmethod
     def from_resonance(cls, length: float, width: float, stiffness: float, omega: float) -> Beam:
         """The beam with an angular resonance frequency in air, where a mode moves a quarter of the beam's mass."""
-        moving = 4 * stiffness / (length * omega**2)
+        moving = 4 * stiffness / length / omega / omega
         mass = moving - _added_mass(width, omega, AIR).real
-        if mass <= 0:
+        if not 0 < mass < math.inf:
             hint = "Stiffness, resonance frequency and length do not belong to one lever of this width."
             raise InputError("mass per length of the lever", mass, "a number above 0 kg/m", hint)
         return cls(length, width, mass, stiffness)
@@ -109,5 +109,5 @@ class Beam:
 
 def _added_mass(width: float, omega: float, fluid: Fluid) -> complex:
     """Mass of fluid per length that moves with a beam [kg/m]; its imaginary part is the drag."""
-    reynolds = fluid.density * omega * width**2 / (4 * fluid.viscosity)
-    return math.pi / 4 * fluid.density * width**2 * hydrodynamic_function(reynolds)
+    disc = fluid.density * width * width
+    return math.pi / 4 * disc * hydrodynamic_function(disc * omega / (4 * fluid.viscosity))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
 from phasemap.explorer.answers import image
-from phasemap.explorer.setting import Setting
+from phasemap.explorer.setting import Setting, without_none
 from phasemap.io.netcdf import save
 from phasemap.plot.images import plot
 from phasemap.scenes.scene import scene_from_tables
@@ -104,7 +104,7 @@ def python_of(setting: Setting) -> str:
     source = setting.subject.scene.source
     if source is None:
         raise InputError("the scene", "of no file", "one that was read from a file", "Save the scene instead.")
-    before = scene_from_tables(read_tables(source), source.parent, setting.shown).config
+    before = without_none(scene_from_tables(read_tables(source), source.parent, setting.shown).config)
     changed = _differences(before, {**setting.tables(), "files": before["files"]})
     lines = [f"scene = pm.load_scene({str(source)!r}"]
     if changed:

@@ -115,15 +115,15 @@ class Setting:
             "materials": others | {name: asdict(one) for name, one in self.materials.items()},
             **microscope_tables(self.scope),
         }
-        kept_tables: Table = _without_none(tables)
+        kept_tables: Table = without_none(tables)
         return kept_tables
 
 
-def _without_none(value: Any) -> Any:
+def without_none(value: Any) -> Any:
     """Tables without the keys that TOML could not have."""
     if isinstance(value, Mapping):
-        return {key: _without_none(one) for key, one in value.items() if one is not None}
-    return [_without_none(one) for one in value] if isinstance(value, list | tuple) else value
+        return {key: without_none(one) for key, one in value.items() if one is not None}
+    return type(value)(without_none(one) for one in value) if isinstance(value, list | tuple) else value
 
 
 def _real(value: object) -> Any:

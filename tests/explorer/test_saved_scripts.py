@@ -69,3 +69,17 @@ def test_every_text_and_number_comes_back_from_the_toml_that_is_written(table: d
 def test_a_file_name_that_is_no_text_cannot_be_named_in_a_scene_and_that_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"text of a TOML file is '.*\\udcff'; allowed: characters of Unicode"):
         written(str(tmp_path / "\udcff"))
+
+
+def test_a_lever_with_modes_is_saved_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "wet.toml"
+    text = STEP.read_text().replace(
+        "[tip]", 'liquid = {}\nlength = "120 um"\nwidth = "30 um"\n[detector]\nsees = "tip"\n[tip]'
+    )
+    path.write_text(text.replace("[drive]", '[drive]\nexcitation = "base"'), encoding="utf-8")
+    subject = subject_of(path, overrides=["surface.shape=[6, 8]"])
+    moved = Setting.of(subject, {"setpoint": 0.6})
+    (tmp_path / "again.toml").write_text(toml_of(moved.tables()), encoding="utf-8")
+    assert load_scene(tmp_path / "again.toml").microscope == subject.scope
+    script = python_of(moved)
+    assert "scan.setpoint=0.6" in script and "cantilever" not in script and "detector" not in script

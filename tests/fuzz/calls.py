@@ -171,6 +171,10 @@ def _of_parts() -> Iterator[Call]:
     for cls, good in values.items():
         yield Call(cls.__name__, cls, good)
     yield Call("Cantilever.preset", pm.Cantilever.preset, {"name": "PPP-NCHR", "stiffness": 40.0})
+    plate = {"length": 1e-4, "width": 3e-5, "thickness": 1e-6, "modulus": 1.7e11, "density": 2330.0}
+    yield Call("Cantilever.rectangular", pm.Cantilever.rectangular, plate)
+    wet = pm.Cantilever.preset("AC240TS").in_liquid
+    yield Call("Cantilever.in_liquid", wet, {"density": 998.0, "viscosity": 1e-3, "modes": 2})
     yield Call("Material.preset", pm.Material.preset, {"name": "PS", "damping": 0.01})
     yield Call("Feedback.dwell", pm.Feedback().dwell, {"pixels": 64})
     lengths = {
