@@ -27,6 +27,7 @@ ROUNDING = 1e-9
 
 _MANNER: ContextVar[str] = ContextVar("phasemap_plausibility", default="warn")
 
+_GATHERED: ContextVar[list[str] | None] = ContextVar("phasemap_plausibility_gathered", default=None)
 _TOLD: ContextVar[set[str] | None] = ContextVar("phasemap_plausibility_told", default=None)
 
 
@@ -81,6 +82,27 @@ def unquestioned() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def gathered() -> Iterator[list[str]]:
+    """Keep what there is to say of numbers outside all practice in a list, for who says it in another way.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> with gathered() as said:
+    ...     drive = pm.Drive(40)
+    >>> said
+    ['free_amplitude = 40 m; usual 50 pm … 1 µm; did you mean 40 nm?']
+    """
+    kept: list[str] = []
+    token = _GATHERED.set(kept)
+    try:
+        with _in_manner("gather"):
+            yield kept
+    finally:
+        _GATHERED.reset(token)
+
+
 def question(name: str, value: float, unit: str, usual: Usual) -> None:
     """Warn of a number outside all practice; zero is what switches something off.
 
@@ -108,6 +130,9 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
     if manner == "raise":
         raise InputError(name, Word(given), f"the {range_}", f"Did you mean {meant}?" if meant else "")
     message = f"{name} = {given}; {range_}" + (f"; did you mean {meant}?" if meant else ".")
+    if (kept := _GATHERED.get()) is not None:
+        kept.append(message)
+        return
     warnings.warn(message, PlausibilityWarning, stacklevel=outside())
 
 

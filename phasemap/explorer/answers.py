@@ -21,6 +21,7 @@ from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import Found, lines_of
 from phasemap.imaging.simulation import simulate
 from phasemap.results.status import Status
+from phasemap.results.validity import describe_validity
 from phasemap.results.variables import FLAGS
 from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 VARIABLES = (
-    "height", "phase", "tip_offset", "indentation", "dissipation", "virial", "branch", "motion", "status", "solver",
+    "height", "phase", "tip_offset", "indentation", "mean_deflection", "dissipation", "virial", "branch", "motion",
+    "status", "solver",
 )  # fmt: skip
 POINTS, SAMPLES = 48, 192  # of a curve, and of a period
 DEEPEST, HIGHEST = 0.15, 1.12  # tip offsets of a curve, over the free amplitude
@@ -72,9 +74,8 @@ def picture(setting: Setting) -> Picture:
         "why": lines_of(first, second) if first is not None and second is not None else [],
         "free_amplitude": setting.scope.driven_amplitude,
         "step": step,
-        "far_off": far_off(setting.scope),
     }
-    return _picture(ds, about)
+    return _picture(setting, ds, about)
 
 
 def image(setting: Setting) -> xr.Dataset:
@@ -83,17 +84,15 @@ def image(setting: Setting) -> xr.Dataset:
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
         surface = seen(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
         return scene_from_tables(setting.tables(), subject.folder, surface).simulate()
-    solver = setting.solver if setting.exact else subject.options["solver"]
-    options = {**subject.options, "setpoint": setting.setpoint, "solver": solver}
-    return simulate(setting.surface, setting.scope, **options)
+    return simulate(setting.surface, setting.scope, **setting.options)
 
 
 def scan(setting: Setting) -> Picture:
     """The whole image for the page to draw; of one that is taken in two directions the trace."""
     with untold():
         ds = image(setting)
-    about = {"step": 1, "free_amplitude": setting.scope.driven_amplitude, "far_off": far_off(setting.scope)}
-    return _picture(ds.isel(direction=0) if "direction" in ds.dims else ds, about)
+    about = {"step": 1, "free_amplitude": setting.scope.driven_amplitude}
+    return _picture(setting, ds.isel(direction=0) if "direction" in ds.dims else ds, about)
 
 
 def curves(setting: Setting) -> dict[str, Any]:
@@ -140,12 +139,17 @@ def middle_of(setting: Setting) -> float:
     return float(base * 4.0 ** round(math.log(setting.scope.drive.free_amplitude / base, 4.0)))
 
 
-def _picture(ds: xr.Dataset, about: dict[str, Any]) -> Picture:
-    """The maps of an image as the page wants them."""
+def _picture(setting: Setting, ds: xr.Dataset, about: dict[str, Any]) -> Picture:
+    """The maps of an image as the page wants them, and what there is to say of it."""
     height = ds["height"].values * 1e9
     lowest = float(np.nanmin(height)) if np.isfinite(height).any() else 0.0
     dy, dx = (2 * float(ds[dim].min()) for dim in ("y", "x"))
-    about |= {"shape": list(height.shape), "pixel": [dy, dx], "failed": describe_failures(ds)}
+    about |= {
+        "shape": list(height.shape),
+        "pixel": [dy, dx],
+        "failed": describe_failures(ds),
+        "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds)],
+    }
     return Picture(about, (height - lowest).astype(np.float32), ds["phase"].values.astype(np.float32))
 
 
@@ -153,13 +157,20 @@ def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> d
     """What each material does, read off one pixel of it; None for one that is in no pixel."""
     used, first = np.unique(labels, return_index=True)
     at = dict(zip(used.tolist(), first.tolist(), strict=True))
-    rows, viscous = material_rows(setting.materials.values())
-    work = make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude)
-    codes = regimes(work, accuracy_of(setting.scope).periods)
+    bistable = _bistable(setting)
     return {
-        name: _found(setting, name, ds, at[i], bool(codes[i] == BISTABLE)) if i in at else None
+        name: _found(setting, name, ds, at[i], bistable[i]) if i in at else None
         for i, name in enumerate(setting.materials)
     }
+
+
+def _bistable(setting: Setting) -> list[bool]:
+    """Whether each material can be held in either regime; not known of those that remember."""
+    rows, viscous = material_rows(setting.materials.values())
+    work = make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude, marched=True)
+    if work.law.memory:
+        return [False] * len(setting.materials)
+    return [bool(code == BISTABLE) for code in regimes(work, accuracy_of(setting.scope).periods)]
 
 
 def _found(setting: Setting, name: str, ds: xr.Dataset, pixel: int, bistable: bool) -> Found:

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
-from phasemap._shared.errors import FileError, PhasemapError
+from phasemap._shared.errors import FileError, InputError, PhasemapError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from phasemap.experiment.microscope import Microscope
     from phasemap.experiment.surface import Surface
-    from phasemap.explorer.subject import Subject
+    from phasemap.explorer.offered import Opened
     from phasemap.scenes.scene import Scene
 
 HEIGHT = 900  # pixels of the frame in a notebook
@@ -41,14 +41,14 @@ class Explorer:
         Address of the page on this machine, with its token.
     """
 
-    def __init__(self, subject: Subject, port: int = 0) -> None:
+    def __init__(self, given: Opened | None = None, port: int = 0, fragment: str = "") -> None:
         from phasemap.explorer.server import HOST, Server
 
         try:
-            self._server = Server(subject, port)
+            self._server = Server(given, port)
         except OSError as error:
             raise PhasemapError(f"cannot serve on {HOST} port {port}: {error.strerror or error}.") from error
-        self.url = self._server.url
+        self.url = self._server.url + fragment
         self._forget: Callable[[], object] = lambda: None  # removes the file that leads a browser here
         threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True).start()
 
@@ -104,12 +104,12 @@ class Explorer:
         if self._server.closing:
             return "<p>This explorer is closed.</p>"
         more = f'width="100%" height="{HEIGHT}" style="border: 0" allow="clipboard-write"'
-        return f'<iframe src="{html.escape(self.url)}" {more}></iframe>'
+        return f'<iframe src="{html.escape(self._server.proxied or self.url)}" {more}></iframe>'
 
 
 @asked_as()
 def explore(
-    surface_or_scene: Surface | Scene | str | os.PathLike[str],
+    surface_or_scene: Surface | Scene | str | os.PathLike[str] | None = None,
     scope: Microscope | None = None,
     setpoint: float | None = None,
     *,
@@ -124,8 +124,9 @@ def explore(
 
     Parameters
     ----------
-    surface_or_scene : Surface, Scene or path-like
-        A surface of at most eight materials, or a scene or its file.
+    surface_or_scene : Surface, Scene, str or path-like, optional
+        A surface of at most eight materials, a scene or its file, a microscope's file, or the name of a sample
+        ("blend"); the page begins with a sample by default, and offers others.
     scope : Microscope, optional
         For a surface; a scene has its own.
     setpoint : float, optional
@@ -153,8 +154,8 @@ def explore(
     Notes
     -----
     The page is served on this machine only, under an address that holds a random token, and loads nothing from
-    elsewhere. In a notebook that runs on another machine the browser does not reach it. The browser is led there by a
-    file that only the user can read, which is removed in the end.
+    elsewhere. In a notebook on a JupyterHub the browser reaches it if the package jupyter-server-proxy is installed
+    there. The browser is led there by a file that only the user can read, which is removed in the end.
 
     While a slider moves every pixel is engaged anew from far, with the cheapest solver that is within the accuracy, on
     at most 256 x 256 pixels, with ten seconds of computing. What is saved is simulated whole and as the scene says.
@@ -167,23 +168,38 @@ def explore(
     True
     >>> page.close()
     """
-    from phasemap.explorer.subject import subject_of
-
-    return serve(subject_of(surface_or_scene, scope, setpoint), port, _no_notebook() if browser is None else browser)
+    return serve(_given(surface_or_scene, scope, setpoint), port, _no_notebook() if browser is None else browser)
 
 
-def serve(subject: Subject, port: int = 0, browser: bool = False) -> Explorer:
-    """Serve a subject, and show it in the browser if that is wanted.
+def serve(given: Opened | None = None, port: int = 0, browser: bool = False, fragment: str = "") -> Explorer:
+    """Serve the page, and show it in the browser if that is wanted.
+
+    `given`: what the page begins with.
+    `fragment`: of a link, which holds the values of the page.
 
     Raises
     ------
     InputError, FileError, PhasemapError
         As `explore`.
     """
-    explorer = Explorer(subject, whole("port", port, 0, 65535))
+    explorer = Explorer(given, whole("port", port, 0, 65535), fragment)
     if browser:
         explorer.show()
     return explorer
+
+
+def _given(explored: object, scope: Microscope | None, setpoint: float | None) -> Opened | None:
+    """What the user gives to begin with."""
+    from phasemap.explorer.offered import Opened, first_of
+    from phasemap.explorer.subject import subject_of
+
+    if explored is None:
+        if scope is not None or setpoint is not None:
+            raise InputError("surface_or_scene", None, "a Surface or a Scene where scope or setpoint is given")
+        return None
+    if isinstance(explored, (str, os.PathLike)) and scope is None and setpoint is None:
+        return first_of(explored)
+    return Opened(subject_of(explored, scope, setpoint))  # type: ignore[arg-type]
 
 
 def _no_notebook() -> bool:

@@ -1,69 +1,90 @@
-"""The sliders of the page: what each sets, in which unit, from where to where."""
+"""The sliders and choices of the page, which its file ``knobs.json`` declares, and what a subject has in each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+import json
+import re
+from functools import cache
+from importlib.resources import files
+from typing import Any, NamedTuple
 
+from phasemap.experiment.control import Engage
+from phasemap.experiment.interaction import ContactLaw
 from phasemap.explorer.subject import Subject
+from phasemap.results.variables import describe
 
-DECADE = 10.0  # by which lengths can be made larger or smaller
-WIDE = 30.0  # by which a modulus can be
-PEAKS = 5.0  # half widths of the resonance that a frequency can be off
+LOSSES = "materials.*.loss"  # a choice of the page alone: the keys that it shows say the same
 
 
 class Knob(NamedTuple):
-    """One slider."""
+    """A slider: a number with ends."""
 
-    key: str  # of the setting that it changes
     label: str
     unit: str
-    size: float  # the unit in the SI unit
+    size: float  # of the unit [SI]
     # low, high: ends of the slider [SI]; a number that is typed in may lie beyond
     low: float
     high: float
-    scale: str  # "linear", "log", or "cubic", which begins at 0 and is fine there
-    start: float  # [SI]
-    material: int | None = None  # which one it belongs to
 
 
-def knobs_of(subject: Subject) -> list[Knob]:
-    """The sliders that a subject has, in the order of the page.
+@cache
+def knobs() -> dict[str, Knob]:
+    """Every slider with ends of its own, by the key of a scene that it sets; * stands for any material.
+
+    Examples
+    --------
+    >>> knobs()["tip.radius"]
+    Knob(label='tip radius', unit='nm', size=1e-09, low=1e-09, high=2e-07)
+    """
+    return {
+        one["key"]: Knob(one["label"], one["unit"], one.get("size", 1.0), one["low"], one["high"])
+        for one in _declared()
+        if "low" in one
+    }
+
+
+def starred(key: str) -> str:
+    """The key with * in place of the number of a material.
+
+    Examples
+    --------
+    >>> starred("materials.1.modulus"), starred("tip.radius")
+    ('materials.*.modulus', 'tip.radius')
+    """
+    return re.sub(r"^materials\.\d+\.", "materials.*.", key)
+
+
+def values_of(subject: Subject) -> dict[str, Any]:
+    """What a subject has in each slider and choice; a law of the user's own by its name.
 
     Examples
     --------
     >>> from phasemap.explorer.subject import subject_of
-    >>> [knob.label for knob in knobs_of(subject_of("samples/step.toml"))][:4]
-    ['setpoint', 'free amplitude', 'frequency', 'tip radius']
+    >>> values = values_of(subject_of("samples/step.toml"))
+    >>> values["scan.setpoint"], values["interaction.contact"], values["materials.1.modulus"]
+    (0.7, 'dmt', 3000000000.0)
     """
-    return [*_of_microscope(subject), *_of_materials(subject)]
-
-
-def _of_microscope(subject: Subject) -> Iterator[Knob]:
-    """Setpoint, free amplitude, frequency and tip radius."""
-    scope = subject.scope
-    amplitude, radius = scope.drive.free_amplitude, scope.tip.radius
-    resonance, driven = scope.cantilever.resonance_frequency, scope.frequency_ratio
-    reach = min(0.5 * PEAKS / scope.cantilever.quality_factor, 0.6)
-    off = max(reach, 1.5 * abs(driven - 1.0))
-    low, high = max(1.0 - off, 0.1 * driven), 1.0 + off
-    yield Knob("setpoint", "setpoint", "of free", 1.0, 0.1, 0.98, "linear", float(subject.options["setpoint"]))
-    yield Knob("free_amplitude", "free amplitude", "nm", 1e-9, amplitude / DECADE, amplitude * DECADE, "log", amplitude)
-    yield Knob("frequency", "frequency", "kHz", 1e3, low * resonance, high * resonance, "linear", driven * resonance)
-    yield Knob("radius", "tip radius", "nm", 1e-9, radius / DECADE, radius * DECADE, "log", radius)
-
-
-def _of_materials(subject: Subject) -> Iterator[Knob]:
-    """Modulus, adhesion and loss of each material."""
-    every = subject.materials.values()
-    sticky = max(0.2, *(3 * material.adhesion for material in every))
-    stiff = [material.modulus or 1e9 for material in every]
-    for i, material in enumerate(every):
-        yield Knob("modulus", "modulus", "GPa", 1e9, min(stiff) / WIDE, max(stiff) * WIDE, "log", material.modulus, i)
-        yield Knob("adhesion", "adhesion", "mJ/m²", 1e-3, 0.0, sticky, "linear", material.adhesion, i)
-        if subject.viscous:
-            viscous = 4 * max(one.viscosity or 0.0 for one in every)
-            yield Knob("viscosity", "viscosity", "Pa·s", 1.0, 0.0, viscous, "cubic", material.viscosity or 0.0, i)
+    control = describe(subject.options.get("control") or Engage())
+    found: dict[str, Any] = {}
+    for one in _declared():
+        part, _, name = one["key"].rpartition(".")
+        if "presets" in one or one["key"] == LOSSES:
+            continue
+        if part == "materials.*":
+            found |= {f"materials.{i}.{name}": getattr(it, name) for i, it in enumerate(subject.materials.values())}
+        elif part == "scan":
+            found[one["key"]] = subject.options[name]
+        elif part == "detector":
+            found[one["key"]] = subject.scope.detector
         else:
-            damped = max(0.3, *(4 * one.damping for one in every))
-            yield Knob("damping", "damping", "", 1.0, 0.0, damped, "cubic", material.damping, i)
+            found[one["key"]] = control.get(name) if part == "control" else getattr(getattr(subject.scope, part), name)
+    contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)
+    law = contact.name if isinstance(contact, ContactLaw) else contact
+    return found | {"interaction.contact": law, "cantilever.modes": modes}
+
+
+@cache
+def _declared() -> list[dict[str, Any]]:
+    """What the page's file declares."""
+    declared: list[dict[str, Any]] = json.loads(files("phasemap.explorer").joinpath("page", "knobs.json").read_bytes())
+    return declared

@@ -46,11 +46,13 @@ class Compiling(event.Listener):  # type: ignore[misc]
 
     def __init__(self) -> None:
         self._depth, self._began, self._spent = 0, 0.0, threading.local()
+        self.first = 0.0  # when it began for the first time [s of a clock]
         event.register("numba:compile", self)
 
     def on_start(self, _event: object) -> None:
         """It begins, in one thread at a time; functions that a function calls are compiled within it."""
         self._began = self._began if self._depth else time.thread_time()
+        self.first = self.first or time.monotonic()
         self._depth += 1
 
     def on_end(self, _event: object) -> None:
@@ -90,7 +92,7 @@ def limiter(name: str, scope: Microscope) -> Callable[[], None]:
             why = far_off(scope) or "Set the sliders back a little."
             raise TooLong(
                 f"This takes longer than the {limit.seconds:g} s that the page has for {limit.what}. {why} "
-                f"What is saved by Save scene runs without a limit, by {limit.command}."
+                f"The scene that the page saves runs without a limit, by {limit.command}."
             )
 
     return check

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
+from phasemap.experiment.control import Engage
+from phasemap.experiment.microscope import PARTS
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting, without_none
 from phasemap.io.netcdf import save
@@ -89,7 +91,7 @@ def python_of(setting: Setting) -> str:
     Examples
     --------
     >>> from phasemap.explorer.subject import subject_of
-    >>> print(python_of(Setting.of(subject_of("samples/step.toml"), {"setpoint": 0.6})), end="")
+    >>> print(python_of(Setting.of(subject_of("samples/step.toml"), {"changes": {"scan.setpoint": 0.6}})), end="")
     import phasemap as pm
     <BLANKLINE>
     scene = pm.load_scene('samples/step.toml', [
@@ -99,9 +101,10 @@ def python_of(setting: Setting) -> str:
     pm.plot.image(image, 'step_explored.png')
     """
     drawn = f"pm.plot.image(image, {_name(setting) + '.png'!r})\n"
-    if setting.subject.scene is None:
+    subject = setting.subject
+    if subject.in_python:
         return _python_of_surface(setting) + drawn
-    source = setting.subject.scene.source
+    source = None if subject.scene is None else subject.scene.source
     if source is None:
         raise InputError("the scene", "of no file", "one that was read from a file", "Save the scene instead.")
     before = without_none(scene_from_tables(read_tables(source), source.parent, setting.shown).config)
@@ -118,32 +121,33 @@ def python_of(setting: Setting) -> str:
 
 def _python_of_surface(setting: Setting) -> str:
     """The same for a surface and a microscope, which only the user's own Python knows."""
-    scope, subject = setting.scope, setting.subject
-    materials = "\n".join(
-        f"    {i}: pm.Material(modulus={one.modulus!r}, adhesion={one.adhesion!r}, {loss}={getattr(one, loss)!r}, "
-        f"poisson_ratio={one.poisson_ratio!r}{'' if one.thickness is None else f', thickness={one.thickness!r}'}),"
-        for i, one in enumerate(setting.materials.values())
-        for loss in ["viscosity" if subject.viscous else "damping"]
+    scope = setting.scope
+    materials = [f"    {i}: pm.{one!r},  # {name!r}" for i, (name, one) in enumerate(setting.materials.items())]
+    parts = []
+    for part, keys in (setting.changes or {}).items():
+        if part in PARTS:
+            values = ", ".join(f"{key}={getattr(getattr(scope, part), key)!r}" for key in keys)
+            parts.append(f"    {part}=replace(scope.{part}, {values}),")
+    changed = ["scope = replace(", "    scope,", *parts, ")"] if parts else []
+    control = "" if setting.control == Engage() else f", control=pm.{setting.control!r}"
+    return "\n".join(
+        [
+            *(["from dataclasses import replace", ""] if parts else []),
+            "import phasemap as pm",
+            "",
+            "# surface and scope are those that were given to pm.explore",
+            *changed,
+            "materials = {",
+            *materials,
+            "}",
+            "surface = pm.Surface.from_labels(",
+            "    surface.unique()[1], materials, pixel_size=surface.pixel_size, topography=surface.topography",
+            ")",
+            f"image = pm.simulate(surface, scope, setpoint={setting.setpoint!r}, solver={setting.options['solver']!r}"
+            f"{control})",
+            "",
+        ]
     )
-    solver = "orbit" if setting.exact else subject.options["solver"]
-    return f"""from dataclasses import replace
-
-import phasemap as pm
-
-# surface and scope are those that were given to pm.explore
-scope = replace(
-    scope,
-    tip=replace(scope.tip, radius={scope.tip.radius!r}),
-    drive=replace(scope.drive, free_amplitude={scope.drive.free_amplitude!r}, frequency={scope.drive.frequency!r}),
-)
-materials = {{
-{materials}
-}}
-surface = pm.Surface.from_labels(
-    surface.unique()[1], materials, pixel_size=surface.pixel_size, topography=surface.topography
-)
-image = pm.simulate(surface, scope, setpoint={setting.setpoint!r}, solver={solver!r})
-"""
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """The explorer's page and its answers over HTTP, for this machine alone.
 
 Only 127.0.0.1 listens, every address begins with a token that nobody can guess, and a request that names another host
-is refused: a page of somebody else's whose name was pointed here (DNS rebinding) gets nothing. The page may load
+is refused: a page of somebody else's whose name was pointed here (DNS rebinding) gets nothing. (Behind a JupyterHub the
+host is the hub's, which is not known here; the token is.) The page may load
 nothing from elsewhere (Content-Security-Policy), and neither it nor the server asks anything of another machine.
 
 Who does not know the token can hold up nobody: connections are few, and one that is silent gives way to a new one.
@@ -16,27 +17,25 @@ import os
 import secrets
 import socket
 import socketserver
-import struct
 import sys
 import threading
 import time
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from urllib.parse import unquote
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import stoppable
 from phasemap._shared.plausible import unquestioned
-from phasemap.explorer.limits import LIMITS, MOVING, TooLong, compiling, far_off, limiter
+from phasemap.explorer import routes
+from phasemap.explorer.limits import LIMITS, MOVING, TooLong, limiter
+from phasemap.explorer.offered import Offered, Opened
 from phasemap.explorer.setting import Setting
-from phasemap.explorer.subject import Subject
-
-if TYPE_CHECKING:
-    from phasemap.explorer.answers import Picture
 
 HOST = "127.0.0.1"
-LARGEST = 1 << 16  # bytes of what a page sends
+LARGEST, LARGEST_FILE = 1 << 16, 1 << 27  # bytes of what a page sends, and of a file that is opened in it
 CONNECTIONS = 32  # at once; a browser has at most six for each page
 SILENCE = 5.0  # seconds after which a connection is closed that has not asked for anything with the token
 PATIENCE = 60.0  # seconds after which one is closed that has
@@ -46,8 +45,11 @@ LENIENCE = 1.0  # seconds that a long answer waits for one that a slider wants
 PAGE = {
     "": ("index.html", "text/html; charset=utf-8"),
     "page.css": ("page.css", "text/css; charset=utf-8"),
-    "page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "draw.js": ("draw.js", "text/javascript; charset=utf-8"),
+    "knobs.json": ("knobs.json", "application/json"),
+    **{
+        f"{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
+        for name in ("page", "draw", "engine", "state", "controls")
+    },
 }
 HEADERS = {
     "Cache-Control": "no-store",
@@ -57,8 +59,6 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
-JSON = "application/json"
-BINARY = "application/octet-stream"
 
 log = logging.getLogger(__name__)
 
@@ -68,10 +68,12 @@ class Gone(Exception):
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one subject.
+    """Serves the page.
 
     Parameters
     ----------
+    given : Opened, optional
+        What the page begins with; a sample by default.
     port : int
         0 is any that is free.
     """
@@ -80,8 +82,9 @@ class Server(ThreadingHTTPServer):
     block_on_close = False
     allow_reuse_address = os.name == "posix"  # elsewhere it would let others listen too
 
-    def __init__(self, subject: Subject, port: int = 0) -> None:
-        self.subject = subject
+    def __init__(self, given: Opened | None = None, port: int = 0) -> None:
+        self.offered = Offered(given)
+        self.prefix = os.environ.get("JUPYTERHUB_SERVICE_PREFIX", "")
         self.token = secrets.token_urlsafe(18)
         self.closing = False
         self.busy = Count()
@@ -143,6 +146,11 @@ class Server(ThreadingHTTPServer):
         return f"http://{HOST}:{self.server_port}/{self.token}/"
 
     @property
+    def proxied(self) -> str:
+        """Address of the page on a JupyterHub with jupyter-server-proxy; empty elsewhere."""
+        return f"{self.prefix}proxy/{self.server_port}/{self.token}/" if self.prefix else ""
+
+    @property
     def hosts(self) -> tuple[str, str]:
         """What the header Host may say."""
         return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
@@ -199,7 +207,9 @@ class _Handler(BaseHTTPRequestHandler):
         if (name := self._asked()) is None:
             return
         if name == "start":
-            self._answer(name, lambda: (JSON, _start(self.server.subject)))
+            self._answer(name, lambda: routes.start(self.server.offered))
+        elif name == "alive":
+            self._send(200, routes.JSON, b"{}")
         elif name in PAGE:
             file, kind = PAGE[name]
             self._send(200, kind, files("phasemap.explorer").joinpath("page", file).read_bytes())
@@ -210,30 +220,43 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a setting."""
         if (name := self._asked()) is None:
             return
-        length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or len(length) > len(str(LARGEST)) or int(length) > LARGEST:
-            self._refuse(413, f"A message has a Content-Length of at most {LARGEST} bytes.")
+        opens = name.startswith("open/")
+        if (content := self._sent(LARGEST_FILE if opens else LARGEST)) is None:
+            return
+        if opens:
+            self._answer("open", lambda: routes.open_file(self.server.offered, unquote(name[5:]), content))
             return
         try:
-            message = json.loads(self.rfile.read(int(length)), parse_int=_whole)
+            message = json.loads(content, parse_int=_whole)
         except (ValueError, RecursionError):
             self._refuse(400, "The message is not JSON.")
             return
-        if (make := _answers().get(name)) is None:
+        if name == "sample":
+            self._answer(name, lambda: routes.sample(self.server.offered, _sample_of(message)))
+        elif (make := routes.answers().get(name)) is None:
             self._refuse(404, "There is nothing at this address.")
-            return
+        else:
+            self._answer(name, lambda: self._of_setting(name, make, message))
 
-        def answer() -> tuple[str, bytes]:
-            setting = Setting.of(self.server.subject, message)
-            with stoppable(self._stopper(name, setting)):
-                return make(self.server, setting)
+    def _of_setting(self, name: str, make: Callable[[Setting], routes.Answer], message: object) -> routes.Answer:
+        """Answer a setting; what a slider waits for goes first."""
+        setting = Setting.of(self.server.offered[_sample_of(message)], message)
+        dragged = self.server.dragged if LIMITS.get(name) is MOVING else contextlib.nullcontext()
+        with stoppable(self._stopper(name, setting)), dragged:
+            return make(setting)
 
-        self._answer(name, answer)
+    def _sent(self, largest: int) -> bytes | None:
+        """What was sent with a request; None if it is too much, which is said."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or len(length) > len(str(largest)) or int(length) > largest:
+            self._refuse(413, f"A message has a Content-Length of at most {largest} bytes.")
+            return None
+        return self.rfile.read(int(length))
 
     def _asked(self) -> str | None:
         """What is asked for; None if it is refused."""
         token, _, name = self.path.partition("?")[0].removeprefix("/").partition("/")
-        if self.headers.get("Host", "") not in self.server.hosts:
+        if not self.server.prefix and self.headers.get("Host", "") not in self.server.hosts:
             self._refuse(403, "This address is not served under that name.")
         elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(403, "The address lacks its token; take the whole one that phasemap explore printed.")
@@ -287,7 +310,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _refuse(self, code: int, sentence: str) -> None:
         """Say what is wrong, and close: what was sent may not have been read."""
         self.close_connection = self.close_connection or code in (403, 413)
-        self._send(code, JSON, json.dumps({"error": sentence}).encode())
+        self._send(code, routes.JSON, json.dumps({"error": sentence}).encode())
 
     def _send(self, code: int, kind: str, content: bytes) -> None:
         """Send an answer; a page that went away does not want it."""
@@ -311,83 +334,11 @@ class _Handler(BaseHTTPRequestHandler):
         """Nothing is said of a request."""
 
 
-def _start(subject: Subject) -> bytes:
-    """What the page begins with: sliders, materials, and colours."""
-    import matplotlib
-    import numpy as np
-
-    from phasemap.explorer.knobs import knobs_of
-
-    colours = {
-        name: np.round(255 * matplotlib.colormaps[cmap](np.linspace(0, 1, 256))[:, :3]).astype(int).ravel().tolist()
-        for name, cmap in (("height", "afmhot"), ("phase", "cividis"), ("contrast", "coolwarm"))
-    }
-    control = str(subject.options.get("control") or "") or "with all that it asks for"
-    return _json(
-        {
-            "name": subject.name,
-            "knobs": [knob._asdict() for knob in knobs_of(subject)],
-            "materials": list(subject.materials),
-            "resonance": subject.scope.cantilever.resonance_frequency,
-            "driven": subject.scope.drive.frequency,
-            "control": None if subject.plain else control,
-            "sharp": subject.blurred,
-            "colours": colours,
-        }
-    )
-
-
-def _answers() -> dict[str, Callable[[Server, Setting], tuple[str, bytes]]]:
-    """What can be asked with a setting."""
-    from phasemap.explorer import answers
-    from phasemap.explorer.saving import SAVED
-
-    def picture(server: Server, setting: Setting) -> tuple[str, bytes]:
-        with server.dragged:
-            return BINARY, _packed(answers.picture(setting))
-
-    def scan(_: Server, setting: Setting) -> tuple[str, bytes]:
-        return BINARY, _packed(answers.scan(setting))
-
-    def curves(server: Server, setting: Setting) -> tuple[str, bytes]:
-        with server.dragged:
-            return JSON, _json(answers.curves(setting))
-
-    def contrast(_: Server, setting: Setting) -> tuple[str, bytes]:
-        return JSON, _json(answers.contrast_map(setting))
-
-    def doing(_: Server, setting: Setting) -> tuple[str, bytes]:
-        compiles = "compiling the solvers for their first use, which takes a minute or two …"
-        return JSON, _json({"doing": compiles if compiling.going_on else far_off(setting.scope) or "solving …"})
-
-    def save(name: str) -> Callable[[Server, Setting], tuple[str, bytes]]:
-        def saved(_: Server, setting: Setting) -> tuple[str, bytes]:
-            file = SAVED[name](setting)
-            about = _json({"name": file.name, "kind": file.kind})
-            return BINARY, _with_length(about) + file.content
-
-        return saved
-
-    asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast, "doing": doing}
-    return asked | {f"save/{name}": save(name) for name in SAVED}
-
-
-def _packed(picture: Picture) -> bytes:
-    """A picture: the length of its JSON, the JSON, and two maps of 32-bit floats."""
-    return _with_length(_json(picture.about)) + picture.height.tobytes() + picture.phase.tobytes()
-
-
-def _with_length(text: bytes) -> bytes:
-    """Text with its length before it, which is a multiple of 4."""
-    text += b" " * (-len(text) % 4)
-    return struct.pack("<I", len(text)) + text
-
-
-def _json(value: object) -> bytes:
-    """JSON that every browser reads."""
-    return json.dumps(value, allow_nan=False, ensure_ascii=True).encode()
-
-
 def _whole(digits: str) -> int | float:
     """A whole number of a message; one with more digits than a number can have is a float, or infinite."""
     return int(digits) if len(digits) <= DIGITS else float(digits)
+
+
+def _sample_of(message: object) -> object:
+    """The name of the sample that a message is about; None for the one that the page begins with."""
+    return message.get("sample") if isinstance(message, dict) else None

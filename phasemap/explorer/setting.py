@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from phasemap._shared.checks import number, whole
+from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.fields import number_of
-from phasemap._shared.plausible import strict_units, unquestioned
+from phasemap._shared.plausible import gathered, strict_units
+from phasemap.experiment.control import Control, Engage
+from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.microscope import PARTS, Microscope
+from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.surface import Surface
-from phasemap.explorer.knobs import knobs_of
+from phasemap.explorer.knobs import knobs, starred
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
-from phasemap.scenes.objects import microscope_tables
+from phasemap.results.variables import describe
+from phasemap.scenes.objects import LAWS, control_of, microscope_tables
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.problem import check_setpoint
 
-BEYOND = 1e4  # times the ends of its slider that a number may be
-KEYS = ("setpoint", "free_amplitude", "frequency", "radius", "materials", "pair", "exact")
+BEYOND = 1e3  # times the ends of its slider that a number may be
+KEYS = ("sample", "changes", "names", "pair", "exact")
+Changes = dict[str, dict[str, Any]]  # by the table of a scene, or the number of a material, and the key
+
+
+@dataclass(frozen=True)
+class Detector:
+    """The detector as a table of its own, which it is in a scene."""
+
+    sees: Any
 
 
 @dataclass(frozen=True)
@@ -31,50 +42,60 @@ class Setting:
     subject: Subject
     scope: Microscope
     setpoint: float
-    materials: Mapping[str, Material]
+    control: Control
+    materials: Mapping[str, Material]  # of one loss, by their names in the page
     pair: tuple[str, str]  # the two materials that are compared; twice the same where there is one only
     exact: bool = False  # whether every orbit is exact, or averaged where that is within the accuracy
+    warnings: tuple[str, ...] = ()  # of numbers outside all practice
+    changes: Mapping[str, Mapping[str, Any]] | None = None  # what differs from the subject
 
     @classmethod
     def of(cls, subject: Subject, message: object) -> Setting:
         """Read what the page sends.
 
-        `message`: a dict with setpoint, free_amplitude, frequency (None is the resonance), radius, exact,
-            materials (a dict for each) and pair (two numbers of materials); what is missing is as it was to
-            begin with.
+        `message`: a dict with changes (values by the keys of a scene, where materials have numbers for names), names
+            (of the materials), pair (two numbers of materials) and exact; what is missing is as it was to begin with.
 
         Examples
         --------
         >>> from phasemap.explorer.subject import subject_of
-        >>> Setting.of(subject_of("samples/step.toml"), {"radius": 20e-9}).scope.tip.radius
+        >>> Setting.of(subject_of("samples/step.toml"), {"changes": {"tip.radius": 20e-9}}).scope.tip.radius
         2e-08
         """
         check_keys("the message", message, KEYS)
         assert isinstance(message, dict)
-        scope = subject.scope
-        drive = {key: _real(message[key]) for key in ("free_amplitude", "frequency") if key in message}
-        radius = {"radius": _real(message["radius"])} if "radius" in message else {}
         exact = message.get("exact", False)
         if not isinstance(exact, bool):
             raise InputError("exact", exact, "true or false")
-        with strict_units() if subject.strict else unquestioned():  # a slider shows what it is set to
-            scope = replace(scope, drive=replace(scope.drive, **drive), tip=replace(scope.tip, **radius))
+        names = _names(subject, message.get("names"))
+        changes = _by_table(message.get("changes", {}), len(names))
+        with strict_units() if subject.strict else gathered() as warnings:
+            parts = {part: _changed(getattr(subject.scope, part), part, changes.get(part, {})) for part in PARTS}
+            sees = _changed(Detector(subject.scope.detector), "detector", changes.get("detector", {})).sees
+            scope = replace(subject.scope, **parts, detector=sees)
             check_frequency(scope)
-            materials = _materials(subject, message.get("materials"))
-            _check_reach(subject, scope, materials)
-            return cls(
-                subject,
-                scope,
-                check_setpoint(message.get("setpoint", subject.options["setpoint"])),
-                materials,
-                _pair(subject, message.get("pair")),
-                exact,
-            )
+            materials = _materials(subject, names, changes)
+            _check_reach(changes, scope, list(materials.values()))
+        scan = changes.get("scan", {})
+        check_keys("scan", scan, ("setpoint",))
+        setpoint = check_setpoint(scan.get("setpoint", subject.options["setpoint"]))
+        control = _control(subject.options.get("control") or Engage(), changes.get("control", {}))
+        one_loss = of_one_loss(materials, scope)
+        pair = _pair(names, message.get("pair"))
+        said = tuple(dict.fromkeys(warnings or ()))
+        return cls(subject, scope, setpoint, control, _alike(one_loss), pair, exact, said, changes)
 
     @property
     def solver(self) -> str:
         """Name of the solver for one pixel."""
         return "orbit" if self.exact else "auto"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What `phasemap.simulate` takes for the whole image."""
+        solver = "orbit" if self.exact else self.subject.options["solver"]
+        control = {} if self.control == (self.subject.options.get("control") or Engage()) else {"control": self.control}
+        return {**self.subject.options, **control, "setpoint": self.setpoint, "solver": solver}
 
     @property
     def surface(self) -> Surface:
@@ -101,19 +122,22 @@ class Setting:
     def tables(self) -> Table:
         """The tables of the scene that this setting is; the surface's are those of the subject's scene, if any."""
         interaction = self.scope.interaction
-        if not isinstance(interaction.contact, str) or interaction.decay_length is None:
-            name = "decay_length" if isinstance(interaction.contact, str) else "contact"
-            hint = "Copy the Python instead."
-            raise InputError(name, getattr(interaction, name), "what a scene file can say", hint)
-        scene, options = self.subject.scene, self.subject.options
+        if isinstance(interaction.contact, ContactLaw) and type(interaction.contact) not in LAWS.values():
+            raise InputError("contact", interaction.contact, "what a scene file can say", "Copy the Python instead.")
+        scene, options = self.subject.scene, self.options
         kept = {} if scene is None else {name: table for name, table in scene.config.items() if name != "files"}
-        solver = "orbit" if self.exact else options["solver"]
-        others = kept.get("materials", {})
+        renamed = dict(zip(self.subject.materials, self.materials, strict=True))
+        others = {name: one for name, one in kept.get("materials", {}).items() if name not in renamed}
+        if "surface" in kept:
+            kept["surface"] = _renamed(kept["surface"], renamed)
+        if "control" in kept or options.get("control") is not None:
+            kept["control"] = describe(self.control)
         tables = {
             **kept,
-            "scan": {**kept.get("scan", {}), "setpoint": self.setpoint, "solver": solver},
+            "scan": {**kept.get("scan", {}), "setpoint": self.setpoint, "solver": options["solver"]},
             "materials": others | {name: asdict(one) for name, one in self.materials.items()},
-            **microscope_tables(self.scope),
+            **(scope := microscope_tables(self.scope)),
+            "interaction": scope["interaction"] | {"decay_length": interaction.decay_length or "none"},
         }
         kept_tables: Table = without_none(tables)
         return kept_tables
@@ -126,46 +150,90 @@ def without_none(value: Any) -> Any:
     return type(value)(without_none(one) for one in value) if isinstance(value, list | tuple) else value
 
 
-def _real(value: object) -> Any:
-    """A whole number as a float, as JSON does not tell them apart; all else as it is, to be checked."""
-    return float(value) if type(value) is int else value
+def _renamed(table: Table, names: Mapping[str, str]) -> Table:
+    """The table of a surface with other names of its materials."""
+    used = table.get("materials")
+    if isinstance(used, Mapping):
+        return {**table, "materials": {label: names.get(name, name) for label, name in used.items()}}
+    return {**table, "materials": [names.get(name, name) for name in used or []]}
 
 
-def _materials(subject: Subject, given: object) -> dict[str, Material]:
-    """The materials with the values that the page gives."""
+def _names(subject: Subject, given: object) -> list[str]:
+    """The names of the materials in the page."""
     names = list(subject.materials)
     if given is None:
-        return dict(subject.materials)
-    if not isinstance(given, list) or len(given) != len(names):
-        raise InputError("materials", given, f"a list of {len(names)} tables")
-    loss = "viscosity" if subject.viscous else "damping"
+        return names
+    others = set(subject.scene.config["materials"]) - set(names) if subject.scene is not None else set()
+    wanted = [name for name in given if isinstance(name, str) and name.strip()] if isinstance(given, list) else []
+    if len(set(wanted) - others) != len(names) or len(wanted) != len(names) or given != wanted:
+        raise InputError("names of the materials", given, f"{len(names)} names that differ")
+    return wanted
+
+
+def _by_table(given: object, materials: int) -> Changes:
+    """The changes by the tables that they are in."""
+    if not isinstance(given, dict):
+        raise InputError("changes", given, "a table of keys of a scene, such as tip.radius")
+    tables: Changes = {}
+    for key, value in given.items():
+        table, _, name = str(key).rpartition(".")
+        tables.setdefault(table, {})[name] = value
+    allowed = (*PARTS, "detector", "scan", "control", *(f"materials.{i}" for i in range(materials)))
+    check_keys("changes", tables, allowed)
+    return tables
+
+
+def _changed(base: Any, name: str, values: dict[str, Any]) -> Any:
+    """A part of the microscope with other values."""
+    if not values:
+        return base
+    check_keys(name, values, [field.name for field in fields(base)])
+    return replace(base, **values)
+
+
+def _control(base: Control, values: dict[str, Any]) -> Control:
+    """The control with other values; one of another kind begins anew."""
+    if not values:
+        return base
+    table = describe(base)
+    if (kind := values.get("kind", table["kind"])) != table["kind"]:
+        table = {"kind": kind}
+    return control_of({**table, **values})
+
+
+def _materials(subject: Subject, names: list[str], changes: Changes) -> dict[str, Material]:
+    """The materials with the values that the page gives."""
+    allowed = [field.name for field in fields(Material)]
     made = {}
-    for name, values in zip(names, given, strict=True):
-        check_keys(name, values, ("modulus", "adhesion", loss))
-        real = {  # None is not a value here
-            key: number(f"{name} {key}", value, number_of(Material, key).unit) for key, value in values.items()
-        }
-        made[name] = construct(name, real, lambda base=subject.materials[name], **new: replace(base, **new))
+    for i, (name, base) in enumerate(zip(names, subject.materials.values(), strict=True)):
+        values = changes.get(f"materials.{i}", {})
+        check_keys(name, values, allowed)
+        made[name] = construct(name, values, lambda base=base, **new: replace(base, **new)) if values else base
     return made
 
 
-def _check_reach(subject: Subject, scope: Microscope, materials: Mapping[str, Material]) -> None:
+def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
+    """The materials, of one loss, with a viscosity each where one of them has one."""
+    if not any(material.viscosity for material in materials.values()):
+        return {name: replace(one, viscosity=None) for name, one in materials.items()}
+    return {name: replace(one, damping=0.0, viscosity=one.viscosity or 0.0) for name, one in materials.items()}
+
+
+def _check_reach(changes: Changes, scope: Microscope, materials: list[Material]) -> None:
     """Refuse numbers far beyond their sliders: on some of them solvers work without end, and cannot be stopped."""
-    every = list(materials.values())
-    for knob in knobs_of(subject):
-        if knob.key in ("setpoint", "frequency"):
-            continue
-        holder = scope.tip if knob.key == "radius" else scope.drive if knob.material is None else every[knob.material]
-        value = getattr(holder, knob.key)
-        if not (value == 0 or knob.low / BEYOND <= value <= knob.high * BEYOND):
-            low, high, given = (x / knob.size for x in (knob.low / BEYOND, knob.high * BEYOND, value))
-            allowed = f"{low:.4g} to {high:.4g} {knob.unit}".rstrip() + " in the page"
-            raise InputError(knob.label, Word(f"{given:.4g} {knob.unit}".rstrip()), allowed)
+    for table, values in changes.items():
+        holder = materials[int(table[10:])] if table.startswith("materials.") else getattr(scope, table, None)
+        for name in values:
+            knob, value = knobs().get(starred(f"{table}.{name}")), getattr(holder, name, None)
+            if knob is None or not value or knob.low / BEYOND <= abs(value) <= knob.high * BEYOND:
+                continue
+            low, high, given = (f"{x / knob.size:.4g}" for x in (knob.low / BEYOND, knob.high * BEYOND, value))
+            unit = f" {knob.unit}".rstrip()
+            raise InputError(knob.label, Word(f"{given}{unit}"), f"{low} to {high}{unit} in the page")
 
 
-def _pair(subject: Subject, given: object) -> tuple[str, str]:
+def _pair(names: list[str], given: object) -> tuple[str, str]:
     """The names of the two materials that are compared."""
-    names = list(subject.materials)
     if given is None:
         return names[0], names[min(1, len(names) - 1)]
     if not isinstance(given, list) or len(given) != 2:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, NamedTuple
@@ -18,7 +18,6 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.control import Engage
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
-from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate
@@ -47,12 +46,8 @@ class Subject:
     options: Mapping[str, Any]
     sample: Sample = field(repr=False)
     scene: Scene | None = field(default=None, repr=False)  # where it came from, if that was a scene
+    in_python: bool = False  # whether the user's own Python knows its surface and microscope
     _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False, repr=False)
-
-    @property
-    def viscous(self) -> bool:
-        """Whether the materials have a viscosity in place of a damping."""
-        return any(material.viscosity for material in self.materials.values())
 
     @property
     def plain(self) -> bool:
@@ -133,7 +128,6 @@ def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
         hint = "Maps of few materials can be explored in Python: pm.explore(scene.surface, scene.microscope)."
         raise InputError("[surface] kind", "maps", "a kind whose materials have names, to be explored", hint)
     every = {name: Material(**values) for name, values in scene.config["materials"].items()}
-    every = _alike(of_one_loss(every, scene.microscope))
     sample = _sample_of(scene, tuple(every), scene.microscope.tip)
     used, labels = np.unique(sample.labels, return_inverse=True)
     names = [list(every)[i] for i in used]
@@ -162,7 +156,7 @@ def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any])
         for i, (modulus, adhesion, value, ratio, *film) in enumerate(rows.tolist())
     }
     sample = Sample(labels, surface.topography)
-    return Subject("surface", scope, materials, surface.pixel_size, options, sample)
+    return Subject("surface", scope, materials, surface.pixel_size, options, sample, in_python=True)
 
 
 def _check_count(count: int) -> None:
@@ -170,13 +164,6 @@ def _check_count(count: int) -> None:
     if count > MOST:
         hint = "Maps of many materials have no slider each; take Surface.from_labels or a scene with labels."
         raise InputError("number of materials", count, f"at most {MOST} in what is explored", hint)
-
-
-def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
-    """The materials, of one loss, with a viscosity each where one of them has one."""
-    if not any(material.viscosity for material in materials.values()):
-        return {name: replace(one, viscosity=None) for name, one in materials.items()}
-    return {name: replace(one, damping=0.0, viscosity=one.viscosity or 0.0) for name, one in materials.items()}
 
 
 @unquestioned()

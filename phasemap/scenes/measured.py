@@ -63,6 +63,14 @@ RECORDED = {
 UNITS_OF = {"height": "m", "phase": "degree"}
 
 
+class NotRecorded(PhasemapError):
+    """A file that does not say all that a scene needs."""
+
+    def __init__(self, sentence: str, keys: Iterable[str]) -> None:
+        super().__init__(sentence)
+        self.keys = tuple(keys)  # of a scene
+
+
 @asked_as()
 def scene_from(
     image: xr.Dataset | str | os.PathLike[str],
@@ -220,9 +228,10 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         missing.remove("scan.setpoint")  # follows from the free amplitude
     if missing:
         example = " ".join(f"{key}={NEEDED[key]}" for key in missing)
-        raise PhasemapError(
+        raise NotRecorded(
             f"{attrs.get('source', 'the image')} does not say {', '.join(missing)}: give what is missing, "
-            f"such as {example}."
+            f"such as {example}.",
+            missing,
         )
     return tables, notes
 

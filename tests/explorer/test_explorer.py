@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import tomllib
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,14 +20,16 @@ import phasemap as pm
 from phasemap._shared.errors import InputError
 from phasemap._shared.interrupts import stoppable
 from phasemap.explorer import answers
-from phasemap.explorer.knobs import knobs_of
+from phasemap.explorer.knobs import knobs, starred, values_of
 from phasemap.explorer.limits import accuracy_of
+from phasemap.explorer.offered import SAMPLES as SAMPLE_NAMES
+from phasemap.explorer.offered import Offered, first_of
 from phasemap.explorer.saving import SAVED, python_of
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.subject import Subject, subject_of
 from phasemap.explorer.words import Found, lines_of
 from phasemap.results.words import describe_alike
-from phasemap.scenes.scene import load_scene
+from phasemap.scenes.scene import load_scene, scene_from_tables
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
@@ -41,8 +44,8 @@ def surface_of(*materials: pm.Material) -> pm.Surface:
     return pm.Surface.from_labels(labels, dict(enumerate(materials)), pixel_size=4e-9)
 
 
-def step(**message: Any) -> Setting:
-    return Setting.of(subject_of(STEP, overrides=[SMALL]), message)
+def step(changes: dict[str, Any] | None = None, **message: Any) -> Setting:
+    return Setting.of(subject_of(STEP, overrides=[SMALL]), {"changes": changes or {}, **message})
 
 
 def shown(setting: Setting) -> list[Found]:
@@ -52,7 +55,7 @@ def shown(setting: Setting) -> list[Found]:
 
 
 def test_the_image_of_a_setting_is_the_one_that_the_scene_has_with_these_values() -> None:
-    moved = step(setpoint=0.6, radius=12e-9, materials=[{"modulus": 0.4e9}, {}])
+    moved = step({"scan.setpoint": 0.6, "tip.radius": 12e-9, "materials.0.modulus": 0.4e9})
     overrides = [SMALL, "scan.setpoint=0.6", "tip.radius=12e-9", "materials.compliant.modulus=0.4e9"]
     expected = load_scene(STEP, overrides).simulate()
     xr.testing.assert_equal(answers.image(moved), expected)
@@ -64,7 +67,7 @@ def test_the_image_of_a_setting_is_the_one_that_the_scene_has_with_these_values(
 
 def test_edges_as_wide_as_the_tip_are_in_the_image_and_the_page_says_that_it_shows_them_sharp() -> None:
     overrides = [SMALL, "surface.seen_by_tip=true"]
-    moved = Setting.of(subject_of(STEP, overrides=overrides), {"setpoint": 0.6})
+    moved = Setting.of(subject_of(STEP, overrides=overrides), {"changes": {"scan.setpoint": 0.6}})
     xr.testing.assert_equal(answers.image(moved), load_scene(STEP, [*overrides, "scan.setpoint=0.6"]).simulate())
     assert moved.subject.blurred and not moved.subject.plain
     assert len(np.unique(answers.picture(moved).phase)) == 2 < len(np.unique(answers.image(moved).phase))
@@ -117,12 +120,11 @@ def test_losses_are_no_reason_where_they_do_not_give_the_phases() -> None:
 
 def test_equal_materials_look_alike() -> None:
     subject = subject_of(STEP, overrides=[SMALL])
-    same = {"modulus": 1e9, "adhesion": 0.05, "damping": 0.01}
     both = replace(HARD, modulus=1e9, adhesion=0.05, damping=0.01)
-    alike = Setting(subject, SCOPE, 0.7, dict.fromkeys(subject.materials, both), ("compliant", "stiff"))
+    alike = Setting(subject, SCOPE, 0.7, pm.Engage(), dict.fromkeys(subject.materials, both), ("compliant", "stiff"))
     assert lines_of(*shown(alike))[0].startswith("stiff and compliant look alike (0°)")
-    assert [knob.material for knob in knobs_of(alike.subject)] == [None] * 4 + [0] * 3 + [1] * 3
-    assert Setting.of(subject, {"materials": [same, same]}).shown.unique()[0].shape[0] <= 2
+    same = {f"materials.{i}.{name}": getattr(both, name) for i in (0, 1) for name in ("modulus", "adhesion", "damping")}
+    assert Setting.of(subject, {"changes": same}).shown.unique()[0].shape[0] <= 2
 
 
 def test_a_material_without_an_orbit_says_what_helps() -> None:
@@ -159,10 +161,18 @@ def test_every_answer_can_be_stopped(answer: Callable[[Setting], object], contro
 
 
 def test_a_drive_far_from_the_resonance_is_integrated_in_few_periods_and_the_page_says_that_it_is_far() -> None:
-    far = step(frequency=30e3)
-    assert accuracy_of(far.scope).periods == 100_000 and accuracy_of(step(frequency=3e3).scope).periods == 10_000
-    assert answers.picture(far).about["far_off"].startswith("The drive at 30 kHz is far from the resonance at 300 kHz")
-    assert answers.picture(step()).about["far_off"] == ""
+    far, slow = step({"drive.frequency": 30e3}), step({"drive.frequency": 3e3})
+    assert accuracy_of(far.scope).periods == 100_000 and accuracy_of(slow.scope).periods == 10_000
+    warned = answers.picture(far).about["warnings"]
+    assert any(line.startswith("The drive at 30 kHz is far from the resonance at 300 kHz") for line in warned)
+    assert answers.picture(step()).about["warnings"] == []
+
+
+def test_the_page_warns_of_what_the_command_line_warns_of() -> None:
+    wide = step({"drive.free_amplitude": 5e-6})
+    usual, deep = answers.picture(wide).about["warnings"]
+    assert usual == "free_amplitude = 5e-06 m; usual 50 pm … 1 µm."
+    assert "the tip sinks in deeper than its radius" in deep
 
 
 def test_a_bistable_material_has_both_branches_on_its_curve_and_is_said_to_be_bistable() -> None:
@@ -189,7 +199,7 @@ def test_the_working_point_lies_on_the_curve_and_its_period_goes_as_deep_as_the_
 
 
 def test_the_map_has_the_contrast_of_the_image() -> None:
-    setting = step(setpoint=float(answers.SETPOINTS[9]))
+    setting = step({"scan.setpoint": float(answers.SETPOINTS[9])})
     first, second = shown(setting)
     mapped = answers.contrast_map(setting)
     middle = len(answers.AMPLITUDES) // 2
@@ -214,23 +224,37 @@ def test_a_map_on_which_nothing_holds_recommends_no_point() -> None:
 @pytest.mark.parametrize(
     ("message", "said"),
     [
-        ({"setpoint": 1.2}, "setpoint is 1.2"),
-        ({"setpoint": float("nan")}, "setpoint is nan"),
-        ({"radius": -1e-9}, "tip radius is -1e-09"),
-        ({"radius": "a"}, "tip radius is 'a'"),
-        ({"radius": 1e-2}, "tip radius is 1e+07 nm; allowed: 0.0001 to 1e+06 nm in the page"),
-        ({"materials": [{"adhesion": 1e300}, {}]}, "adhesion is 1e+303 mJ/m²; allowed: 0 to 2.4e+06 mJ/m² in the page"),
-        ({"frequency": 1e3}, "drive frequency is 1 kHz; allowed: 3 kHz to 30 MHz in the page"),
-        ({"free_amplitude": None}, "free_amplitude is None"),
-        ({"frequency": 0}, "drive frequency is 0"),
-        ({"materials": [{}]}, "a list of 2 tables"),
-        ({"materials": [{"modulus": None}, {}]}, "compliant modulus is None"),
-        ({"materials": [{"damping": -1}, {}]}, "damping is -1"),
-        ({"materials": [{"viscosity": 1.0}, {}]}, "compliant viscosity is unknown"),
+        ({"changes": {"scan.setpoint": 1.2}}, "setpoint is 1.2"),
+        ({"changes": {"scan.setpoint": float("nan")}}, "setpoint is nan"),
+        ({"changes": {"scan.solver": "orbit"}}, "scan solver is unknown"),
+        ({"changes": {"tip.radius": -1e-9}}, "tip radius is -1e-09"),
+        ({"changes": {"tip.radius": "a"}}, "tip radius is 'a'"),
+        ({"changes": {"tip.radius": 1e-2}}, "tip radius is 1e+07 nm; allowed: 0.001 to 2e+05 nm in the page"),
+        ({"changes": {"tip.radus": 1e-9}}, "Did you mean 'radius'?"),
+        ({"changes": {"tips.radius": 1e-9}}, "changes tips is unknown"),
+        ({"changes": {"radius": 1e-9}}, "changes  is unknown"),
+        (
+            {"changes": {"materials.0.adhesion": 1e300}},
+            "adhesion is 1e+303 mJ/m²; allowed: 0 to 3e+05 mJ/m² in the page",
+        ),
+        ({"changes": {"drive.frequency": 1e3}}, "drive frequency is 1 kHz; allowed: 3 kHz to 30 MHz in the page"),
+        ({"changes": {"drive.free_amplitude": None}}, "free_amplitude is None"),
+        ({"changes": {"drive.frequency": 0}}, "drive frequency is 0"),
+        ({"changes": {"materials.2.modulus": 1e9}}, "materials.2 is unknown"),
+        ({"changes": {"materials.0.modulus": None}}, "compliant modulus is None"),
+        ({"changes": {"materials.0.damping": -1}}, "damping is -1"),
+        ({"changes": {"materials.0.viscosity": 1.0}}, "either damping or viscosity, not both"),
+        ({"changes": {"interaction.contact": "glue"}}, "contact is 'glue'"),
+        ({"changes": {"control.kind": "none"}}, "kind is 'none'"),
+        ({"changes": {"control.line_rate": 2.0}}, "It belongs to kind = 'feedback'"),
+        ({"changes": []}, "changes is []"),
+        ({"names": ["one"]}, "2 names that differ"),
+        ({"names": ["one", "one"]}, "2 names that differ"),
+        ({"names": ["one", " "]}, "2 names that differ"),
         ({"pair": [0, 2]}, "number of a material is 2"),
         ({"pair": 1}, "two numbers of materials"),
         ({"exact": 1}, "true or false"),
-        ({"setpiont": 0.5}, "Did you mean 'setpoint'?"),
+        ({"change": {}}, "Did you mean 'changes'?"),
         ([], "the message is []"),
     ],
 )
@@ -241,16 +265,57 @@ def test_a_value_that_is_not_allowed_is_refused_by_name(message: object, said: s
 
 
 def test_a_value_may_be_text_with_a_unit() -> None:
-    assert step(radius="20 nm", materials=[{"modulus": "1 GPa"}, {}]).materials["compliant"].modulus == 1e9
-    assert step(radius="20 nm").scope == step(radius=20e-9).scope
+    assert step({"materials.0.modulus": "1 GPa"}).materials["compliant"].modulus == 1e9
+    assert step({"tip.radius": "20 nm"}).scope == step({"tip.radius": 20e-9}).scope
 
 
 def test_a_value_outside_all_practice_is_refused_where_the_scene_is_strict_only() -> None:
-    assert step(radius=1e-3).scope.tip.radius == 1e-3
+    wide = {"changes": {"tip.radius": 1e-4}}
+    assert step(**wide).scope.tip.radius == 1e-4
     subject = subject_of(STEP, overrides=["scan.strict_units=true"])
-    with pytest.raises(pm.InputError, match=r"tip radius is 0\.001 m; allowed: the usual"):
-        Setting.of(subject, {"radius": 1e-3})
+    with pytest.raises(pm.InputError, match=r"tip radius is 0\.0001 m; allowed: the usual"):
+        Setting.of(subject, wide)
     assert Setting.of(subject, {}).tables()["scan"]["strict_units"] is True
+
+
+def test_every_slider_and_choice_of_the_page_sets_a_key_of_a_scene() -> None:
+    values = values_of(subject_of(SAMPLES / "scan.toml"))
+    assert {starred(key) for key in values} >= set(knobs()) and values["control.line_rate"] == 2.0
+    assert (
+        Setting.of(subject_of(SAMPLES / "scan.toml"), {"changes": values}).tables()
+        == Setting.of(subject_of(SAMPLES / "scan.toml"), {}).tables()
+    )
+
+
+def test_a_law_and_a_control_can_be_chosen_and_are_in_the_scene_that_is_saved(tmp_path: Path) -> None:
+    moved = step(
+        {
+            "interaction.contact": "hertz",
+            "interaction.decay_length": None,
+            "control.kind": "feedback",
+            "control.line_rate": 4,
+            "drive.excitation": "base",
+            "cantilever.stiffness": 3.0,
+        }
+    )
+    (tmp_path / "saved.toml").write_bytes(SAVED["scene"](moved).content)
+    scene = load_scene(tmp_path / "saved.toml")
+    assert scene.microscope == moved.scope and scene.options["control"] == pm.Feedback(line_rate=4.0)
+    assert scene.microscope.interaction.decay_length is None
+
+
+def test_materials_can_be_renamed_and_may_have_a_viscosity_beside_a_damping() -> None:
+    moved = step({"materials.0.damping": 0, "materials.0.viscosity": 40.0}, names=["PDMS", "glass"])
+    assert list(moved.materials) == ["PDMS", "glass"]
+    assert moved.materials["PDMS"].damping == pytest.approx(40.0 * 10e-9 * 2 * math.pi * 300e3 / (2 * 40.0))
+    assert moved.tables()["surface"]["materials"] == ["PDMS", "glass"]
+    xr.testing.assert_equal(answers.image(moved), scene_from_tables(moved.tables(), SAMPLES).simulate())
+
+
+def test_a_material_that_relaxes_can_be_explored() -> None:
+    relaxing = {"damping": 0, "relaxed_modulus": 0.1e9, "relaxation_time": 1e-6}
+    moved = step({f"materials.{i}.{name}": value for i in (0, 1) for name, value in relaxing.items()})
+    assert all(math.isfinite(found.phase) for found in shown(moved))
 
 
 def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Path) -> None:
@@ -263,7 +328,7 @@ def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Pa
     surface = '[surface]\nkind = "labels"\nlabels = "map.npy"\npixel_size = 4e-9\nmaterials = ["stiff", "compliant"]\n'
     (folder / "scene.toml").write_text(head + surface + rest)
     moved = Setting.of(
-        subject_of(folder / "scene.toml"), {"setpoint": 0.55, "materials": [{"modulus": 2000000000}, {}]}
+        subject_of(folder / "scene.toml"), {"changes": {"scan.setpoint": 0.55, "materials.0.modulus": 2000000000}}
     )
     file = SAVED["scene"](moved)
     assert file.name == "scene_explored.toml" and b"modulus = 2.0e9" in file.content
@@ -273,9 +338,8 @@ def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Pa
 
 def test_the_python_that_is_copied_makes_the_same_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     subject = subject_of(STEP, overrides=[SMALL])
-    moved = Setting.of(
-        subject, {"free_amplitude": 35e-9, "frequency": 299.9e3, "exact": True, "materials": [{}, {"modulus": 2e9}]}
-    )
+    changes = {"drive.free_amplitude": 35e-9, "drive.frequency": 299.9e3, "materials.1.modulus": 2e9}
+    moved = Setting.of(subject, {"changes": changes, "exact": True, "names": ["soft", "stiff"]})
     monkeypatch.chdir(tmp_path)
     known: dict[str, Any] = {}
     exec(python_of(moved), known)
@@ -289,7 +353,7 @@ def test_a_surface_can_be_explored_and_saved_without_a_scene(
 ) -> None:
     surface = surface_of(*materials)
     subject = subject_of(surface, SCOPE)
-    moved = Setting.of(subject, {"setpoint": 0.65, "radius": 12e-9, "materials": [{}, {"modulus": 2e9}]})
+    moved = Setting.of(subject, {"changes": {"scan.setpoint": 0.65, "tip.radius": 12e-9, "materials.1.modulus": 2e9}})
     image = answers.image(moved)
     monkeypatch.chdir(tmp_path)
     file = SAVED["scene"](moved)
@@ -302,9 +366,15 @@ def test_a_surface_can_be_explored_and_saved_without_a_scene(
 
 
 def test_what_a_scene_cannot_say_is_refused_where_it_is_saved() -> None:
-    bare = replace(SCOPE, interaction=pm.Interaction(decay_length=None))
-    with pytest.raises(InputError, match=r"decay_length is None.*Copy the Python instead"):
-        SAVED["scene"](Setting.of(subject_of(surface_of(SOFT), bare), {}))
+    class Own(pm.ContactLaw):
+        @staticmethod
+        def force(d: float, p: np.ndarray) -> float:
+            return float(p[0] * d * d)
+
+    own = Setting.of(subject_of(surface_of(SOFT), replace(SCOPE, interaction=pm.Interaction(Own()))), {})
+    assert values_of(own.subject)["interaction.contact"] == "Own"
+    with pytest.raises(InputError, match=r"contact is Own.*Copy the Python instead"):
+        SAVED["scene"](own)
 
 
 def test_a_large_image_is_shown_with_fewer_pixels_and_saved_whole() -> None:
@@ -322,15 +392,55 @@ def test_a_large_image_is_shown_with_fewer_pixels_and_saved_whole() -> None:
 
 def test_a_sample_that_is_dilated_is_dilated_by_the_tip_of_the_slider() -> None:
     subject = subject_of(STEP, overrides=["surface.shape=[4, 64]", "surface.dilate=true"])
-    wide = Setting.of(subject, {"radius": 40e-9}).surface
+    wide = Setting.of(subject, {"changes": {"tip.radius": 40e-9}}).surface
     assert wide == load_scene(STEP, ["surface.shape=[4, 64]", "surface.dilate=true", "tip.radius=40e-9"]).surface
     assert Setting.of(subject, {}).surface == load_scene(STEP, ["surface.shape=[4, 64]", "surface.dilate=true"]).surface
 
 
-def test_sliders_begin_where_the_scene_is_and_reach_around_it() -> None:
-    for name in ("step", "blend", "bistable", "copolymer", "particles"):
-        for knob in knobs_of(subject_of(SAMPLES / f"{name}.toml")):
-            assert knob.low <= knob.start <= knob.high and knob.low < knob.high, (name, knob)
+def test_sliders_reach_around_what_the_samples_have() -> None:
+    for name in SAMPLE_NAMES:
+        for key, value in values_of(subject_of(SAMPLES / f"{name}.toml")).items():
+            knob = knobs().get(starred(key))
+            if knob is not None and value:
+                assert knob.low <= value <= knob.high, (name, key)
+
+
+def test_every_sample_that_is_offered_says_what_it_is_and_can_be_explored() -> None:
+    offered = Offered()
+    assert offered.names().keys() == set(SAMPLE_NAMES) and all(offered.names().values())
+    for name in SAMPLE_NAMES:
+        assert offered.describe(name)["materials"] == list(offered[name].materials)
+    assert offered[None] is offered["blend"]
+    with pytest.raises(InputError, match=r"sample is 'blends'; allowed: blend, .*Open its file in the page"):
+        offered["blends"]
+
+
+def test_every_sample_that_is_offered_is_in_the_wheel() -> None:
+    wheel = tomllib.loads((SAMPLES.parent / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert set(wheel["force-include"]) == {f"samples/{name}.toml" for name in SAMPLE_NAMES}
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "setpoint"),
+    [(["blend"], "blend", 0.7), ([STEP], "step", 0.7), (["step", ["scan.setpoint=0.5"]], "step as given", 0.5)],
+)
+def test_the_explorer_begins_with_the_name_of_a_sample_or_a_file(what: list[Any], name: str, setpoint: float) -> None:
+    subject = first_of(*what).subject
+    assert (subject.name, subject.options["setpoint"]) == (name, setpoint)
+
+
+def test_a_scene_file_and_a_measured_file_can_be_opened(tmp_path: Path) -> None:
+    offered = Offered()
+    assert offered.open("C:\\fakepath\\mine.toml", Path(STEP).read_bytes()) == "mine"
+    assert list(offered["mine"].materials) == ["compliant", "stiff"] and "mine" in offered.names()
+    assert SAVED["scene"](Setting.of(offered["mine"], {})).name == "mine_explored.toml"
+    image = load_scene(STEP, ["surface.shape=[24, 32]"]).simulate()
+    image[["height", "phase"]].to_netcdf(tmp_path / "measured.nc")
+    name = offered.open("measured.nc", (tmp_path / "measured.nc").read_bytes())
+    assert len(offered[name].materials) == 2 and "tip.radius" in offered.describe(name)["note"]
+    assert SAVED["scene"](Setting.of(offered[name], {})).name == "measured_explored.zip"
+    with pytest.raises(pm.FileError, match=r"cannot read notes\.txt"):
+        offered.open("../notes.txt", b"hello")
 
 
 def refused(*arguments: Any) -> str:

@@ -45,7 +45,9 @@ def named(folder: str, name: str, material: str = "compliant") -> Subject:
 @settings(max_examples=30, deadline=None)
 def test_python_that_is_copied_calls_nothing_but_phasemap(name: str, material: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        moved = Setting.of(named(folder, name, material), {"setpoint": 0.6, "materials": [{"modulus": 0.3e9}, {}]})
+        moved = Setting.of(
+            named(folder, name, material), {"changes": {"scan.setpoint": 0.6, "materials.0.modulus": 0.3e9}}
+        )
         if not material or "." in material or "=" in material or material != material.strip():
             with pytest.raises(InputError, match="a name without dots, equals signs and blanks around it"):
                 python_of(moved)

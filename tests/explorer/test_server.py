@@ -32,19 +32,23 @@ import phasemap as pm
 from phasemap._shared.interrupts import check_stopped
 from phasemap.cli import main
 from phasemap.explorer.explore import Explorer, serve
+from phasemap.explorer.knobs import values_of
 from phasemap.explorer.limits import LIMITS
-from phasemap.explorer.server import CONNECTIONS, HOST, LARGEST, RELIEF, Server
+from phasemap.explorer.offered import Opened
+from phasemap.explorer.server import CONNECTIONS, HOST, LARGEST, LARGEST_FILE, RELIEF, Server
 from phasemap.explorer.subject import subject_of
 from phasemap.scenes.scene import load_scene
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
 SMALL = "surface.shape=[6, 8]"
+SIX = {"changes": {"scan.setpoint": 0.6}}
+SMALL_STEP = Opened(subject_of(STEP, overrides=[SMALL]))
 
 
 @pytest.fixture(scope="module")
 def explorer() -> Iterator[Explorer]:
-    with serve(subject_of(STEP, overrides=[SMALL])) as served:
+    with serve(SMALL_STEP) as served:
         yield served
 
 
@@ -65,6 +69,10 @@ def ask(explorer: Explorer, name: str, message: Any = None, **more: Any) -> tupl
         return answer.status, {key.lower(): value for key, value in answer.getheaders()}, answer.read()
 
 
+def page_file(name: str) -> bytes:
+    return files("phasemap.explorer").joinpath("page", name).read_bytes()
+
+
 def unpacked(content: bytes) -> tuple[dict[str, Any], bytes]:
     (length,) = struct.unpack("<I", content[:4])
     return json.loads(content[4 : 4 + length]), content[4 + length :]
@@ -79,18 +87,62 @@ def test_the_page_and_all_its_parts_are_served_and_may_load_nothing_from_elsewhe
     parts = re.findall(r'(?:src|href)="(?!data:)([^"]+)"', content.decode())
     scripts = [files("phasemap.explorer").joinpath("page", part).read_text() for part in parts]
     parts += [part for script in scripts for part in re.findall(r'from "\./([^"]+)"', script)]
-    assert sorted(parts) == ["draw.js", "page.css", "page.js"]
-    for part in parts:
+    assert [part for part in parts if part.endswith(".js") and b"fetch(route" in page_file(part)] == ["engine.js"]
+    assert set(parts) == {"controls.js", "draw.js", "engine.js", "page.css", "page.js", "state.js"}
+    for part in {*parts, "knobs.json"}:
         code, headers, content = ask(explorer, part)
-        assert code == 200 and headers["content-type"].startswith(("text/css", "text/javascript"))
+        assert code == 200 and headers["content-type"].startswith(("text/css", "text/javascript", "application/json"))
         assert b"http:" not in content and b"https:" not in content
 
 
-def test_what_the_page_begins_with_names_sliders_materials_and_colours(explorer: Explorer) -> None:
+def test_what_the_page_begins_with_names_samples_presets_and_colours(explorer: Explorer) -> None:
     start = json.loads(ask(explorer, "start")[2])
-    assert start["materials"] == ["compliant", "stiff"] and start["name"] == "step" and start["control"] is None
-    assert [knob["key"] for knob in start["knobs"]][:4] == ["setpoint", "free_amplitude", "frequency", "radius"]
+    assert start["first"] == "step" and "blend" in start["samples"]
     assert {len(colours) for colours in start["colours"].values()} == {3 * 256}
+    levers = {preset["name"]: preset["values"] for preset in start["presets"]["levers"]}
+    assert levers["PPP-NCHR"]["stiffness"] == pm.Cantilever.preset("PPP-NCHR").stiffness
+    assert any(preset["name"] == "PDMS" for preset in start["presets"]["materials"])
+
+
+def test_a_sample_is_described_with_its_values_and_shows_which_material_is_where(explorer: Explorer) -> None:
+    about, labels = unpacked(ask(explorer, "sample", {"sample": "step"})[2])
+    assert about["materials"] == ["compliant", "stiff"] and about["control"] is None and about["shape"] == [6, 8]
+    assert about["values"]["materials.1.modulus"] == 3e9 and about["values"]["cantilever.quality_factor"] == 400.0
+    assert np.frombuffer(labels, np.uint8).reshape(6, 8)[0].tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
+    about, labels = unpacked(ask(explorer, "sample", {"sample": "scan"})[2])
+    assert about["control"].startswith("feedback in time") and len(labels) == 192 * 192
+    assert ask(explorer, "sample", {"sample": "nothing"})[0] == 422
+
+
+def test_a_file_that_the_page_sends_is_opened_as_a_sample(explorer: Explorer) -> None:
+    code, _, content = ask(explorer, "open/my%20own.toml", body=Path(STEP).read_bytes())
+    assert code == 200 and json.loads(content) == {"sample": "my own"}
+    about, _ = unpacked(ask(explorer, "picture", {"sample": "my own"})[2])
+    assert about["shape"] == [128, 256]
+    code, _, content = ask(explorer, "open/bad.toml", body=b"[")
+    assert code == 422 and json.loads(content)["error"].startswith(
+        "cannot read the scene bad.toml: it is not valid TOML"
+    )
+
+
+def test_a_page_can_ask_whether_the_server_is_there(explorer: Explorer) -> None:
+    assert ask(explorer, "alive")[0] == 200
+
+
+def test_without_anything_to_explore_the_page_begins_with_a_sample() -> None:
+    with serve() as explorer:
+        assert json.loads(ask(explorer, "start")[2])["first"] == "blend"
+
+
+def test_behind_a_hub_the_page_has_the_address_of_the_hub_and_still_needs_its_token(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("JUPYTERHUB_SERVICE_PREFIX", "/user/me/")
+    with serve(SMALL_STEP) as explorer:
+        url = urlsplit(explorer.url)
+        assert f'src="/user/me/proxy/{url.port}{url.path}"' in explorer._repr_html_()
+        assert ask(explorer, "start", host="hub.example.org")[0] == 200
+        assert ask(explorer, "start", host="hub.example.org", token="wrong")[0] == 403
 
 
 @pytest.mark.parametrize("name", ["", "start", "page.js"])
@@ -113,7 +165,7 @@ def test_only_this_machine_can_reach_it(explorer: Explorer) -> None:
 
 
 def test_a_picture_is_the_image_that_simulate_gives(explorer: Explorer) -> None:
-    code, headers, content = ask(explorer, "picture", {"setpoint": 0.6})
+    code, headers, content = ask(explorer, "picture", SIX)
     about, maps = unpacked(content)
     assert code == 200 and headers["content-type"] == "application/octet-stream" and about["shape"] == [6, 8]
     height, phase = np.frombuffer(maps, "<f4").reshape(2, 6, 8)
@@ -142,14 +194,14 @@ def test_curves_the_scan_and_the_map_of_the_contrast_are_answered(explorer: Expl
     ],
 )
 def test_each_button_saves_a_file(explorer: Explorer, what: str, name: str, begins: bytes) -> None:
-    code, _, content = ask(explorer, f"save/{what}", {"setpoint": 0.6})
+    code, _, content = ask(explorer, f"save/{what}", SIX)
     about, file = unpacked(content)
     assert code == 200 and about["name"] == name and file.startswith(begins)
 
 
 @pytest.mark.parametrize("name", ["picture", "curves", "contrast", "scan", "save/scene", "save/image"])
 def test_a_bad_value_is_refused_in_the_sentence_that_python_raises(explorer: Explorer, name: str) -> None:
-    code, _, content = ask(explorer, name, {"setpoint": 1.5})
+    code, _, content = ask(explorer, name, {"changes": {"scan.setpoint": 1.5}})
     assert code == 422 and json.loads(content)["error"].startswith("setpoint is 1.5; allowed: a number above 0")
 
 
@@ -166,6 +218,7 @@ def test_a_bad_value_is_refused_in_the_sentence_that_python_raises(explorer: Exp
         (413, "picture", {"body": b"", "length": LARGEST + 1}),
         (413, "picture", {"body": b"", "length": "a"}),
         (413, "picture", {"body": b"", "length": "1" * 5000}),
+        (413, "open/large.nid", {"body": b"", "length": LARGEST_FILE + 1}),
         (501, "picture", {"body": b"{}", "method": "PUT"}),
     ],
 )
@@ -238,16 +291,16 @@ def test_work_that_takes_too_long_ends_with_a_sentence_that_says_why_and_what_to
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(LIMITS, name, LIMITS[name]._replace(seconds=0.0))
-    with serve(subject_of(STEP, overrides=[SMALL])) as explorer:
-        code, _, content = ask(explorer, name, {"frequency": 60e3})
+    with serve(SMALL_STEP) as explorer:
+        code, _, content = ask(explorer, name, {"changes": {"drive.frequency": 60e3}})
         said = json.loads(content)["error"]
     assert code == 503 and said.startswith("This takes longer than the 0 s that the page has for ")
     assert "The drive at 60 kHz is far from the resonance at 300 kHz" in said
-    assert "Save scene runs without a limit" in said
+    assert "The scene that the page saves runs without a limit" in said
 
 
 def test_a_drive_far_below_the_resonance_is_refused_at_once(explorer: Explorer) -> None:
-    code, _, content = ask(explorer, "picture", {"frequency": 1e3})
+    code, _, content = ask(explorer, "picture", {"changes": {"drive.frequency": 1e3}})
     said = json.loads(content)["error"]
     assert code == 422 and said.startswith(
         "drive frequency is 1 kHz; allowed: 3 kHz to 30 MHz in the page, for a resonance at 300 kHz"
@@ -255,13 +308,13 @@ def test_a_drive_far_below_the_resonance_is_refused_at_once(explorer: Explorer) 
 
 
 def test_what_the_page_says_of_a_long_answer_is_true(explorer: Explorer) -> None:
-    def said(**setting: float) -> str:
-        return str(json.loads(ask(explorer, "doing", setting)[2])["doing"])
+    def said(**changes: float) -> str:
+        return str(json.loads(ask(explorer, "doing", {"changes": changes})[2])["doing"])
 
     assert said() == "solving …"
-    assert said(frequency=60e3).startswith("The drive at 60 kHz is far from the resonance")
+    assert said(**{"drive.frequency": 60e3}).startswith("The drive at 60 kHz is far from the resonance")
     with event.trigger_event("numba:compile"):
-        assert said().startswith("compiling the solvers for their first use")
+        assert said().startswith("compiling the solvers, only this once: ")
 
 
 def test_silent_connections_give_way_to_a_new_one(explorer: Explorer) -> None:
@@ -314,8 +367,9 @@ def test_the_server_waits_where_the_system_has_no_file_for_a_connection(
 @pytest.mark.parametrize(
     "body",
     [
-        {"setpoint": 10**400}, {"radius": -(10**400)}, {"frequency": 10**400}, {"pair": [10**400, 0]},
-        {"materials": [{"modulus": 10**400}, {}]}, {"materials": 10**400}, {"exact": 10**400}, 10**400,
+        {"changes": {"scan.setpoint": 10**400}}, {"changes": {"tip.radius": -(10**400)}},
+        {"changes": {"drive.frequency": 10**400}}, {"pair": [10**400, 0]},
+        {"changes": {"materials.0.modulus": 10**400}}, {"changes": 10**400}, {"exact": 10**400}, 10**400,
     ],
 )  # fmt: skip
 def test_a_number_of_many_digits_is_refused_in_one_sentence(
@@ -341,8 +395,7 @@ def test_explore_gives_an_address_shows_itself_in_a_notebook_and_closes() -> Non
 
 
 def test_every_explorer_has_a_token_of_its_own() -> None:
-    subject = subject_of(STEP, overrides=[SMALL])
-    with serve(subject) as one, serve(subject) as other:
+    with serve(SMALL_STEP) as one, serve(SMALL_STEP) as other:
         tokens = [urlsplit(explorer.url).path.strip("/") for explorer in (one, other)]
         assert tokens[0] != tokens[1] and min(map(len, tokens)) >= 24
         assert ask(other, "", token=tokens[0])[0] == 403
@@ -396,15 +449,34 @@ def test_the_command_serves_until_ctrl_c_and_ends_cleanly() -> None:
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-def test_a_real_browser_draws_the_page(explorer: Explorer, tmp_path: Path) -> None:
+def in_browser(address: str, folder: Path) -> str:
+    """What a browser makes of the page: its document, a minute of its own time later."""
     flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
     flags += ("--disable-background-networking", "--disable-component-update", "--disable-sync")
-    waits = ("--virtual-time-budget=60000", f"--user-data-dir={tmp_path}", "--dump-dom")
-    done = subprocess.run(
-        [str(CHROMIUM), *flags, *waits, explorer.url], capture_output=True, text=True, timeout=300, check=True
-    )
-    page = done.stdout
+    waits = ("--virtual-time-budget=60000", f"--user-data-dir={folder}", "--dump-dom")
+    command = [str(CHROMIUM), *flags, *waits, address]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+def test_a_real_browser_draws_the_page(explorer: Explorer, tmp_path: Path) -> None:
+    page = in_browser(explorer.url, tmp_path)
     assert re.search(r'id="state"[^>]*>image in \d+ ms, curves in \d+ ms<', page)
     assert re.search(r'id="problem"[^>]* hidden=""[^>]*></p>', page)
-    assert page.count('type="range"') == 10 and "stiff is " in page and page.count("<tr><td>") == 2
+    assert "stiff is " in page and page.count("<tr><td>") == 2 and "selected" not in page
+    for key in values_of(SMALL_STEP.subject):
+        assert f'id="{key}"' in page, key
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+def test_a_link_holds_everything_that_was_set(explorer: Explorer, tmp_path: Path) -> None:
+    link = "#sample=step&interaction.contact=hertz&drive.free_amplitude=3e-6&materials.0.damping=0&names=PDMS,glass"
+    page = in_browser(explorer.url + link, tmp_path)
+    assert "glass and PDMS look alike" in page and re.search("<td><span[^>]*></span>PDMS</td>", page)
+    assert "free_amplitude = 3e-06 m; usual 50 pm … 1 µm." in page  # which is one of the warnings
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+def test_a_link_to_a_sample_that_is_not_here_says_so(explorer: Explorer, tmp_path: Path) -> None:
+    page = in_browser(f"{explorer.url}#sample=mine&tip.radius=2e-8", tmp_path)
+    assert "sample is 'mine'; allowed: " in page and "Open its file in the page" in page

@@ -1,8 +1,30 @@
 // Drawing on canvases: images with colour bars, curves with axes, maps.
 
-const BAR = 74; // pixels beside an image, for its colour bar
-const INK = "#1c1c1c", QUIET = "#5f6368", GRID = "#e6e8ea", FAILED = [0, 230, 70];
+const FAILED = [0, 230, 70];
+const COLOURS = { // of materials, on light and dark paper
+  light: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a4b2a", "#555555"],
+  dark: ["#4db2ef", "#ff9147", "#2fd3a6", "#e9a3c9", "#e0b040", "#9bd5f7", "#c79a78", "#b5b5b5"],
+};
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
 const FONT = '11.5px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
+
+let INK, QUIET, GRID, EDGE, PAPER; // as the style sheet has them
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  [INK, QUIET, GRID, EDGE, PAPER] = ["ink", "quiet", "grid", "edge", "paper"].map((name) => style.getPropertyValue(`--${name}`).trim());
+}
+readColours();
+
+/** Calls `then` when the screen becomes light or dark. */
+export function onColours(then) {
+  dark.addEventListener("change", () => { readColours(); then(); });
+}
+
+/** The colour of a material. */
+export const materialColour = (i) => COLOURS[dark.matches ? "dark" : "light"][i];
+
+/** Pixels beside an image, for its colour bar, which has no label where there is little room. */
+const barOf = (canvas) => (canvas.clientWidth < 240 ? 44 : 74);
 
 /** The context of a canvas that is as sharp as the screen, in units of CSS pixels, cleared. */
 export function paper(canvas) {
@@ -71,7 +93,7 @@ export class Axes {
       this.stroke([[box.left, at], [box.left + box.width, at]]);
       pen.fillText(shown(value), beside, at);
     }
-    pen.strokeStyle = "#9aa0a6";
+    pen.strokeStyle = EDGE;
     this.stroke([[box.left + 0.5, bare ? bottom + 0.5 : box.top], [box.left + 0.5, bottom + 0.5], [box.left + box.width, bottom + 0.5]]);
     pen.fillStyle = INK;
     pen.textAlign = "center";
@@ -123,7 +145,7 @@ export class Axes {
     const { pen } = this;
     pen.beginPath();
     pen.arc(this.x(x), this.y(y), radius, 0, 2 * Math.PI);
-    pen.fillStyle = "#fff";
+    pen.fillStyle = PAPER;
     pen.fill();
     pen.lineWidth = 2.2;
     pen.strokeStyle = colour;
@@ -186,7 +208,7 @@ export function limits(values, span = 0) {
 
 /** A map of values as an image with colour bar and scale bar; returns where on the canvas it is. */
 export function image(canvas, values, [rows, columns], [dy, dx], [low, high], colours, unit) {
-  const across = canvas.clientWidth - BAR, tall = Math.min((across * rows * dy) / (columns * dx), 1.4 * across);
+  const across = canvas.clientWidth - barOf(canvas), tall = Math.min((across * rows * dy) / (columns * dx), 1.4 * across);
   canvas.style.height = `${Math.round(Math.max(tall, 60)) + 8}px`;
   const { pen } = paper(canvas);
   const box = { left: 0, top: 4, width: across, height: Math.max(tall, 60) };
@@ -201,9 +223,51 @@ export function image(canvas, values, [rows, columns], [dy, dx], [low, high], co
   }
   pen.imageSmoothingEnabled = columns > across;
   pen.drawImage(bitmap(canvas, pixels), box.left, box.top, box.width, box.height);
-  colourBar(pen, { left: across + 6, top: 4, width: 11, height: box.height }, [low, high], colours, unit);
+  colourBar(pen, { left: across + 6, top: 4, width: 11, height: box.height }, [low, high], colours, unit, across < 200);
   scaleBar(pen, box, columns * dx);
   return box;
+}
+
+/** Which material is where, faint, under a sentence: what is known before anything is solved. */
+export function sample(canvas, labels, [rows, columns], [dy, dx], sentence) {
+  const across = canvas.clientWidth - barOf(canvas), tall = Math.max(Math.min((across * rows * dy) / (columns * dx), 1.4 * across), 60);
+  canvas.style.height = `${Math.round(tall) + 8}px`;
+  const { pen } = paper(canvas), pixels = new ImageData(columns, rows);
+  const colours = Array.from({ length: 8 }, (_, i) => [1, 3, 5].map((at) => parseInt(materialColour(i).slice(at, at + 2), 16)));
+  labels.forEach((label, i) => pixels.data.set([...colours[label], 90], 4 * i));
+  pen.imageSmoothingEnabled = columns > across;
+  pen.drawImage(bitmap(canvas, pixels), 0, 4, across, tall);
+  write(pen, sentence, { left: 0, top: 4, width: across, height: tall });
+}
+
+/** A sentence where nothing is known yet. */
+export function waiting(canvas, sentence) {
+  const { pen, width, height } = paper(canvas);
+  pen.strokeStyle = GRID;
+  pen.setLineDash([4, 4]);
+  pen.strokeRect(0.5, 0.5, width - 1, height - 1);
+  pen.setLineDash([]);
+  write(pen, sentence, { left: 0, top: 0, width, height });
+}
+
+/** A sentence in the middle of a box, in as many lines as it needs. */
+function write(pen, sentence, box) {
+  const lines = [""];
+  for (const word of sentence.split(" ")) {
+    const longer = `${lines.at(-1)} ${word}`.trim();
+    if (lines.at(-1) && pen.measureText(longer).width > box.width - 24) lines.push(word);
+    else lines[lines.length - 1] = longer;
+  }
+  pen.textAlign = "center";
+  pen.textBaseline = "middle";
+  const tall = 17, top = box.top + (box.height - tall * lines.length) / 2, middle = box.left + box.width / 2;
+  const wide = Math.max(...lines.map((line) => pen.measureText(line).width)) + 16;
+  pen.globalAlpha = 0.85;
+  pen.fillStyle = PAPER;
+  pen.fillRect(middle - wide / 2, top - 6, wide, tall * lines.length + 12);
+  pen.globalAlpha = 1;
+  pen.fillStyle = INK;
+  lines.forEach((line, i) => pen.fillText(line, middle, top + tall * (i + 0.5)));
 }
 
 /** An image that can be drawn at any size; the canvas keeps its own. */
@@ -215,7 +279,7 @@ function bitmap(canvas, pixels) {
   return canvas.hidden_;
 }
 
-function colourBar(pen, box, [low, high], colours, unit) {
+function colourBar(pen, box, [low, high], colours, unit, bare = false) {
   const steps = Math.max(1, Math.round(box.height));
   for (let i = 0; i < steps; i++) {
     const at = 3 * Math.floor((255.999 * (steps - 1 - i)) / Math.max(steps - 1, 1));
@@ -230,6 +294,7 @@ function colourBar(pen, box, [low, high], colours, unit) {
     pen.fillRect(box.left + box.width, y(value) - 0.5, 3, 1);
     pen.fillText(shown(value), box.left + box.width + 5, Math.max(box.top + 5, Math.min(box.top + box.height - 5, y(value))));
   }
+  if (bare) return;
   pen.save();
   pen.translate(box.left + box.width + 51, box.top + box.height / 2);
   pen.rotate(-Math.PI / 2);
@@ -278,7 +343,7 @@ export function histogram(canvas, values, [low, high], colours, label) {
     if (bin >= 0 && bin < 100) bins[bin]++;
   }
   const most = Math.max(...bins) || 1;
-  const box = { left: 0, top: 3, width: width - BAR, height: height - 37 };
+  const box = { left: 0, top: 3, width: width - barOf(canvas), height: height - 37 };
   const axes = new Axes(pen, box, [low, high], [0, 1], { xlabel: label, bare: true });
   for (let i = 0; i < 100; i++) {
     if (!bins[i]) continue;
@@ -295,7 +360,7 @@ export function histogram(canvas, values, [low, high], colours, label) {
 /** Values along a row of an image. */
 export function profile(canvas, values, [rows, columns], dx, row, [low, high], label) {
   const { pen, width, height } = paper(canvas);
-  const box = { left: 0, top: 6, width: width - BAR, height: height - 41 };
+  const box = { left: 0, top: 6, width: width - barOf(canvas), height: height - 41 };
   const micro = columns * dx >= 2e-6, unit = micro ? 1e-6 : 1e-9;
   const axes = new Axes(pen, box, [0, (columns * dx) / unit], [low, high], { xlabel: `along the dashed line (${micro ? "µm" : "nm"})`, ylabel: label, right: true });
   const xs = Array.from({ length: columns }, (_, i) => ((i + 0.5) * dx) / unit);
@@ -351,7 +416,7 @@ export function period(canvas, materials) {
     const low = Math.min(0, ...every), high = Math.max(0, ...every), room = 0.06 * (high - low || 1);
     const xlabel = i ? "phase of the drive (°)" : "";
     const axes = new Axes(pen, box, [0, 360], [low - room, high + room], { xlabel, ylabel: label, xticks: [0, 90, 180, 270, 360] });
-    axes.line([0, 360], [0, 0], "#9aa0a6", 1);
+    axes.line([0, 360], [0, 0], EDGE, 1);
     for (const { data, colour } of there) {
       const values = data.period[name], count = values.length;
       const xs = Array.from({ length: count + 1 }, (_, k) => (360 * k) / count);
@@ -364,7 +429,7 @@ export function period(canvas, materials) {
 /** The contrast against setpoint and free amplitude, with the working point; returns its axes. */
 export function contrast(canvas, data, colours, point) {
   const { pen, width, height } = paper(canvas);
-  const box = { left: 46, top: 6, width: width - 46 - BAR, height: height - 44 };
+  const box = { left: 46, top: 6, width: width - 46 - barOf(canvas), height: height - 44 };
   const every = data.contrast.flat().filter((value) => value !== null).map(Math.abs);
   const reach = Math.max(1, ...every), nx = data.setpoints.length, ny = data.amplitudes.length;
   const half = (values, log) => {

@@ -1,12 +1,14 @@
-// The page: sliders on the left, what they do on the right. Every change asks the server for the image, then for the
+// The page: sliders on the left, what they do on the right. Every change asks the engine for the image, then for the
 // curves; the map of the contrast, and what takes long, come when they are ready.
 
+import * as controls from "./controls.js";
 import * as draw from "./draw.js";
+import * as engine from "./engine.js";
+import { begin, changes, fromLink, message, state, toLink } from "./state.js";
 
-const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7a4b2a", "#555555"];
-const EV = 1.602176634e-19, SLOW = 600, PATIENT = 3000, SETTLED = 350; // J, ms
-const TOO_LONG = 503; // status of an answer that has no time left
+const EV = 1.602176634e-19, SLOW = 600, PATIENT = 1500, SETTLED = 350; // J, ms
 const LEAST = 1; // degrees of phase between black and white, not to blow up last digits
+const OPEN = "open a file …";
 const SOLVERS = { // what they are called, and what they do
   averaging: ["averaging", "First-order averaging, within the requested accuracy"],
   corrected: ["orbit (exact)", "The exact periodic orbit, from the lever's response to the force"],
@@ -17,33 +19,17 @@ const $ = (id) => document.getElementById(id);
 const round = (value, digits) => Number(value.toPrecision(digits));
 const number = (value, digits) => (value === null ? "–" : String(round(value, digits)).replace("-", "−"));
 
-let about; // what the server says of the sample
-const inputs = []; // one for each knob
-const now = { pair: [0, 0], row: null, here: null, held: null, picture: null, curves: null, map: null, mapKey: "", axes: null, took: {} };
+let offer; // samples, presets and colours
+let about; // what the engine says of the sample
+let knobs; // as knobs.json declares them
+const nothing = { row: null, held: null, picture: null, curves: null, map: null, mapKey: "", axes: null };
+const now = { ...nothing, took: {}, gone: false };
 
 // ---- asking
 
-class Refused extends Error {
-  constructor(sentence, code) { super(sentence); this.code = code; }
-}
-
-/** The answer to a message; an AbortError where `signal` takes the question back, so that the server stops working. */
-async function ask(route, message, signal) {
-  let answer;
-  try {
-    answer = await fetch(route, message === undefined ? {} : { method: "POST", body: JSON.stringify(message), signal });
-  } catch (error) {
-    if (error.name === "AbortError") throw error;
-    throw new Refused("The explorer is closed. Start it again with phasemap explore, or pm.explore.");
-  }
-  if (answer.ok) return answer;
-  const said = await answer.json().catch(() => ({ error: `The server answers ${answer.status}.` }));
-  throw new Refused(said.error, answer.status);
-}
-
 /** Asks again and again while settings change, one question at a time; one that is slow is taken back for the next. */
 class Asker {
-  constructor(route, take) { Object.assign(this, { route, take, busy: false, again: false }); }
+  constructor(question, take) { Object.assign(this, { ask: question, take, busy: false, again: false }); }
 
   async run() {
     this.again = true;
@@ -55,7 +41,7 @@ class Asker {
       this.question = new AbortController();
       this.began = performance.now();
       try {
-        await this.take(await ask(this.route, setting(), this.question.signal), this.began);
+        await this.take(await this.ask(message(), this.question.signal), this.began);
         complain("");
       } catch (error) {
         if (error.name === "AbortError") continue;
@@ -75,8 +61,10 @@ class Asker {
 }
 
 async function sayWhatTakesLong() {
-  const answer = await ask("doing", setting()).catch(() => null);
-  if (answer && (picture.busy || curves.busy)) say((await answer.json()).doing);
+  const doing = await engine.doing(message()).catch(() => null);
+  if (doing === null || !(picture.busy || curves.busy)) return;
+  say(doing);
+  drawWaiting(doing);
 }
 
 function hideProblem() {
@@ -85,6 +73,7 @@ function hideProblem() {
 }
 
 function complain(sentence) {
+  if (now.gone) return; // which is said
   hideProblem();
   $("problem").textContent = sentence;
   $("problem").hidden = !sentence;
@@ -94,50 +83,32 @@ function complain(sentence) {
 
 const say = (sentence) => { $("state").textContent = sentence; };
 
-/** What the sliders say, as the server wants it. */
-function setting() {
-  const message = { materials: about.materials.map(() => ({})), pair: now.pair, exact: $("exact").checked };
-  for (const { knob, value } of inputs) {
-    if (knob.material === null) message[knob.key] = value;
-    else message.materials[knob.material][knob.key] = value;
-  }
-  const ratio = message.frequency / about.resonance;
-  if (about.driven === null && Math.abs(ratio - 1) < 1e-9) message.frequency = null;
-  return message;
-}
-
-// ---- answers
-
-const picture = new Asker("picture", async (answer, began) => {
-  take(await answer.arrayBuffer());
+const picture = new Asker(engine.picture, (answer, began) => {
+  take(answer);
   now.took.image = performance.now() - began;
   curves.run();
 });
 
-const curves = new Asker("curves", async (answer, began) => {
-  now.curves = await answer.json();
+const curves = new Asker(engine.curves, (answer, began) => {
+  now.curves = answer;
   drawCurves();
   now.took.curves = performance.now() - began;
   say(`image in ${Math.round(now.took.image)} ms, curves in ${Math.round(now.took.curves)} ms`);
+  askForMap(); // the first time after all else, which it would hold up
 });
 
-function take(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const said = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  const count = said.shape[0] * said.shape[1], start = 4 + length;
-  now.picture = {
-    ...said, height: new Float32Array(buffer, start, count), phase: new Float32Array(buffer, start + 4 * count, count),
-  };
+function take(answer) {
+  now.picture = answer;
   drawImages();
-  if (said.materials) drawWords();
+  if (answer.materials) drawWords();
 }
 
 let mapTimer = 0, mapQuestion = new AbortController();
 function askForMap() {
-  const { setpoint, free_amplitude, ...rest } = setting();
-  const base = inputs.find(({ knob }) => knob.key === "free_amplitude").knob.start;
-  const key = JSON.stringify([rest, Math.round(Math.log(free_amplitude / base) / Math.log(4))]);
-  if (now.pair[0] === now.pair[1] || key === now.mapKey) { drawMap(); return; } // or it is being solved, or too long
+  const { changes: { "scan.setpoint": _, "drive.free_amplitude": __, ...rest }, ...others } = message();
+  const amplitude = state.values["drive.free_amplitude"] / state.start["drive.free_amplitude"];
+  const key = JSON.stringify([rest, others, Math.round(Math.log(amplitude) / Math.log(4))]);
+  if (!now.curves || state.pair[0] === state.pair[1] || key === now.mapKey) { drawMap(); return; } // or it is being solved, or too long
   $("map-figure").classList.add("waiting");
   $("map-state").textContent = $("advice").textContent = "";
   clearTimeout(mapTimer);
@@ -145,26 +116,30 @@ function askForMap() {
   const question = mapQuestion = new AbortController();
   now.mapKey = "";
   mapTimer = setTimeout(async () => {
+    drawWaiting("solving …");
     $("map-state").textContent = "is being solved …";
     now.mapKey = key;
     try {
-      const answer = await ask("contrast", setting(), question.signal);
-      now.map = await answer.json();
+      now.map = await engine.contrast(message(), question.signal);
       $("map-figure").classList.remove("waiting");
-      $("map-state").textContent = `${about.materials[now.pair[1]]} minus ${about.materials[now.pair[0]]}`;
+      $("map-state").textContent = `${state.names[state.pair[1]]} minus ${state.names[state.pair[0]]}`;
       $("advice").textContent = `Where to work (◆): ${now.map.recommendation}`;
       drawMap();
     } catch (error) {
       if (error.name === "AbortError") return;
       $("map-state").textContent = "";
-      if (error.code === TOO_LONG) { $("advice").textContent = error.message; return; }
+      if (error.code === engine.TOO_LONG) { $("advice").textContent = error.message; return; }
       now.mapKey = "";
       complain(error.message);
     }
   }, SETTLED);
 }
 
+let linkTimer = 0;
 function changed() {
+  clearTimeout(linkTimer);
+  linkTimer = setTimeout(() => history.replaceState(null, "", toLink()), SETTLED);
+  $("scan").hidden = !about.control && (state.values["control.kind"] ?? "engage") === "engage";
   picture.run();
   curves.overtake(); // they follow the next picture
   askForMap();
@@ -173,6 +148,14 @@ function changed() {
 // ---- drawing
 
 const QUANTITIES = [["height", "height (nm)"], ["phase", "phase (°)"]];
+const PLOTS = ["amplitude-curve", "phase-curve", "period", "map"];
+
+/** What is known before the first answer: which material is where, and what is going on. */
+function drawWaiting(doing) {
+  if (!now.picture) for (const [name] of QUANTITIES) draw.sample($(name), about.labels, about.shape, about.pixel, doing);
+  if (!now.curves) for (const id of PLOTS.slice(0, 3)) draw.waiting($(id), now.picture ? doing || "solving …" : "comes after the image");
+  if (!now.map) draw.waiting($("map"), now.curves ? "is being solved …" : "comes after the curves");
+}
 
 function drawImages() {
   const shown = now.picture;
@@ -180,17 +163,18 @@ function drawImages() {
   now.row = Math.min(now.row ?? rows >> 1, rows - 1);
   if (!$("hold").checked || !now.held) now.held = { height: draw.limits(shown.height), phase: draw.limits(shown.phase, LEAST) };
   for (const [name, label] of QUANTITIES) {
-    const values = shown[name], range = now.held[name], colours = about.colours[name];
+    const values = shown[name], range = now.held[name], colours = offer.colours[name];
     const box = draw.image($(name), values, shown.shape, shown.pixel, range, colours, label);
     now[`${name}Box`] = box;
     draw.marker($(name), box, Math.round(box.top + ((now.row + 0.5) / rows) * box.height) + 0.5);
     draw.histogram($(`${name}-histogram`), values, range, colours, label);
     draw.profile($(`${name}-profile`), values, shown.shape, shown.pixel[1], now.row, range, label);
   }
-  const notes = shown.materials ? [] : [...shown.failed]; // the words say it of each material
-  if (shown.far_off) notes.push(shown.far_off);
+  const warnings = [...shown.warnings, ...(shown.materials ? [] : shown.failed)]; // else the words say it of each material
+  $("warnings").replaceChildren(...warnings.map((line) => Object.assign(document.createElement("li"), { textContent: line })));
+  const notes = [];
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
-  if (about.control) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.sharp ? ", with sharp edges" : ""}.` : "This is the trace of the scan that the scene describes, until a slider moves.");
+  if (!$("scan").hidden) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.sharp ? ", with sharp edges" : ""}.` : "This is the trace of the scan, until a slider moves.");
   $("note").textContent = notes.join(" ");
 }
 
@@ -206,16 +190,17 @@ function drawWords() {
       found.name, regime, number(found.phase, 3), number(found.lost === null ? null : found.lost / EV, 3),
       number(found.indentation === null ? null : Math.max(found.indentation, 0) * 1e9, 3), solver,
     ].map((text) => Object.assign(document.createElement("td"), { textContent: text }));
-    cells[0].prepend(dot(i));
+    cells[0].prepend(controls.dot(i));
     cells.at(-1).title = about_solver;
     const row = document.createElement("tr");
     row.append(...cells);
     return [row];
   });
   $("materials").tBodies[0].replaceChildren(...rows);
+  $("materials").hidden = false;
 }
 
-const ofPair = () => [...new Set(now.pair)].map((i) => ({ data: now.curves[about.materials[i]], colour: COLOURS[i] })).filter(({ data }) => data);
+const ofPair = () => [...new Set(state.pair)].map((i) => ({ data: now.curves[state.names[i]], colour: draw.materialColour(i) })).filter(({ data }) => data);
 
 function drawCurves() {
   if (!now.curves || !ofPair().length) return;
@@ -226,128 +211,90 @@ function drawCurves() {
 
 function drawMap() {
   if (!now.map) return;
-  const { setpoint, free_amplitude } = setting();
-  now.axes = draw.contrast($("map"), now.map, about.colours.contrast, [setpoint, free_amplitude * 1e9]);
+  now.axes = draw.contrast($("map"), now.map, offer.colours.contrast, [state.values["scan.setpoint"], state.values["drive.free_amplitude"] * 1e9]);
 }
 
 function drawAll() {
+  if (!about) return;
+  drawWaiting($("state").textContent);
   if (now.picture) drawImages();
   drawCurves();
   drawMap();
 }
 
-// ---- sliders
+// ---- the sample
 
-const STEPS = 1000;
-
-function toSlider({ low, high, scale }, value) {
-  if (scale === "log") return STEPS * (Math.log(value / low) / Math.log(high / low));
-  return STEPS * (scale === "cubic" ? Math.cbrt(value / high) : (value - low) / (high - low));
-}
-
-function fromSlider({ low, high, scale, key }, at) {
-  const part = at / STEPS;
-  if (scale === "log") return round(low * (high / low) ** part, 3);
-  if (scale === "cubic") return round(high * part ** 3, 3);
-  return round(low + (high - low) * part, key === "frequency" ? 7 : 3);
-}
-
-function dot(i) {
-  const mark = Object.assign(document.createElement("span"), { className: "dot" });
-  mark.style.background = COLOURS[i];
-  return mark;
-}
-
-function slider(knob, i) {
-  const parts = Object.assign(document.createElement("div"), { className: "knob" });
-  const label = Object.assign(document.createElement("label"), { textContent: knob.label, htmlFor: `knob-${i}` });
-  const typed = Object.assign(document.createElement("input"), { type: "number", step: "any", id: `knob-${i}` });
-  const unit = Object.assign(document.createElement("span"), { className: "unit", textContent: knob.unit });
-  const range = Object.assign(document.createElement("input"), { type: "range", min: 0, max: STEPS, step: "any" });
-  range.setAttribute("aria-label", `${knob.label}${knob.material === null ? "" : ` of ${about.materials[knob.material]}`}`);
-  label.title = range.title = "Double-click to set it back";
-  parts.append(label, typed, unit, range);
-  const note = Object.assign(document.createElement("span"), { className: "note" });
-  if (knob.key === "frequency") parts.append(note);
-  const entry = { knob, value: knob.start };
-  entry.set = (value) => {
-    entry.value = value;
-    typed.value = round(value / knob.size, knob.key === "frequency" ? 8 : 5);
-    range.value = toSlider(knob, value);
-    const off = value - about.resonance;
-    note.textContent = Math.abs(off) < 0.5 ? "at resonance" : `${number(off, 4)} Hz from resonance`;
-  };
-  entry.set(knob.start);
-  range.addEventListener("input", () => {
-    let value = fromSlider(knob, Number(range.value));
-    if (knob.key === "frequency" && Math.abs(value - about.resonance) < 0.012 * (knob.high - knob.low)) value = about.resonance;
-    const at = range.value;
-    entry.set(value);
-    range.value = at; // a slider that is held does not jump
-    changed();
-  });
-  typed.addEventListener("change", () => {
-    if (typed.value === "") { entry.set(entry.value); return; }
-    entry.set(Number(typed.value) * knob.size);
-    changed();
-  });
-  for (const one of [label, range]) one.addEventListener("dblclick", () => { entry.set(knob.start); changed(); });
-  inputs.push(entry);
-  return parts;
-}
-
-function group(title, knobs) {
-  const set = document.createElement("fieldset"), legend = document.createElement("legend");
-  legend.append(...title);
-  set.append(legend, ...knobs.map(([knob, i]) => slider(knob, i)));
-  return set;
-}
-
-function tick(id, text, title, then) {
-  const line = Object.assign(document.createElement("label"), { className: "switch", title });
-  const box = Object.assign(document.createElement("input"), { type: "checkbox", id });
-  box.addEventListener("change", then);
-  line.append(box, text);
-  return line;
-}
-
-function build() {
-  $("name").textContent = about.name;
+/** Shows a sample, with what a link says of it. */
+async function show(name, link = {}) {
+  const wanted = now.wanted = {};
+  say(`opening ${name} …`);
+  const found = await engine.sample(name);
+  if (now.wanted !== wanted) return; // another one is
+  about = found;
+  Object.assign(now, nothing);
+  begin(name, about, link);
   document.title = `${about.name} – phasemap`;
-  const knobs = about.knobs.map((knob, i) => [knob, i]), form = $("knobs");
-  const options = group(["Options"], []);
-  form.append(group(["Microscope"], knobs.filter(([knob]) => knob.material === null)));
-  about.materials.forEach((name, m) => form.append(group([dot(m), name], knobs.filter(([knob]) => knob.material === m))));
-  options.append(
-    tick("exact", "exact orbits", "Solve every material exactly, also where averaging is within the accuracy", changed),
-    tick("hold", "fix the colour scales", "Keep the colour scales as they are, to compare settings", drawAll),
-  );
-  const back = Object.assign(document.createElement("button"), { type: "button", textContent: "Reset all" });
-  back.addEventListener("click", () => { for (const entry of inputs) entry.set(entry.knob.start); changed(); });
-  options.append(back);
-  form.append(options);
-  form.addEventListener("submit", (event) => event.preventDefault());
-  now.pair = [0, Math.min(1, about.materials.length - 1)];
-  $("map-figure").hidden = about.materials.length < 2;
-  if (about.materials.length > 2) {
-    $("pair").hidden = false;
-    ["first", "second"].forEach((id, which) => {
-      $(id).append(...about.materials.map((name, i) => new Option(name, i)));
-      $(id).value = now.pair[which];
-      $(id).addEventListener("change", () => {
-        now.pair[which] = Number($(id).value);
-        if (now.pair[0] === now.pair[1]) {
-          now.pair[1 - which] = (now.pair[which] + 1) % about.materials.length;
-          $(which ? "first" : "second").value = now.pair[1 - which];
-        }
-        changed();
-      });
-    });
-  }
-  $("scan").hidden = !about.control;
-  $("scan").textContent = "Scan in time as the scene says";
+  if (![...$("sample").options].some((option) => option.value === name)) $("sample").prepend(new Option(name, name));
+  $("sample").value = name;
+  $("about").textContent = [offer.samples[name] === "opened" ? "" : offer.samples[name], about.note].filter(Boolean).join(" ");
+  $("exact").checked = state.exact;
+  for (const id of ["why", "warnings"]) $(id).replaceChildren();
+  $("materials").hidden = true;
+  for (const id of ["note", "advice", "map-state"]) $(id).textContent = "";
+  $("map-figure").hidden = state.names.length < 2;
   $("scan").title = about.control ?? "";
+  controls.build($("values"), knobs, offer.presets, () => { showPair(); changed(); });
+  showPair();
+  complain("");
+  drawWaiting("solving …");
+  changed();
 }
+
+/** The choice of the two materials that are compared, where there are more. */
+function showPair() {
+  $("pair").hidden = state.names.length < 3;
+  ["first", "second"].forEach((id, which) => {
+    $(id).replaceChildren(...state.names.map((name, i) => new Option(name, i)));
+    $(id).value = state.pair[which];
+  });
+}
+
+for (const [which, id] of ["first", "second"].entries()) {
+  $(id).addEventListener("change", () => {
+    state.pair[which] = Number($(id).value);
+    if (state.pair[0] === state.pair[1]) state.pair[1 - which] = (state.pair[which] + 1) % state.names.length;
+    showPair();
+    changed();
+  });
+}
+
+$("sample").addEventListener("change", () => {
+  if ($("sample").value === OPEN) {
+    $("sample").value = state.sample;
+    $("file").click();
+  } else attempt(() => show($("sample").value));
+});
+
+$("file").addEventListener("change", () => attempt(async () => {
+  const [file] = $("file").files;
+  $("file").value = "";
+  if (file) await show(await engine.open(file));
+}));
+
+/** Does what a click asks for, and says what is wrong. */
+async function attempt(work) {
+  try {
+    await work();
+  } catch (error) {
+    say("");
+    complain(error.message);
+  }
+}
+
+$("exact").addEventListener("change", () => { state.exact = $("exact").checked; changed(); });
+$("hold").addEventListener("change", drawAll);
+$("reset").addEventListener("click", controls.setBack);
+$("knobs").addEventListener("submit", (event) => event.preventDefault());
 
 // ---- mouse and buttons
 
@@ -379,44 +326,33 @@ function pointMap(event) {
   const frame = $("map").getBoundingClientRect(), { axes } = now;
   const x = axes.atX(event.clientX - frame.left), y = axes.atY(event.clientY - frame.top);
   if (x < axes.xlim[0] || x > axes.xlim[1] || y < axes.ylim[0] || y > axes.ylim[1]) return;
-  for (const entry of inputs) {
-    if (entry.knob.key === "setpoint") entry.set(Math.min(round(x, 3), 0.99));
-    if (entry.knob.key === "free_amplitude") entry.set(round(y * 1e-9, 3));
-  }
+  state.values["scan.setpoint"] = Math.min(round(x, 3), 0.99);
+  state.values["drive.free_amplitude"] = round(y * 1e-9, 3);
+  controls.refresh();
   changed();
 }
 $("map").addEventListener("pointerdown", pointMap);
 $("map").addEventListener("pointermove", pointMap);
 $("map").title = "Click to use this setting";
 
-async function saved(what) {
-  const answer = await ask(`save/${what}`, setting());
-  const buffer = await answer.arrayBuffer(), length = new DataView(buffer).getUint32(0, true);
-  const { name, kind } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  return { name, kind, content: buffer.slice(4 + length) };
-}
-
 /** Does what a button says, which is dead in the meantime. */
 function button(id, busy, work) {
   const element = $(id);
   element.addEventListener("click", async () => {
     element.disabled = true;
+    $("save").open = false;
     say(busy);
-    try {
+    await attempt(async () => {
       say((await work()) ?? "");
       complain("");
-    } catch (error) {
-      say("");
-      complain(error.message);
-    } finally {
-      element.disabled = false;
-    }
+    });
+    element.disabled = false;
   });
 }
 
 for (const what of ["scene", "image", "picture"]) {
   button(`save-${what}`, `the ${what} is being made …`, async () => {
-    const file = await saved(what);
+    const file = await engine.save(what, message());
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([file.content], { type: file.kind }));
     link.download = file.name;
@@ -426,31 +362,56 @@ for (const what of ["scene", "image", "picture"]) {
   });
 }
 
-button("copy-python", "…", async () => {
-  const text = new TextDecoder().decode((await saved("python")).content);
+async function copy(text, said) {
   try {
     await navigator.clipboard.writeText(text);
-    return "the Python is on the clipboard";
+    return said;
   } catch {
     $("python").querySelector("textarea").value = text;
     $("python").showModal();
     $("python").querySelector("textarea").select();
     return "";
   }
-});
+}
+
+button("copy-python", "…", async () => copy(new TextDecoder().decode((await engine.save("python", message())).content), "the Python is on the clipboard"));
+button("copy-link", "…", () => copy(address(), "the link is on the clipboard"));
 
 button("scan", "the scan is being simulated …", async () => {
-  const began = performance.now(), answer = await ask("scan", setting());
-  take(await answer.arrayBuffer());
+  const began = performance.now();
+  take(await engine.scan(message()));
   return `scan in ${((performance.now() - began) / 1000).toFixed(1)} s`;
 });
 
-try {
-  about = await (await ask("start")).json();
-  build();
-  changed();
-  new ResizeObserver(() => requestAnimationFrame(drawAll)).observe($("views"));
-} catch (error) {
-  say("");
-  complain(error.message);
+const address = () => location.href.replace(/#.*/, "") + toLink();
+
+// ---- the start
+
+async function startWith(fragment) {
+  const link = fromLink(fragment);
+  try {
+    await show(link.sample ?? offer.first, link);
+  } catch (error) {
+    if (link.sample === undefined || link.sample === offer.first) throw error;
+    await show(offer.first);
+    $("about").textContent = error.message; // of what the link names
+  }
 }
+
+await attempt(async () => {
+  [offer, knobs] = await Promise.all([engine.start(), fetch("knobs.json").then((answer) => answer.json())]);
+  $("sample").replaceChildren(...Object.entries(offer.samples).map(([name, title]) => Object.assign(new Option(name, name), { title })), new Option(OPEN, OPEN));
+  $("scan").textContent = "Scan as a microscope does";
+  await startWith(location.hash);
+  window.addEventListener("hashchange", () => { if (location.hash !== toLink()) attempt(() => startWith(location.hash)); });
+  new ResizeObserver(() => requestAnimationFrame(drawAll)).observe($("views"));
+  new ResizeObserver(() => requestAnimationFrame(drawAll)).observe($("pictures"));
+  draw.onColours(() => { for (const [i, dot] of document.querySelectorAll("legend .dot").entries()) dot.style.background = draw.materialColour(i); drawAll(); });
+});
+engine.watch((gone) => {
+  now.gone = false;
+  complain(gone ? engine.revival(address()) : "");
+  document.body.classList.toggle("stale", gone);
+  now.gone = gone;
+  if (!gone) changed();
+});

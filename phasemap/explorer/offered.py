@@ -1,0 +1,151 @@
+"""What can be explored: what the page was started with, the samples of phasemap, and files that are opened."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterable
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.notices import untold
+from phasemap.experiment.presets import Preset, levers, materials
+from phasemap.explorer.knobs import values_of
+from phasemap.explorer.subject import Subject, subject_of
+from phasemap.scenes.measured import NEEDED, NotRecorded, scene_from
+from phasemap.scenes.scene import load_scene
+
+SAMPLES = ("blend", "copolymer", "particles", "step", "scan", "bistable")
+KEPT = 8  # samples and files at most that are open at once
+
+
+class Opened(NamedTuple):
+    """Something to explore."""
+
+    subject: Subject
+    note: str = ""  # what the page says of it
+
+
+class Offered:
+    """The subjects of one server, by the names that links have for them.
+
+    Parameters
+    ----------
+    given : Opened, optional
+        What the page was started with.
+    """
+
+    def __init__(self, given: Opened | None = None) -> None:
+        self._open: dict[str, Opened] = {}
+        self.first = SAMPLES[0] if given is None else given.subject.name
+        if given is not None:
+            self._open[self.first] = given
+
+    def __getitem__(self, name: object) -> Subject:
+        """The subject of a name; the one that the page begins with for None."""
+        return self._found(self.first if name is None else name)[0]
+
+    def describe(self, name: object) -> dict[str, Any]:
+        """What the page needs to know of a subject: materials, what each slider begins with, and how it is scanned."""
+        subject, note = self._found(name)
+        return {
+            "name": subject.name,
+            "materials": list(subject.materials),
+            "values": values_of(subject),
+            "control": None if subject.plain else str(subject.options.get("control") or "") or "as the scene says",
+            "sharp": subject.blurred,
+            "note": note,
+        }
+
+    def names(self) -> dict[str, str]:
+        """The names of all that can be explored, each with a sentence."""
+        opened = {name: "opened" for name in self._open if name not in SAMPLES}
+        return opened | {name: _first_line(folder_of_samples() / f"{name}.toml") for name in SAMPLES}
+
+    def open(self, name: str, content: bytes) -> str:
+        """Open a file that the page sends: a scene, or an image of a microscope.
+
+        `name`: of the file.
+        Returns the name of the subject.
+        Raises FileError, InputError or PhasemapError if it cannot be explored.
+        """
+        with tempfile.TemporaryDirectory(prefix="phasemap-") as folder:
+            path = Path(folder, Path(name.replace("\\", "/")).name or "file")
+            path.write_bytes(content)
+            try:
+                found = opened(path)
+            except FileError as error:
+                raise FileError(str(error).replace(str(path), path.name)) from None
+        while len(self._open) >= KEPT:
+            del self._open[next(one for one in self._open if one != self.first)]
+        self._open[found.subject.name] = found
+        return found.subject.name
+
+    def _found(self, name: object) -> Opened:
+        if not isinstance(name, str) or name not in self.names():
+            hint = "Open its file in the page, or start the explorer with it."
+            raise InputError("sample", name, ", ".join(self.names()), hint)
+        if name not in self._open:
+            self._open[name] = Opened(subject_of(folder_of_samples() / f"{name}.toml"))
+        return self._open[name]
+
+
+def first_of(explored: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Opened:
+    """What the explorer is started with: the name of a sample, or the file of a scene or of a microscope."""
+    path, overrides = Path(explored), list(overrides)
+    if str(explored) in SAMPLES and not path.exists():
+        path = folder_of_samples() / f"{explored}.toml"
+    if path.suffix.lower() != ".toml":
+        return opened(path, overrides)
+    subject = subject_of(path, overrides=overrides)
+    if overrides and subject.name in SAMPLES:  # whose name in a link stands for the sample as it is
+        subject = replace(subject, name=f"{subject.name} as given")
+    return Opened(subject)
+
+
+def opened(path: Path, overrides: Iterable[str] = ()) -> Opened:
+    """Read a scene, or make one of a microscope's file, and say what was assumed for it.
+
+    What is made does not need the file any more.
+    """
+    if path.suffix.lower() == ".toml":
+        scene = replace(load_scene(path, overrides), source=None)
+        return Opened(replace(subject_of(scene), name=path.stem))
+    note = ""
+    with tempfile.TemporaryDirectory(prefix="phasemap-") as folder, untold():
+        target = Path(folder, f"{path.stem}.toml")
+        try:
+            scene = scene_from(path, target, overrides=overrides)
+        except NotRecorded as error:
+            assumed = [f"{key}={NEEDED[key]}" for key in error.keys]
+            scene = scene_from(path, target, overrides=[*overrides, *assumed])
+            note = f"{path.name} does not say {', '.join(error.keys)}: what is shown there is assumed. "
+        subject = replace(subject_of(scene), name=path.stem, scene=None)
+    return Opened(subject, note + "The materials are placeholders: an image does not say what it is of.")
+
+
+def presets() -> dict[str, list[dict[str, Any]]]:
+    """The presets of levers and materials, for the page."""
+
+    def plain(preset: Preset) -> dict[str, Any]:
+        return {"name": preset.name, "title": preset.title, "values": preset.values}
+
+    return {"levers": list(map(plain, levers().values())), "materials": list(map(plain, materials().values()))}
+
+
+def folder_of_samples() -> Path:
+    """Where the scenes of the samples are: in an installed package beside its code, else in the repository."""
+    package = Path(str(files("phasemap")))
+    installed = package / "samples"
+    return installed if installed.is_dir() else package.parent / "samples"
+
+
+def _first_line(path: Path) -> str:
+    """The sentence with which a scene begins."""
+    with contextlib.suppress(OSError), path.open(encoding="utf-8") as file:
+        return file.readline().removeprefix("#").strip()
+    return ""

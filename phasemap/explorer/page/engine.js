@@ -1,0 +1,75 @@
+// What computes: here the server of `phasemap explore`, asked over HTTP. The rest of the page knows only the functions
+// of this module, so that another engine can take its place.
+
+export const TOO_LONG = 503; // code of a refusal for want of time
+const ALIVE = 1000; // ms between two questions whether the server is there
+
+export class Refused extends Error {
+  constructor(sentence, code) { super(sentence); this.code = code; }
+}
+
+/** The answer to a message; an AbortError where `signal` takes the question back, so that the server stops working. */
+async function ask(route, body, signal) {
+  let answer;
+  try {
+    answer = await fetch(route, body === undefined ? {} : { method: "POST", body, signal });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refused("The explorer does not answer.");
+  }
+  if (answer.ok) return answer;
+  const said = await answer.json().catch(() => ({ error: `The server answers ${answer.status}.` }));
+  throw new Refused(said.error, answer.status);
+}
+
+/** What is said in JSON at the beginning of an answer, and the bytes that follow. */
+async function parted(answer) {
+  const buffer = await answer.arrayBuffer(), length = new DataView(buffer).getUint32(0, true);
+  return [JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length))), buffer, 4 + length];
+}
+
+const json = async (route, message, signal) => (await ask(route, message && JSON.stringify(message), signal)).json();
+
+async function maps(route, message, signal) {
+  const [said, buffer, start] = await parted(await ask(route, JSON.stringify(message), signal));
+  const count = said.shape[0] * said.shape[1];
+  return { ...said, height: new Float32Array(buffer, start, count), phase: new Float32Array(buffer, start + 4 * count, count) };
+}
+
+/** Samples, presets and colours. */
+export const start = () => json("start");
+
+/** Materials and values of a sample, and which material is where. */
+export async function sample(name) {
+  const [said, buffer, begin] = await parted(await ask("sample", JSON.stringify({ sample: name })));
+  return { ...said, labels: new Uint8Array(buffer, begin) };
+}
+
+/** Opens a file; returns the name of the sample that it is. */
+export const open = async (file) => (await (await ask(`open/${encodeURIComponent(file.name)}`, file)).json()).sample;
+
+export const picture = (message, signal) => maps("picture", message, signal);
+export const scan = (message) => maps("scan", message);
+export const curves = (message, signal) => json("curves", message, signal);
+export const contrast = (message, signal) => json("contrast", message, signal);
+
+/** What is going on while an answer takes long. */
+export const doing = async (message) => (await json("doing", message)).doing;
+
+/** A file: scene, image, picture or python. */
+export async function save(what, message) {
+  const [{ name, kind }, buffer, begin] = await parted(await ask(`save/${what}`, JSON.stringify(message)));
+  return { name, kind, content: buffer.slice(begin) };
+}
+
+/** Calls `gone` with whether the server is gone, whenever that changes. */
+export function watch(gone) {
+  let was = false;
+  setInterval(async () => {
+    const is = await fetch("alive").then(() => false, () => true);
+    if (is !== was) gone(was = is);
+  }, ALIVE);
+}
+
+/** What to say where the engine is gone; `link` holds the state of the page. */
+export const revival = (link) => `The explorer is closed. This opens it again as it is here: phasemap explore "${link}"`;

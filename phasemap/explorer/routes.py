@@ -1,0 +1,113 @@
+"""What the page can ask the server for, and how it is sent."""
+
+from __future__ import annotations
+
+import json
+import struct
+import threading
+import time
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING
+
+from phasemap.explorer.limits import compiling, far_off
+from phasemap.explorer.offered import Offered, presets
+from phasemap.explorer.setting import Setting
+
+if TYPE_CHECKING:
+    from phasemap.explorer.answers import Picture
+
+JSON = "application/json"
+BINARY = "application/octet-stream"
+COLOURS = {"height": "afmhot", "phase": "cividis", "contrast": "coolwarm"}
+
+Answer = tuple[str, bytes]
+
+
+def start(offered: Offered) -> Answer:
+    """What the page begins with: the samples, the presets, and colours."""
+    import matplotlib
+    import numpy as np
+
+    colours = {
+        name: np.round(255 * matplotlib.colormaps[cmap](np.linspace(0, 1, 256))[:, :3]).astype(int).ravel().tolist()
+        for name, cmap in COLOURS.items()
+    }
+    return JSON, to_json({"samples": offered.names(), "first": offered.first, "presets": presets(), "colours": colours})
+
+
+def sample(offered: Offered, name: object) -> Answer:
+    """What the page needs to know of a sample, and which material is where."""
+    import numpy as np
+
+    subject = offered[name]
+    labels = np.ascontiguousarray(subject.sample.labels[:: subject.step, :: subject.step].astype(np.uint8))
+    pixel = [subject.step * side for side in subject.pixel_size]
+    about = {**offered.describe(name), "shape": list(labels.shape), "pixel": pixel}
+    return BINARY, with_length(to_json(about)) + labels.tobytes()
+
+
+def open_file(offered: Offered, name: str, content: bytes) -> Answer:
+    """The name of the sample that a file of the user's is."""
+    return JSON, to_json({"sample": offered.open(name, content)})
+
+
+def answers() -> dict[str, Callable[[Setting], Answer]]:
+    """What can be asked with a setting; those that a slider waits for are in `limits.LIMITS`."""
+    from phasemap.explorer import answers
+    from phasemap.explorer.saving import SAVED
+
+    def picture(setting: Setting) -> Answer:
+        return BINARY, _packed(answers.picture(setting))
+
+    def scan(setting: Setting) -> Answer:
+        return BINARY, _packed(answers.scan(setting))
+
+    def curves(setting: Setting) -> Answer:
+        return JSON, to_json(answers.curves(setting))
+
+    def contrast(setting: Setting) -> Answer:
+        found = answers.contrast_map(setting)
+        threading.Thread(target=_import_what_saves, daemon=True).start()  # nothing else is waited for now
+        return JSON, to_json(found)
+
+    def doing(setting: Setting) -> Answer:
+        if compiling.going_on:
+            said = f"compiling the solvers, only this once: {time.monotonic() - compiling.first:.0f} s so far …"
+        else:
+            said = far_off(setting.scope) or "solving …"
+        return JSON, to_json({"doing": said})
+
+    def save(name: str) -> Callable[[Setting], Answer]:
+        def saved(setting: Setting) -> Answer:
+            file = SAVED[name](setting)
+            return BINARY, with_length(to_json({"name": file.name, "kind": file.kind})) + file.content
+
+        return saved
+
+    asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast, "doing": doing}
+    return asked | {f"save/{name}": save(name) for name in SAVED}
+
+
+@cache
+def _import_what_saves() -> None:
+    """Import the libraries that files are written with, so that the first one that is saved takes no longer."""
+    import matplotlib.backends.backend_agg
+    import matplotlib.figure
+    import netCDF4  # noqa: F401
+
+
+def to_json(value: object) -> bytes:
+    """JSON that every browser reads."""
+    return json.dumps(value, allow_nan=False, ensure_ascii=True).encode()
+
+
+def with_length(text: bytes) -> bytes:
+    """Text with its length before it, which is a multiple of 4."""
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<I", len(text)) + text
+
+
+def _packed(picture: Picture) -> bytes:
+    """A picture: the length of its JSON, the JSON, and two maps of 32-bit floats."""
+    return with_length(to_json(picture.about)) + picture.height.tobytes() + picture.phase.tobytes()
