@@ -73,7 +73,7 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
 
     def doing(setting: Setting) -> Answer:
         if compiling.going_on:
-            said = f"compiling the solvers, only this once: {time.monotonic() - compiling.first:.0f} s so far …"
+            said = f"compiling the solvers, only this once: {time.monotonic() - compiling.first:.0f}\u00a0s so far …"
         else:
             said = far_off(setting.scope) or "solving …"
         return JSON, to_json({"doing": said})

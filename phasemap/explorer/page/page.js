@@ -238,7 +238,8 @@ async function show(name, link = {}) {
   $("sample").value = name;
   $("about").textContent = [offer.samples[name] === "opened" ? "" : offer.samples[name], about.note].filter(Boolean).join(" ");
   $("exact").checked = state.exact;
-  for (const id of ["why", "warnings"]) $(id).replaceChildren();
+  $("warnings").replaceChildren();
+  $("why").replaceChildren(Object.assign(document.createElement("p"), { textContent: `Where ${state.names.join(" and ")} are is seen at once; how they look under the tip, and why, is being solved.` }));
   $("materials").hidden = true;
   for (const id of ["note", "advice", "map-state"]) $(id).textContent = "";
   $("map-figure").hidden = state.names.length < 2;
