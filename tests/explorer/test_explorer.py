@@ -304,6 +304,22 @@ def test_a_law_and_a_control_can_be_chosen_and_are_in_the_scene_that_is_saved(tm
     assert scene.microscope.interaction.decay_length is None
 
 
+@pytest.mark.parametrize("sees", ["tip", "slope"])
+def test_a_lever_may_have_a_second_mode_and_a_detector_that_sees_slope_or_tip(sees: str) -> None:
+    changes = {"cantilever.modes": 2, "cantilever.quality_factor": 3, "drive.excitation": "base", "detector.sees": sees}
+    moved = step(changes)
+    assert moved.scope == replace(
+        SCOPE,
+        cantilever=pm.Cantilever(40.0, 300e3, 3.0, modes=2),
+        drive=replace(moved.subject.scope.drive, excitation="base"),
+        detector=sees,
+    )
+    assert scene_from_tables(moved.tables(), SAMPLES).microscope == moved.scope
+    assert values_of(moved.subject)["cantilever.modes"] == 1
+    assert all(math.isfinite(found.phase) for found in shown(moved))
+    assert answers.curves(moved)["stiff"]["distance"]
+
+
 def test_materials_can_be_renamed_and_may_have_a_viscosity_beside_a_damping() -> None:
     moved = step({"materials.0.damping": 0, "materials.0.viscosity": 40.0}, names=["PDMS", "glass"])
     assert list(moved.materials) == ["PDMS", "glass"]
