@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from phasemap.explorer.limits import compiling, far_off
@@ -92,9 +93,8 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
 @cache
 def _import_what_saves() -> None:
     """Import the libraries that files are written with, so that the first one that is saved takes no longer."""
-    import matplotlib.backends.backend_agg
-    import matplotlib.figure
-    import netCDF4  # noqa: F401
+    for name in ("matplotlib.backends.backend_agg", "netCDF4"):
+        import_module(name)
 
 
 def to_json(value: object) -> bytes:
