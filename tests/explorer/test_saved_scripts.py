@@ -80,7 +80,7 @@ def test_a_lever_with_modes_is_saved_as_it_is(tmp_path: Path) -> None:
     )
     path.write_text(text.replace("[drive]", '[drive]\nexcitation = "base"'), encoding="utf-8")
     subject = subject_of(path, overrides=["surface.shape=[6, 8]"])
-    moved = Setting.of(subject, {"setpoint": 0.6})
+    moved = Setting.of(subject, {"changes": {"scan.setpoint": 0.6}})
     (tmp_path / "again.toml").write_text(toml_of(moved.tables()), encoding="utf-8")
     assert load_scene(tmp_path / "again.toml").microscope == subject.scope
     script = python_of(moved)
