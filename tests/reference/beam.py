@@ -316,8 +316,9 @@ class Problem:
             columns.append((self.residual(u + e) - self.residual(u - e)) / (2 * e[i]))
         return np.array(columns).T
 
-    def newton(self, state, z0, hold=False, goal=1e-9, turns=25):
+    def newton(self, state, z0, hold=False, turns=25):
         """State and z0 of a periodic orbit: at this z0, or (`hold`) at the setpoint, from a guess nearby."""
+        goal = max(1e-9, 1e4 * self.tol)  # the last change; rounding of a period's motion is Q times as large
         u = np.append(state, z0)
         size = np.concatenate([np.ones(self.n), self.ratio, [1.0]])
         for _ in range(turns):
@@ -327,12 +328,12 @@ class Problem:
             change[free] = np.linalg.solve(jac[free, free], -r[free])
             big = np.max(np.abs(change / size))
             # Far from the orbit: at most a share of the amplitude, so that it stays the orbit that is near.
-            u = u + change * min(1.0, 0.1 * self.p.scale / big)
+            u = u + change * min(1.0, 0.1 * self.p.scale / max(big, goal))
             if big < goal:
                 return u[:-1], u[-1]
         raise ArithmeticError("no convergence")
 
-    def settle(self, state, z0, change=1e-9, turns=20000):
+    def settle(self, state, z0, change=1e-9, turns=6000):
         """State after so many periods that it comes back: the orbit that time leads to."""
         for _ in range(turns):
             y, _, _ = self.run(state, z0)
