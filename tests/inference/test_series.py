@@ -266,7 +266,7 @@ def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, u
         ({"setpoints": [0.5, 0.6]}, "a number or 3, one a file"),
         ({"free_amplitudes": "unknown"}, "'shared', 'free' or numbers"),
         ({"free_amplitudes": 40.0}, "usual 50 pm"),
-        ({"known": {7: HARD}}, "materials of regions 0 to 1"),
+        ({"known": {7: HARD}}, "one of 0, 1"),
         ({"prior_factor": (2.0, 3.0)}, "a number above 1, or three"),
     ],
 )

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 import phasemap as pm
-from phasemap.inference.images.images import PRIOR
+from phasemap.inference.prior import PRIOR
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR

@@ -7,22 +7,20 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.images.grid import make_grid
 from phasemap.inference.images.model import make_model
-from phasemap.inference.images.search import make_grid
 from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.verdict import Answer, say, settings_of, solve_part, variables_of
+from phasemap.inference.prior import PRIOR, check_prior
 from phasemap.results.variables import describe, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
 
 BLOCKS = (512, 8192)  # least and most pixels that are solved together: small parts cost time, but threads want some
-PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 
 
 @asked_as()
@@ -147,18 +145,3 @@ def _dataset(
     found.attrs.update(provenance(configuration, "inverted"))
     found.attrs["verdict"] = say(answer)
     return found
-
-
-def check_prior(prior: object, factor: object) -> float:
-    """The factor, after a look at both."""
-    if not isinstance(prior, Material):
-        raise InputError("prior", prior, "a Material")
-    if prior.thickness is not None:
-        raise InputError("thickness of the prior", prior.thickness, "None, for images of films are not inverted")
-    if prior.relaxation_time is not None:
-        allowed = "None, for images of contacts that remember are not inverted"
-        raise InputError("relaxation_time of the prior", prior.relaxation_time, allowed)
-    for name in ("modulus", "adhesion"):
-        number(f"{name} of the prior", getattr(prior, name), "", above=0)
-    number("damping of the prior", prior.damping if prior.viscosity is None else prior.viscosity, "1", above=0)
-    return number("prior_factor", factor, "1", above=1, maximum=1e3)

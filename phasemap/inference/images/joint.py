@@ -1,30 +1,26 @@
-"""Materials of several regions and the zeros of phase and height, from all images together.
+"""Materials of several regions and the zeros of phase and height, from all images together, and what would tell more.
 
-Zeros are unknowns like the materials (`zeros`). Materials make up for zeros along valleys of chi2, so that the least
-squares alone would say too little: its errors come from solving it again for data and priors that are drawn within
-their errors (randomised maximum likelihood, theory, Eq. (inversion-7); Oliver, He and Reynolds 1996), which follows
-valleys however they bend.
+Materials make up for zeros along valleys of chi2, so that the least squares alone would say too little: its errors come
+from solving it again for data and priors that are drawn within their errors (randomised maximum likelihood, theory,
+Eq. (inversion-7); Oliver, He and Reynolds 1996), which follows valleys however they bend.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.rows.derivatives import Found
 from phasemap._shared.errors import InputError
-from phasemap.inference.images.descent import descend
-from phasemap.inference.images.model import Model
-from phasemap.inference.images.starts import Starts
-from phasemap.inference.images.zeros import Projection
+from phasemap.inference.images.descent import Solution, descend, refine
+from phasemap.inference.images.problem import Problem
+from phasemap.inference.images.zeros import SHARED, Plan
+from phasemap.inference.verdict import UNKNOWN
 
 Array = NDArray[np.float64]
-Codes = NDArray[np.int8]
 
-DEFECTS = 2  # times that the difference of exact and averaged orbits is taken
 DRAWS = 50  # of data, each with its mirror image, so that the mean of the draws is the data
 SEED = 20
 MODES = 4  # solutions that are kept
@@ -33,169 +29,63 @@ APART = 3.0  # standard errors between two solutions that are not the same
 END = 0.98  # of the range searched: a property beyond has run away
 
 
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """The same regions and images in n problems, which differ in where they start or in what was drawn."""
-
-    model: Model
-    unknown: NDArray[np.intp]  # int; regions whose material is sought, u of r
-    data: Array  # shape (n, r, m, 2); phase [rad] and tip offset up to a constant [m]
-    weights: Array  # shape (r, m, 2); 1 over their standard errors, 0 without a datum
-    sides: Codes  # shape (n, r, m)
-    fixed: Array  # shape (n, r, m, 2); of regions of known materials
-    projection: Projection
-    held: Array  # shape (n, p); what is known of the zeros beforehand, over its standard error
-    centre: Array  # shape (n, 3 u); of the prior
-    prior: Array  # shape (3 u, 3 u)
-
-    @property
-    def reach(self) -> float:
-        """Largest logarithm that is tried."""
-        return self.model.reach
-
-    def part(self, chosen: NDArray[Any]) -> Joint:
-        """The same for some of the problems."""
-        return replace(
-            self, data=self.data[chosen], sides=self.sides[chosen], fixed=self.fixed[chosen], held=self.held[chosen],
-            centre=self.centre[chosen],
-        )  # fmt: skip
-
-    def orbits(self, q: Array, places: Array, search: bool = False) -> Found:
-        """Averaged orbits of these materials near `places`, which are moved to them."""
-        n, m, u = len(self.sides), self.sides.shape[2], len(self.unknown)
-        there = places[:, self.unknown].reshape(n * u, m)
-        found = self.model.averaged(q.reshape(n * u, 3), self.sides[:, self.unknown].reshape(n * u, m), there, search)
-        places[:, self.unknown] = there.reshape(n, u, m)
-        values = self.fixed.copy()
-        values[:, self.unknown] = found.values.reshape(n, u, m, 2)
-        good = np.asarray(found.good.reshape(n, u).all(axis=1))
-        return Found(values, found.slopes.reshape(n, u, m, 2, 3), good)
-
-    def exact(self, q: Array, places: Array, found: Found) -> tuple[Array, NDArray[np.bool_]]:
-        """How much exact orbits differ from the averaged ones, and of which problems all are known."""
-        n, r, m = self.sides.shape
-        u, sides = len(self.unknown), self.sides[:, self.unknown].reshape(-1, m)
-        values, good = self.model.exact(q.reshape(n * u, 3), sides, places[:, self.unknown].reshape(n * u, m))
-        known: NDArray[np.bool_] = (good | (sides == 0)).reshape(n, u * m).all(axis=1)
-        defect = np.zeros((n, r, m, 2))
-        defect[:, self.unknown] = values.reshape(n, u, m, 2) - found.values[:, self.unknown]
-        return np.where(np.isnan(defect), 0.0, defect), known
-
-    def apart(self, q: Array) -> Array:
-        """Logarithms less what the prior expects."""
-        return q - self.centre
-
-    def weigh(self, slopes: Array) -> Array:
-        """Derivatives of the residuals, shape (n, data and zeros, 3 u)."""
-        n, u = slopes.shape[:2]
-        full = np.zeros((n, *self.weights.shape, u, 3))
-        for i, region in enumerate(self.unknown):
-            full[:, region, :, :, i] = slopes[:, i] * self.weights[region, ..., None]
-        full = full.reshape(n, self.weights.size, 3 * u)
-        return self.projection.without(np.pad(full, ((0, 0), (0, self.held.shape[1]), (0, 0))))
-
-    def residuals(self, values: Array, defect: Array) -> Array:
-        """Weighted residuals at zeros of 0, shape (n, data and zeros)."""
-        apart = (self.data - values - defect) * self.weights
-        return np.concatenate([apart.reshape(len(apart), self.weights.size), self.held], axis=1)
-
-    def rest(self, values: Array, defect: Array) -> Array:
-        """Weighted residuals without what zeros explain."""
-        return self.projection.without(self.residuals(values, defect)[..., None])[..., 0]
-
-    def cost(self, values: Array, defect: Array, q: Array) -> Array:
-        """chi2 of data and priors, shape (n,)."""
-        apart = self.apart(q)
-        cost: Array = (self.rest(values, defect) ** 2).sum(axis=1) + np.einsum("ni,ij,nj->n", apart, self.prior, apart)
-        return cost
-
-    def zeros(self, values: Array, defect: Array) -> Array:
-        """The zeros that go with these orbits, shape (n, p)."""
-        return self.residuals(values, defect) @ self.projection.inverse.T
-
-
 class Fitted(NamedTuple):
     """What was found."""
 
+    best: Solution  # of one problem
     q: Array  # shape (3 u,); means of the logarithms
     covariance: Array  # shape (3 u, 3 u)
     information: Array  # shape (3 u, 3 u); inverse of the covariance to first order, at the best materials
+    sides: NDArray[np.int8]  # shape (r, m)
     zeros: Array  # shape (p,); those of the best materials
     # shape (draws, p); those of the draws, the first of which are around the best solution; NaN at the very end
     # of a branch
     drawn: Array
     weights: Array  # shape (draws,)
-    values: Array  # shape (r, m, 2); phase [rad] and tip offset [m] of the best materials, without zeros
-    sides: Codes  # shape (r, m)
-    slopes: Array  # shape (u, m, 2, 3); derivatives of phase and tip offset
     data: int  # number of data, less those that zeros take up
     chi2: float
     degrees: float
     others: list[Array]  # logarithms of other solutions that fit as well
-    exact: bool  # whether the orbits are the exact ones
 
 
-def fit(joint: Joint, starts: Starts) -> Fitted:
-    """Solve from all starts, and draw around the best and what is as good.
-
-    `joint`: of as many problems as there are starts.
-    """
-    q, places = starts.q.copy(), np.full(joint.sides.shape, np.nan)
-    found, cost, defect, exact = _solve(joint, q, places, DEFECTS)
-    if not np.isfinite(cost).any():
+def fit(problem: Problem, q: Array) -> Fitted:
+    """Solve from all these materials, and draw around the best and what is as good."""
+    nowhere = np.full(problem.sides.shape, np.nan)
+    found = refine(problem, descend(problem, q, nowhere, np.zeros_like(problem.data)))
+    if not np.isfinite(found.cost).any():
         allowed = "those on which some material of the range searched has orbits in every image"
         raise InputError("branches", "what was given or what the phases tell", allowed)
-    best = int(np.argmin(cost))
-    slopes = joint.weigh(found.slopes)
-    information = np.einsum("nai,naj->nij", slopes, slopes) + joint.prior
-    modes = _modes(q, cost, information[best])
+    best = int(np.argmin(found.cost))
+    slopes = problem.weigh(found.slopes)
+    information = np.einsum("nai,naj->nij", slopes, slopes) + problem.prior
+    modes = _modes(found, information[best])
     sizes = np.linalg.slogdet(information[modes])[1]
-    mass = np.exp(0.5 * (cost[best] - cost[modes] + sizes[0] - sizes))
+    mass = np.exp(0.5 * (found.cost[best] - found.cost[modes] + sizes[0] - sizes))
     each = np.repeat(modes, 2 * DRAWS)
-    at, near = q[each], places[each]
-    drawn = _draw(joint.part(each), len(modes))
-    seen, costs, near_defect, _ = _solve(drawn, at, near, 1, defect[each])
-    weights = np.repeat(mass / mass.sum(), 2 * DRAWS) * np.isfinite(costs)
-    mean, others = at[: 2 * DRAWS].mean(axis=0), drawn.zeros(seen.values, near_defect)
+    drawn, from_here = _draw(problem.part(each), len(modes)), found.part(each)
+    near = refine(drawn, descend(drawn, from_here.q, from_here.places, from_here.defect), 1)
+    weights = np.repeat(mass / mass.sum(), 2 * DRAWS) * np.isfinite(near.cost)
+    mean, zeros = near.q[: 2 * DRAWS].mean(axis=0), drawn.zeros(near.values, near.defect)
     if weights.any():
-        covariance = _about(mean, at, weights)
+        apart = near.q - mean
+        covariance = np.einsum("n,ni,nj->ij", weights, apart, apart) / weights.sum()
     else:  # at the very end of a branch, where no draw has an orbit: nothing is known but the prior
-        covariance, others, weights = np.diag(1 / np.diag(joint.prior)), np.full_like(others, np.nan), weights + 1.0
-    pinned = np.abs(q[best]) > END * joint.reach
-    covariance[pinned, pinned] += 1 / np.diag(joint.prior)[pinned]
-    learnt = np.trace(np.linalg.solve(information[best], information[best] - joint.prior))
-    count = int((joint.weights > 0).sum()) + int(joint.projection.is_known.sum()) - joint.projection.basis.shape[1]
+        covariance, zeros, weights = np.diag(1 / np.diag(problem.prior)), np.full_like(zeros, np.nan), weights + 1.0
+    pinned = np.abs(found.q[best]) > END * problem.model.reach
+    covariance[pinned, pinned] += 1 / np.diag(problem.prior)[pinned]
+    learnt = np.trace(np.linalg.solve(information[best], information[best] - problem.prior))
+    projection = problem.projection
+    data = int((problem.weights > 0).sum() + projection.is_known.sum()) - projection.basis.shape[1]
+    one = found.part(np.array([best]))
     return Fitted(
-        q=mean, covariance=covariance, information=information[best],
-        zeros=joint.zeros(found.values, defect)[best], drawn=others, weights=weights,
-        values=(found.values + defect)[best], sides=joint.sides[best],
-        slopes=found.slopes[best], chi2=float((joint.rest(found.values, defect)[best] ** 2).sum()),
-        data=count, degrees=float(count - learnt), others=list(q[modes[1:]]), exact=bool(exact[best]),
+        one, mean, covariance, information[best], problem.sides[best],
+        problem.zeros(found.values, found.defect)[best], zeros, weights, data,
+        float((problem.rest(found.values, found.defect)[best] ** 2).sum()), float(data - learnt),
+        list(found.q[modes[1:]]),
     )  # fmt: skip
 
 
-def _about(mean: Array, draws: Array, weights: Array) -> Array:
-    """Second moments of weighted draws about the mean of the best solution."""
-    apart = draws - mean
-    moments: Array = np.einsum("n,ni,nj->ij", weights, apart, apart) / weights.sum()
-    return moments
-
-
-def _solve(
-    joint: Joint, q: Array, places: Array, defects: int, defect: Array | None = None
-) -> tuple[Found, Array, Array, NDArray[np.bool_]]:
-    """Least squares of exact orbits; `q` and `places` are moved."""
-    todo, exact = np.ones(len(q), bool), np.zeros(len(q), bool)
-    defect = np.zeros_like(joint.data) if defect is None else defect
-    for again in range(defects + 1):
-        found, cost = descend(joint, todo, q, places, defect)
-        if again < defects:
-            fresh, exact = joint.exact(q, places, found)
-            defect = np.where(exact[:, None, None, None], fresh, defect)
-    return found, cost, defect, exact
-
-
-def _draw(joint: Joint, modes: int) -> Joint:
+def _draw(problem: Problem, modes: int) -> Problem:
     """Data, zeros and materials that might as well have been those of the problem, the same for each solution."""
     rng = np.random.default_rng(SEED)
 
@@ -203,21 +93,66 @@ def _draw(joint: Joint, modes: int) -> Joint:
         half = rng.standard_normal((DRAWS, *shape))
         return np.concatenate([half, -half] * modes)
 
-    sigmas = np.divide(1.0, joint.weights, out=np.zeros_like(joint.weights), where=joint.weights > 0)
-    held = mirrored(joint.held.shape[1]) * joint.projection.is_known
-    widths = 1 / np.sqrt(np.diag(joint.prior))
+    sigmas = np.divide(1.0, problem.weights, out=np.zeros_like(problem.weights), where=problem.weights > 0)
+    held = mirrored(problem.held.shape[1]) * problem.projection.is_known
+    widths = 1 / np.sqrt(np.diag(problem.prior))
     return replace(
-        joint, data=joint.data + sigmas * mirrored(*sigmas.shape), held=held,
-        centre=joint.centre + widths * mirrored(len(widths)),
+        problem, data=problem.data + sigmas * mirrored(*sigmas.shape), held=held,
+        centre=problem.centre + widths * mirrored(len(widths)),
     )  # fmt: skip
 
 
-def _modes(q: Array, cost: Array, information: Array) -> NDArray[np.intp]:
+def _modes(found: Solution, information: Array) -> NDArray[np.intp]:
     """The best solution, and those that fit as well and are not the same."""
     chosen: list[int] = []
-    for i in np.argsort(cost, kind="stable"):
-        apart = [q[i] - q[j] for j in chosen]
-        as_good = not chosen or cost[i] < cost[chosen[0]] + AS_GOOD
+    for i in np.argsort(found.cost, kind="stable"):
+        apart = [found.q[i] - found.q[j] for j in chosen]
+        as_good = not chosen or found.cost[i] < found.cost[chosen[0]] + AS_GOOD
         if as_good and len(chosen) < MODES and all(one @ information @ one > APART**2 for one in apart):
             chosen.append(int(i))
     return np.array(chosen)
+
+
+def advise(problem: Problem, found: Fitted, plan: Plan, names: list[int]) -> list[str]:
+    """What would determine more, to first order; nothing if all is determined."""
+    if (np.sqrt(np.diag(found.covariance)) <= UNKNOWN).all():
+        return []
+    options: list[tuple[str, Plan, int | None]] = []
+    if plan.phase is not None:
+        known = replace(plan, phase=None, phase_error=np.zeros_like(plan.phase_error))
+        options.append(("record the phase of the free lever (phase_zero)", known, None))
+        if plan.phase != SHARED:
+            options.append(("keep one zero of the phase for all images (phase_zero='shared')",
+                            replace(plan, phase=SHARED), None))  # fmt: skip
+    if problem.weights[..., 1].any():
+        if plan.height is not None:
+            known = replace(plan, height=None, height_error=np.zeros_like(plan.height_error))
+            options.append(("know how the zero of the height moves between images (height_zero)", known, None))
+        if plan.topography_error > 0:
+            options.append(("know that the surface is flat (topography_error=0)",
+                            replace(plan, topography_error=0.0), None))  # fmt: skip
+    if len(names) > 1:
+        options += [(f"know the material of region {names[r]} (known)", plan, i) for i, r in enumerate(problem.unknown)]
+    now = _errors_with(problem, found, plan)
+    said = []
+    for what, other, left in options:
+        kept = np.arange(len(now)) // 3 != left
+        more = int((_errors_with(problem, found, other, left)[kept] <= UNKNOWN).sum())
+        if more > (now[kept] <= UNKNOWN).sum():
+            said.append(f"It would help to {what}: {more} of {kept.sum()} properties would be determined.")
+    return [*said, "It would help to add images at another free amplitude, and at setpoints farther apart."]
+
+
+def _errors_with(problem: Problem, found: Fitted, plan: Plan, known: int | None = None) -> Array:
+    """Errors of the logarithms if the zeros were as planned, to first order, shape (3 u,).
+
+    `known`: which of the unknown regions would be given; its errors are 0.
+    """
+    zeros = plan.zeros(len(problem.weights))
+    other = replace(problem, projection=zeros.weighted(problem.weights), held=np.zeros((1, len(zeros.widths))))
+    weighed = other.weigh(found.best.slopes)[0]
+    information = weighed.T @ weighed + problem.prior
+    kept = np.arange(len(information)) // 3 != known
+    errors = np.zeros(len(information))
+    errors[kept] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(kept, kept)])))
+    return errors

@@ -27,7 +27,6 @@ STEP, NEAR = 1e-3, 1e-6  # of a logarithm, for derivatives of orbits and of the 
 LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
 REACH = 3.0  # prior standard deviations within which a material is sought
 CORNERS = np.array([[1, 1, -1], [1, -1, 1], [-1, 1, 1], [-1, -1, -1]])  # materials to check tables, in half reaches
-PARAMETERS = ("modulus", "adhesion", "damping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +41,7 @@ class Model:
     poisson_ratio: float
     scope: Microscope
     law: Law
-    levers: Array  # shape (m, 5)
+    levers: Array  # shape (m, of a lever)
     amplitudes: Array  # shape (m,); at the setpoint [m]
     tables: Tables | None = None  # where the law and the detector allow them
 

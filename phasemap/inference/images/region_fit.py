@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice
-from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.identifiability import CODES, COMBINED, GIVEN, OPEN, advise, codes_of, say_regions
-from phasemap.inference.images.images import PRIOR, check_prior
-from phasemap.inference.images.joint import DRAWS, Fitted, Joint, fit
-from phasemap.inference.images.model import PARAMETERS, Model, make_model, sides_of
+from phasemap.inference.images.grid import Grid, make_grid
+from phasemap.inference.images.joint import DRAWS, Fitted, advise, fit
+from phasemap.inference.images.model import Model, make_model, sides_of
+from phasemap.inference.images.problem import Problem, problem_of
 from phasemap.inference.images.regions import medians, regions_of
-from phasemap.inference.images.search import make_grid
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, list_of_images, make_stack
-from phasemap.inference.images.starts import Candidates, Starts, make_starts
-from phasemap.inference.images.verdict import AVERAGED, FLAGS, POOR, UNLIKELY, Answer, settings_of, variables_of
+from phasemap.inference.images.starts import make_starts
+from phasemap.inference.images.verdict import AVERAGED, FLAGS, POOR, Answer, settings_of, variables_of
 from phasemap.inference.images.zeros import FREE, SHARED, Plan, make_plan
+from phasemap.inference.prior import PRIOR, check_known, check_prior
+from phasemap.inference.verdict import CODES, COMBINED, GIVEN, OPEN, PARAMETERS, UNLIKELY, chance, codes_of, say_regions
 from phasemap.results.variables import coded, describe, provenance
 
 if TYPE_CHECKING:
@@ -139,11 +139,11 @@ def fit_regions(
     shape = given[0]["phase"].shape
     names, numbers = regions_of(labels, shape)
     stack, pixels = medians(plan.taken_off(whole, numbers >= 0), numbers, len(names))
-    materials = _materials(known or {}, names)
+    materials = {names.index(name): one for name, one in check_known(known, names).items()}
     model = make_model(stack, prior, factor)
-    joint, starts = _prepare(model, stack, materials, plan, branch)
-    found = fit(joint, starts)
-    ds = _dataset(joint, found, model, stack, plan, materials, names)
+    problem, q = _prepare(model, stack, materials, plan, branch)
+    found = fit(problem, q)
+    ds = _dataset(problem, found, stack, plan, materials, names)
     ds = ds.assign_coords({dim: given[0]["phase"].coords[dim] for dim in ("y", "x") if dim in given[0]["phase"].coords})
     ds["pixels"] = ("region", pixels, {"long_name": "pixels of the region", "units": "1"})
     ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
@@ -153,91 +153,61 @@ def fit_regions(
         "prior_factor": factor, "phase_zero": plan.phase or "given", "height_zero": plan.height or "given",
     }  # fmt: skip
     ds.attrs.update(provenance(configuration, "fitted by regions"))
-    _tell(ds, joint, found, plan, names)
+    _tell(ds, problem, found, plan, names)
     return ds
-
-
-def _materials(known: Mapping[int, Material], names: list[int]) -> dict[int, Material]:
-    """Known materials by the number of their region."""
-    for name, one in known.items():
-        if name not in names:
-            raise InputError("a region of known material", name, f"one of {', '.join(map(str, names))}")
-        if not isinstance(one, Material):
-            raise InputError(f"known material of region {name}", one, "a Material")
-    if len(known) == len(names):
-        raise InputError("known", "every region", "fewer: one that is to be found, at least")
-    return {names.index(name): one for name, one in known.items()}
 
 
 def _prepare(
     model: Model, stack: Stack, materials: dict[int, Material], plan: Plan, branch: str | None
-) -> tuple[Joint, Starts]:
-    """The problem from all its starts."""
-    regions, images = stack.errors.shape[:2]
+) -> tuple[Problem, Array]:
+    """The problem, and the materials that it starts from."""
     grid = make_grid(model)
-    cost = (((grid.q - model.centre) / model.widths) ** 2).sum(axis=1)
-    unknown = np.array([r for r in range(regions) if r not in materials])
-    one = np.zeros((1, 3))
-    candidates = [
-        Candidates(one, _known_values(make_model(stack, materials[r], 10.0)), np.zeros(1))
-        if r in materials
-        else Candidates(grid.q, grid.values, cost)
-        for r in range(regions)
-    ]
+    grids = [_known(make_model(stack, materials[r], 10.0)) if r in materials else grid for r in range(len(stack))]
     sides = sides_of(stack) if branch is not None or plan.phase is None else None
     if branch is not None and sides is not None:
         sides = np.abs(sides) * np.int8(1 if branch == "repulsive" else -1)
-    starts = make_starts(stack, candidates, sorted(materials), (plan.phase, plan.height), sides)
-    zeros = plan.zeros(regions)
-    weights = np.where(np.isfinite(stack.errors), 1.0 / stack.errors, 0.0)
-    count = len(starts.q)
-    fixed = np.zeros((count, regions, images, 2))
+    q, both = make_starts(model, stack, grids, sorted(materials), plan, sides)
+    fixed = {}
     for r in materials:
-        upper = (starts.sides[:, r] > 0).astype(int)
-        there = candidates[r].values[upper, 0, np.arange(images)]
-        fixed[:, r] = np.where((starts.sides[:, r] == 0)[..., None], 0.0, there)
-    joint = Joint(
-        model, unknown, np.repeat(stack.values[None], count, axis=0), weights, starts.sides, fixed,
-        zeros.weighted(weights), np.zeros((count, len(zeros.widths))),
-        np.tile(model.centre, (count, len(unknown))), np.diag(np.tile(model.widths**-2, len(unknown))),
-    )  # fmt: skip
-    return joint, starts
+        upper = (both[:, r] > 0).astype(int)
+        there = grids[r].values[upper, 0, np.arange(both.shape[2])]
+        fixed[r] = np.where((both[:, r] == 0)[..., None], 0.0, there)
+    return problem_of(model, stack, both, plan.zeros(len(stack)), fixed), q
 
 
-def _known_values(model: Model) -> Array:
-    """Exact phase [rad] and tip offset [m] of the reference on both branches, shape (2, 1, m, 2)."""
+def _known(model: Model) -> Grid:
+    """The reference alone, with its exact orbits on both branches."""
     count = len(model.amplitudes)
     sides = np.array([[-1], [1]], np.int8) * np.ones((1, count), np.int8)
     values, good = model.exact(np.zeros((2, 3)), sides, np.full((2, count), np.nan))
-    return np.where(good[..., None], values, np.nan)[:, None]
+    values = np.where(good[..., None], values, np.nan)[:, None]
+    return Grid(np.zeros((1, 3)), values, np.full(values.shape[:3], np.nan), np.zeros_like(values))
 
 
 def _dataset(
-    joint: Joint, found: Fitted, model: Model, stack: Stack, plan: Plan, materials: dict[int, Material],
-    names: list[int],
-) -> xr.Dataset:  # fmt: skip
+    problem: Problem, found: Fitted, stack: Stack, plan: Plan, materials: dict[int, Material], names: list[int]
+) -> xr.Dataset:
     """Variables over regions, images and parameters."""
     import xarray as xr
-    from scipy.special import chdtrc
 
     regions = len(stack)
-    unknown = joint.unknown
+    unknown = problem.unknown
     logs, errors = np.zeros((regions, 3)), np.zeros((regions, 3))
     codes = np.full((regions, 3), GIVEN, np.int8)
     logs[unknown] = found.q.reshape(-1, 3)
     errors[unknown] = np.sqrt(np.diag(found.covariance)).reshape(-1, 3)
-    poor = found.degrees > 0.5 and chdtrc(found.degrees, found.chi2) < UNLIKELY
+    poor = found.degrees > 0.5 and chance(found.chi2, found.degrees) < UNLIKELY
     codes[unknown] = (
         OPEN if poor else codes_of(errors[unknown].ravel(), 1 / np.sqrt(np.diag(found.information))).reshape(-1, 3)
     )
-    properties = model.materials(logs)
+    properties = problem.model.materials(logs)
     for r, one in materials.items():
         properties[r] = make_model(stack, one, 10.0).reference
-    common = POOR * poor | AVERAGED * (not found.exact) | AMBIGUOUS * bool(found.others)
+    common = POOR * poor | AVERAGED * (not found.best.exact[0]) | AMBIGUOUS * bool(found.others)
     lost = np.isin(codes, (COMBINED, OPEN))
     flags = (lost << np.arange(3)).sum(axis=1) | common
     full = np.full(regions, np.nan)
-    answer = Answer(properties, errors, full, full, flags.astype(np.uint8), found.values)
+    answer = Answer(properties, errors, full, full, flags.astype(np.uint8), np.empty(0))
     ds = xr.Dataset({**variables_of(answer, ("region",), (regions,), FLAGS_OF_REGIONS), **settings_of(stack)})
     ds = ds.assign_coords(region=("region", names, {"long_name": "label of the region"}), property=list(PARAMETERS))
     ds["misfit"] = ((), found.chi2 / found.degrees if found.degrees > 0.5 else np.nan, ds["misfit"].attrs)
@@ -246,19 +216,19 @@ def _dataset(
     ds = ds.assign_coords(parameter=logarithms, other=logarithms)
     about = {"long_name": "covariance of the natural logarithms, whatever the zeros", "units": "1"}
     ds["covariance"] = (("parameter", "other"), found.covariance, about)
-    _add_data(ds, joint, found, stack, plan)
+    _add_data(ds, problem, found, stack, plan)
     return ds
 
 
-def _add_data(ds: xr.Dataset, joint: Joint, found: Fitted, stack: Stack, plan: Plan) -> None:
+def _add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan: Plan) -> None:
     """Zeros, and what was measured beside what was fitted."""
-    columns = plan.zeros(len(joint.weights)).columns
-    moved = columns @ found.zeros
+    columns = plan.zeros(len(problem.weights)).columns
+    moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
     zero, error = _moments(found, np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T))
     about = {"long_name": "what the instrument says where the phase is 0", "units": "degree"}
     ds["phase_zero"] = ("image", (zero + 180) % 360 - 180, about)
     ds["phase_zero_error"] = ("image", error, {"long_name": "its standard error", "units": "degree"})
-    if joint.weights[..., HEIGHT].any():
+    if problem.weights[..., HEIGHT].any():
         drawn = plan.height_given + found.drawn @ columns[0, :, HEIGHT].T
         zero, error = _moments(found, drawn - drawn.mean(axis=1, keepdims=True))
         about = {"long_name": "zero of the height, relative to its mean over the images", "units": "m"}
@@ -273,7 +243,7 @@ def _add_data(ds: xr.Dataset, joint: Joint, found: Fitted, stack: Stack, plan: P
         if not there.any():
             continue
         measured = scale * (stack.values[:, :, channel] - moved[:, :, channel] - below)
-        fitted = scale * (found.values[:, :, channel] - below)
+        fitted = scale * (orbits[:, :, channel] - below)
         error = scale * stack.errors[:, :, channel]
         for word, values, said in (
             (f"measured_{name}", measured, f"median {name} relative to its zero"),
@@ -291,7 +261,7 @@ def _moments(found: Fitted, zeros: Array) -> tuple[Array, Array]:
     return mean, np.sqrt(found.weights @ (zeros - mean) ** 2 / found.weights.sum())
 
 
-def _tell(ds: xr.Dataset, joint: Joint, found: Fitted, plan: Plan, names: list[int]) -> None:
+def _tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: Plan, names: list[int]) -> None:
     """The verdict, and what would help."""
     flags = int(np.bitwise_or.reduce(ds["flag"].values))
     if flags & POOR:
@@ -299,7 +269,7 @@ def _tell(ds: xr.Dataset, joint: Joint, found: Fitted, plan: Plan, names: list[i
         ds.attrs["verdict"] = f"The model does not describe the data: chi2 is {misfit:.3g} a degree of freedom."
         ds.attrs["advice"] = DOUBT
         return
-    said = say_regions(names, ds["determination"].values, found.information, joint.unknown)
+    said = say_regions(names, ds["determination"].values, np.linalg.inv(found.information), problem.unknown)
     words = {SHARED: "one unknown of all images", FREE: "one unknown in each image", None: "given"}
     said.append(f"Zero of the phase: {words[plan.phase]}.")
     if found.data < len(found.q):
@@ -314,9 +284,9 @@ def _tell(ds: xr.Dataset, joint: Joint, found: Fitted, plan: Plan, names: list[i
     if found.others:
         listed = [
             f"{name} {100 * np.expm1(apart):+.0f} % in region {names[region]}"
-            for region, row in zip(joint.unknown, (found.others[0] - found.q).reshape(-1, 3), strict=True)
+            for region, row in zip(problem.unknown, (found.others[0] - found.q).reshape(-1, 3), strict=True)
             for name, apart in zip(PARAMETERS, row, strict=True)
         ]
         said.append(f"Other materials fit as well, such as {', '.join(listed)}.")
     ds.attrs["verdict"] = "\n".join(said)
-    ds.attrs["advice"] = "\n".join(advise(joint, found, plan, names))
+    ds.attrs["advice"] = "\n".join(advise(problem, found, plan, names))

@@ -1,48 +1,68 @@
 """Where the joint fit of regions starts: branches and materials that roughly agree with the data.
 
-What one region's material leaves of its data are the zeros; with these, every other region stands alone.
+What one region's material leaves of its data are the zeros; with these, every other region stands alone like a pixel.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.inference.images.grid import Grid, nearest
+from phasemap.inference.images.model import Model
+from phasemap.inference.images.problem import problem_of_pixels
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
-from phasemap.inference.images.zeros import FREE, SHARED
+from phasemap.inference.images.zeros import FREE, SHARED, Plan
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 MOST = 24  # starts
 OF_A_KIND = 4  # of them with the same branches
-TOGETHER = 64  # sets of zeros that are ranked at a time
 SEPARATE = 1.5  # in a logarithm, between starts with the same branches
 COARSE = np.array([np.radians(2.0), 0.5e-9])  # by which a grid of materials misses the data
 
 
-class Starts(NamedTuple):
-    """Logarithms of the unknown regions, shape (n, 3 u), and branches, shape (n, r, m)."""
+def make_starts(
+    model: Model, stack: Stack, grids: list[Grid], known: list[int], plan: Plan, sides: Codes | None
+) -> tuple[Array, Codes]:
+    """Logarithms of the unknown regions, shape (n, 3 u), and branches, shape (n, r, m).
 
-    q: Array
-    sides: Codes
+    `stack`: regions; zeros that are known are taken off.
+    `grids`: materials that each region may be of; one where it is known.
+    `sides` (shape (regions, images)): branches, if they are known.
+    """
+    regions, first = len(stack), known[0] if known else 0
+    seen = np.isfinite(stack.errors)
+    coarse = Stack(stack.values, np.where(seen, COARSE, np.inf), stack.scopes, stack.setpoints)
+    some = _patterns(stack) if sides is None else sides[first : first + 1]
+    parts = [grids[first].on(pattern) for pattern in some]
+    which = {first: np.concatenate([usable for usable, _ in parts])}
+    branches = {first: np.repeat(some, [len(usable) for usable, _ in parts], axis=0)}
+    apart = np.where(seen[first], stack.values[first] - np.concatenate([values for _, values in parts]), np.nan)
+    zeros = np.stack([_zero(apart[..., c], kind) for c, kind in ((PHASE, plan.phase), (HEIGHT, plan.height))], axis=-1)
+    rest = np.nan_to_num(apart - zeros)
+    rest[..., HEIGHT] = np.where(seen[first][:, HEIGHT], rest[..., HEIGHT] - _mean((apart - zeros)[..., HEIGHT]), 0.0)
+    cost = ((rest / COARSE) ** 2).sum(axis=(1, 2)) + _prior(model, grids[first])[which[first]]
+    for region in range(regions):
+        if region == first:
+            continue
+        values = np.where(seen[region], coarse.values[region] - zeros, 0.0)
+        errors = np.repeat(coarse.errors[region : region + 1], len(zeros), axis=0)
+        pixels = problem_of_pixels(model, replace(coarse, values=values, errors=errors))
+        if sides is not None:
+            pixels = replace(pixels, sides=np.repeat(sides[None, region : region + 1], len(zeros), axis=0))
+        best, more = nearest(pixels, grids[region], 1)
+        which[region], branches[region] = best[:, 0], pixels.sides[:, 0]
+        cost = cost + more[:, 0]
+    q = np.concatenate([grids[r].q[which[r]] for r in range(regions) if r not in known], axis=1)
+    both = np.stack([np.where(seen[r].any(axis=-1), branches[r], 0) for r in range(regions)], axis=1)
+    return _spread(q, both.astype(np.int8), cost)
 
 
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Materials a region may be of."""
-
-    q: Array  # shape (g, 3)
-    # shape (2, g, m, 2); phase [rad] and tip offset [m] on the attractive and the repulsive branch; NaN without
-    # an orbit
-    values: Array
-    cost: Array  # shape (g,); of the prior
-
-
-def patterns(stack: Stack) -> Codes:
+def _patterns(stack: Stack) -> Codes:
     """Branches that a region may be on, shape (patterns, images).
 
     The amplitude that is taken away, free less setpoint, makes a tip repulsive: from some value on, it is.
@@ -52,70 +72,17 @@ def patterns(stack: Stack) -> Codes:
     return np.array([np.where(order < first, -1, 1) for first in range(len(drop) + 1)], np.int8)
 
 
-def make_starts(
-    stack: Stack, candidates: list[Candidates], known: list[int], kinds: tuple[str | None, str | None],
-    sides: Codes | None,
-) -> Starts:  # fmt: skip
-    """Rank pairs of materials and branches.
-
-    `stack`: regions; zeros that are known are taken off.
-    `known`: regions that are of a known material.
-    `kinds`: of the zeros of phase and height, as of `Plan`.
-    `sides` (shape (regions, images)): branches, if they are known.
-    """
-    regions = len(stack)
-    first = known[0] if known else 0
-    some = patterns(stack) if sides is None else sides[first : first + 1]
-    seen = np.isfinite(stack.errors)
-    pool = _pool(candidates[first], some)
-    apart = np.where(seen[first], stack.values[first] - pool.values, np.nan)
-    zeros = np.stack([_zero(apart[..., channel], kinds[channel]) for channel in (PHASE, HEIGHT)], axis=-1)
-    cost = pool.cost + _misfit(apart - zeros)
-    chosen = {first: (pool.which, np.where(seen[first].any(axis=-1), pool.sides, 0))}
-    for region in range(regions):
-        if region == first:
-            continue
-        own = None if sides is None else sides[region]
-        there = candidates[region]
-        best, branches, more = _others(stack.values[region], seen[region], zeros, there, own)
-        cost = cost + more
-        chosen[region] = best, branches
-    q = np.concatenate(
-        [candidates[region].q[chosen[region][0]] for region in range(regions) if region not in known], axis=1
-    )
-    both = np.stack([chosen[region][1] for region in range(regions)], axis=1).astype(np.int8)
-    return _spread(q, both, cost)
-
-
-class _Pool(NamedTuple):
-    which: NDArray[np.intp]
-    values: Array
-    cost: Array
-    sides: Codes
-
-
-def _pool(candidates: Candidates, allowed: Codes) -> _Pool:
-    """All materials on all patterns of branches that they have orbits on."""
-    images = np.arange(allowed.shape[1])
-    which, values, sides = [], [], []
-    for pattern in allowed:
-        there = candidates.values[(pattern > 0).astype(int), :, images].transpose(1, 0, 2)
-        there = np.where((pattern == 0)[None, :, None], 0.0, there)
-        usable = np.flatnonzero(np.isfinite(there).all(axis=(1, 2)))
-        which.append(usable)
-        values.append(there[usable])
-        sides.append(np.repeat(pattern[None], len(usable), axis=0))
-    index = np.concatenate(which)
-    return _Pool(index, np.concatenate(values), candidates.cost[index], np.concatenate(sides))
+def _prior(model: Model, grid: Grid) -> Array:
+    """chi2 of the prior, shape (g,)."""
+    cost: Array = (((grid.q - model.centre) / model.widths) ** 2).sum(axis=1)
+    return cost
 
 
 def _zero(apart: Array, kind: str | None) -> Array:
     """What data of the first region leave for the zeros of each image, shape (candidates, images)."""
     if kind == FREE:
         return np.nan_to_num(apart)
-    if kind == SHARED:
-        return np.repeat(np.nan_to_num(_mean(apart)), apart.shape[1], axis=1)
-    return np.zeros_like(apart)
+    return np.repeat(np.nan_to_num(_mean(apart)), apart.shape[1], axis=1) if kind == SHARED else np.zeros_like(apart)
 
 
 def _mean(values: Array) -> Array:
@@ -125,36 +92,7 @@ def _mean(values: Array) -> Array:
     return mean
 
 
-def _misfit(apart: Array) -> Array:
-    """chi2 on the scale of the grid, shape (...), of phases and of how heights change."""
-    apart = apart.copy()
-    apart[..., HEIGHT] -= _mean(apart[..., HEIGHT])
-    misfit: Array = (np.nan_to_num(apart / COARSE) ** 2).sum(axis=(-1, -2))
-    return misfit
-
-
-def _others(
-    data: Array, seen: NDArray[np.bool_], zeros: Array, there: Candidates, sides: Codes | None
-) -> tuple[NDArray[np.intp], Codes, Array]:
-    """Best material and branches of a region for each set of zeros, and its cost."""
-    best, cost = np.zeros(len(zeros), np.intp), np.zeros(len(zeros))
-    branches = np.zeros((len(zeros), len(data)), np.int8)
-    there_is = np.isfinite(there.values[..., PHASE])  # (2, g, m)
-    for some in np.array_split(np.arange(len(zeros)), len(zeros) // TOGETHER + 1):
-        apart = np.where(seen, data - zeros[some, None, None] - there.values, np.nan)  # (n, 2, g, m, 2)
-        far = np.where(there_is, np.abs(np.nan_to_num(apart[..., PHASE])), np.inf)
-        upper = far[:, 1] < far[:, 0] if sides is None else np.broadcast_to(sides > 0, far[:, 0].shape)
-        taken = np.where(upper[..., None], apart[:, 1], apart[:, 0])
-        possible = np.where(upper, there_is[1], there_is[0]) | ~seen.any(axis=-1)
-        total = np.where(possible.all(axis=-1), _misfit(taken) + there.cost, np.inf)
-        rows = np.arange(len(some))
-        best[some] = np.argmin(total, axis=1)
-        cost[some] = total[rows, best[some]]
-        branches[some] = np.where(seen.any(axis=-1), np.where(upper[rows, best[some]], 1, -1), 0)
-    return best, branches, cost
-
-
-def _spread(q: Array, sides: Codes, cost: Array) -> Starts:
+def _spread(q: Array, sides: Codes, cost: Array) -> tuple[Array, Codes]:
     """The best few, not all alike."""
     taken: list[int] = []
     alike: dict[bytes, list[int]] = {}
@@ -165,4 +103,4 @@ def _spread(q: Array, sides: Codes, cost: Array) -> Starts:
         if len(near) < OF_A_KIND and all(np.abs(q[i] - q[j]).max() > SEPARATE for j in near):
             near.append(int(i))
             taken.append(int(i))
-    return Starts(q[taken], sides[taken])
+    return q[taken], sides[taken]

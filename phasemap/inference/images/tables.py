@@ -62,7 +62,7 @@ def make_tables(law: Law, rows: Array, levers: Array, amplitudes: Array) -> Tabl
     law : Law
     rows : ndarray, shape (1 + AXES + checks, ROW)
         Parameters of a reference, of it with each property changed, and of materials to compare with.
-    levers, amplitudes : ndarray, shape (m, 5), (m,)
+    levers, amplitudes : ndarray, shape (m, numbers of a lever), (m,)
         Of images whose detector sees the tip.
     """
     columns = np.argmax(rows[1 : 1 + AXES] != rows[0], axis=1)

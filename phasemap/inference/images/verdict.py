@@ -7,21 +7,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.model import PARAMETERS, Model
+from phasemap.inference.images.descent import normal_equations, refine
+from phasemap.inference.images.grid import Grid, descend_from_grid
+from phasemap.inference.images.model import Model
 from phasemap.inference.images.posterior import moments
-from phasemap.inference.images.search import Block, Grid
-from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.images.problem import problem_of_pixels
+from phasemap.inference.images.stack import Stack
+from phasemap.inference.verdict import PARAMETERS, UNITS, UNKNOWN, UNLIKELY, chance
 
 Array = NDArray[np.float64]
 
-UNKNOWN = 0.5  # standard error of a logarithm above which a property is not determined: a factor of 1.6
-UNLIKELY = 1e-4  # chance of a chi2 as large, below which the model does not describe a pixel
 FLAGS = (
     "modulus_not_determined", "adhesion_not_determined", "damping_not_determined", "poor_fit", "no_orbit", "no_data",
     "averaged_only",
 )  # fmt: skip
 POOR, NO_ORBIT, NO_DATA, AVERAGED = (1 << FLAGS.index(name) for name in FLAGS[3:])
-UNITS = {"modulus": "Pa", "adhesion": "J m-2", "damping": "1"}
 
 
 class Answer(NamedTuple):
@@ -46,33 +46,35 @@ class Answer(NamedTuple):
 
 
 def solve_part(model: Model, grid: Grid, stack: Stack, part: slice, answer: Answer) -> None:
-    """Fill a part of the answer."""
-    from scipy.special import chdtrc
+    """Fill a part of the answer, pixels with the same errors at a time."""
+    numbers = np.arange(len(stack))[part]
+    kinds, kind_of = np.unique(stack.errors[part].reshape(len(numbers), -1), axis=0, return_inverse=True)
+    for kind in range(len(kinds)):
+        _solve(model, grid, stack, numbers[kind_of.reshape(-1) == kind], answer)
 
-    some = stack.part(part)
-    block = Block(model, grid, some)
-    found = block.solve()
-    covariance = np.linalg.inv(found.information)
-    learnt = np.einsum("nij,naj,nai->n", covariance, found.slopes, found.slopes)  # parameters that the data determine
-    mean, covariance, _ = moments(block, found)
+
+def _solve(model: Model, grid: Grid, stack: Stack, some: NDArray[np.intp], answer: Answer) -> None:
+    """Fill the answer for pixels with the same errors."""
+    stack = stack.part(some)
+    problem = problem_of_pixels(model, stack)
+    found = refine(problem, descend_from_grid(problem, grid))
+    slopes, rest = problem.weigh(found.slopes), problem.rest(found.values, found.defect)
+    covariance = np.asarray(np.linalg.inv(normal_equations(problem, slopes, rest, found.q)[0]), np.float64)
+    learnt = np.einsum("nij,naj,nai->n", covariance, slopes, slopes)  # parameters that the data determine
+    mean, covariance = moments(problem, found, covariance)
     errors = np.sqrt(np.einsum("nii->ni", covariance))
-    data = np.isfinite(some.errors)
-    heights = data[:, :, HEIGHT].sum(axis=1)
-    degrees = data[:, :, PHASE].sum(axis=1) + np.maximum(heights - 1, 0) - learnt
-    chi2 = (found.rest**2).sum(axis=1)
+    data = int((problem.weights > 0).sum())
+    degrees = data - problem.projection.basis.shape[1] - learnt
+    chi2 = (rest**2).sum(axis=1)
     flags = ((errors > UNKNOWN) << np.arange(3)).sum(axis=1)
-    flags |= (
-        POOR * ((degrees > 0.5) & (chdtrc(np.maximum(degrees, 0.5), chi2) < UNLIKELY)) | AVERAGED * ~found.corrected
-    )
-    lost = ~data.any(axis=(1, 2)), ~found.good
-    flags = np.where(lost[0], NO_DATA | 7, np.where(lost[1], NO_ORBIT | 7, flags))
-    materials = model.materials(mean)
-    failed = lost[0] | lost[1]
-    for one in (materials, errors, chi2, degrees, found.values):
-        one[failed] = np.nan
+    flags |= POOR * ((degrees > 0.5) & (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY)) | AVERAGED * ~found.exact
+    flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
+    values = model.materials(mean), errors, chi2, degrees, flags, (found.values + found.defect)[:, 0]
     wholes: tuple[Any, ...] = answer
-    for whole, values in zip(wholes, (materials, errors, chi2, degrees, flags, found.values), strict=True):
-        whole[part] = values
+    for whole, one in zip(wholes, values, strict=True):
+        whole[some] = one
+    for whole in (answer.materials, answer.errors, answer.chi2, answer.degrees, answer.values):
+        whole[some[~found.good | (data == 0)]] = np.nan
 
 
 def variables_of(

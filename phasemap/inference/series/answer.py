@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.identifiability import CODES, GIVEN, codes_of
-from phasemap.inference.images.model import PARAMETERS
-from phasemap.inference.images.verdict import UNITS
 from phasemap.inference.sampling import Draws
 from phasemap.inference.series.contrasts import Labels, Medians
 from phasemap.inference.series.problem import Explained, Problem, State
 from phasemap.inference.series.settings import HELD, SAME
 from phasemap.inference.series.words import tell
+from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, UNITS, codes_of
 from phasemap.results.variables import coded, describe, provenance
 
 if TYPE_CHECKING:

@@ -7,11 +7,13 @@ The table is interpolated to find the likely ones; these are then solved for, fr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.plausible import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
@@ -32,10 +34,19 @@ class Lever:
     model: Model  # of any settings
     scope: Microscope
 
+    @cached_property
+    def driven(self) -> Array:
+        """What a free amplitude twice as large changes of the lever."""
+        drive = self.scope.drive
+        with unquestioned():
+            twice = replace(self.scope, drive=replace(drive, free_amplitude=2 * drive.free_amplitude))
+        change: Array = lever_of(twice) - lever_of(self.scope)
+        return change
+
     def at(self, amplitudes: Array, ratios: Array) -> Model:
         """The model of images with these free amplitudes at the drive frequency [m] and setpoints."""
-        rows = np.tile(lever_of(self.scope), (len(amplitudes), 1))
-        rows[:, -2:] *= (amplitudes / self.scope.driven_amplitude)[:, None]  # the drive's amplitude, and the base's
+        ratio = amplitudes / self.scope.driven_amplitude
+        rows = lever_of(self.scope) + (ratio - 1)[:, None] * self.driven
         return replace(self.model, levers=rows, amplitudes=amplitudes * ratios)
 
     def phases(

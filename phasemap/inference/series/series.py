@@ -17,9 +17,9 @@ from phasemap._shared.errors import InputError, SolveError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
-from phasemap.inference.images.images import PRIOR, check_prior
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack
+from phasemap.inference.prior import PRIOR, check_known, check_prior
 from phasemap.inference.sampling import REACH, sample
 from phasemap.inference.series.answer import dataset_of
 from phasemap.inference.series.contrasts import each_of, medians, regions_of
@@ -162,7 +162,7 @@ def series(
     found = regions_of(images, settings.names, labels, by, regions)
     seen = medians(images, found.labels)
     lever = _lever(used, prior)
-    fixed = _known(known or {}, lever.model, prior, len(seen.values))
+    fixed = _known(known, lever.model, prior, len(seen.values))
     limits, levels = settings.ranges(REACH)
     table = make_table(lever, REACH * widths, limits, levels)
     there = np.isfinite(seen.values)
@@ -203,18 +203,10 @@ def _lever(scope: Microscope, prior: Material) -> Lever:
     return Lever(make_model(none, prior, math.e), scope)
 
 
-def _known(known: Mapping[int, Material], model: Model, prior: Material, count: int) -> Array:
+def _known(known: Mapping[int, Material] | None, model: Model, prior: Material, count: int) -> Array:
     """Logarithms of the materials that are given over those of the prior, NaN for others, shape (count, 3)."""
     logs = np.full((count, 3), np.nan)
-    if len(known) >= count:
-        raise InputError("known", f"{len(known)} materials", f"fewer than the {count} regions")
-    for region, one in known.items():
-        if region not in range(count) or not isinstance(one, Material):
-            raise InputError("known", {region: one}, f"materials of regions 0 to {count - 1}")
-        if one.relaxation_time is not None:
-            raise InputError(
-                f"relaxation_time of region {region}", one.relaxation_time, "None of a region that is known"
-            )
+    for region, one in check_known(known, range(count)).items():
         row, viscous = material_row(one)
         _, adhesion, damping = properties(row, viscous, model.scope)
         plane = one.modulus * (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know

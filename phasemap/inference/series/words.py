@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.identifiability import say_regions
-from phasemap.inference.images.verdict import UNLIKELY
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.settings import ANYWHERE, FREE, HELD, SHARED
+from phasemap.inference.verdict import UNLIKELY, chance, say_regions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,9 +34,7 @@ def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
     said = [*_of_order(ds, problem), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
     if not poor:
         names = [int(one) for one in ds["region"].values]
-        said += say_regions(
-            names, ds["determination"].values, np.asarray(np.linalg.inv(covariance), np.float64), problem.unknown
-        )
+        said += say_regions(names, ds["determination"].values, covariance, problem.unknown)
         said.append(_of_amplitude(ds, problem))
     ds.attrs["verdict"] = "\n".join(filter(None, said))
     ds.attrs["advice"] = "\n".join(_advice(ds, problem, poor))
@@ -45,9 +42,7 @@ def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
 
 def is_poor(ds: xr.Dataset, problem: Problem) -> bool:
     """Whether nothing within the prior describes the contrasts."""
-    from scipy.special import chdtrc
-
-    return bool(chdtrc(max(_contrasts(problem), 1), float(ds["misfit"])) < UNLIKELY)
+    return bool(chance(float(ds["misfit"]), max(_contrasts(problem), 1)) < UNLIKELY)
 
 
 def agreement(ds: xr.Dataset) -> tuple[list[bool], list[bool], list[bool]]:
