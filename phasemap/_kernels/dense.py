@@ -7,6 +7,8 @@ import numpy as np
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.quadrature import NODES
 
+MOST_SQUARINGS = 40  # of a monodromy matrix: its radius is then off by rounding alone
+
 
 @kernel
 def pivot(m: np.ndarray, k: int, n: int, width: int) -> int:
@@ -72,6 +74,35 @@ def eliminate_columns(m: np.ndarray) -> bool:
             )  # fmt: skip
             x[k] = y * inverse
     return True
+
+
+@kernel
+def spectral_radius(rows: np.ndarray, n: int) -> float:
+    """Largest modulus of the eigenvalues of a matrix, row by row in a flat array, by squaring it again and again.
+
+    After k squarings |M^(2^k)|^(2^-k) is off by a factor that depends on how its eigenvectors lie, to the power 2^-k.
+    """
+    m, square, log, share = np.empty((n, n)), np.empty((n, n)), 0.0, 1.0
+    for i in range(n):
+        for j in range(n):
+            m[i, j] = rows[n * i + j]
+    for _ in range(MOST_SQUARINGS):
+        size = 0.0
+        for i in range(n):
+            for j in range(n):
+                size = max(size, abs(m[i, j]))
+        if not 0.0 < size < np.inf:
+            return 0.0 if size == 0.0 else np.inf if size > 0.0 else np.nan
+        log += share * np.log(size)
+        share *= 0.5
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += m[i, k] * m[k, j]
+                square[i, j] = total / (size * size)
+        m, square = square, m
+    return float(np.exp(log))
 
 
 @kernel

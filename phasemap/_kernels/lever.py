@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,42 @@ LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averagin
 MUCH_BENT = 0.4  # of the amplitude, by which adhesion bends a lever, or P
 
 
+class Mode(NamedTuple):
+    """A mode of the lever: omega^2 w'' + 2 rate omega w' + square w = share (force over k), over the drive's angle."""
+
+    decay: float  # real part of its lambda [1]: a free motion is the real part of a multiple of exp(lambda theta)
+    turn: float  # imaginary part of it
+    square: float  # of its frequency [1]
+    rate: float  # at which it rings down [1]
+    share: float  # its acceleration by a force over k [1]
+
+
+@kernel(light=True)
+def modes_of(lever: np.ndarray) -> int:
+    """Number of modes."""
+    return int(lever[col.MODES])
+
+
+@kernel(light=True)
+def mode_of(lever: np.ndarray, i: int) -> Mode:
+    """The mode i of a lever, counted from 0."""
+    first = col.MODE + i * col.MODE_NUMBERS
+    omega, rate = lever[col.OMEGA], lever[first + col.RATE]
+    square = lever[first + col.FREQUENCY] * lever[first + col.FREQUENCY]
+    return Mode(-rate / omega, math.sqrt(square - rate * rate) / omega, square, rate, lever[first + col.SHARE])
+
+
+@kernel(light=True)
+def static_compliance(lever: np.ndarray) -> float:
+    """Deflection by a force that stays, over that of the first mode alone: theory, Eq. (lever-2)."""
+    total = 0.0
+    for i in range(modes_of(lever)):
+        first = col.MODE + i * col.MODE_NUMBERS
+        frequency = lever[first + col.FREQUENCY]
+        total += lever[first + col.SHARE] / (frequency * frequency)
+    return total
+
+
 @kernel(light=True)
 def free_amplitude(lever: np.ndarray) -> float:
     """Amplitude [m] of the free lever at the drive frequency: theory, Eq. (model-2)."""
@@ -25,6 +62,17 @@ def free_amplitude(lever: np.ndarray) -> float:
 def free_phasor(lever: np.ndarray) -> complex:
     """Complex amplitude a [m] of the free lever, z = Re(a exp(i omega tau)): theory, Eq. (model-2)."""
     return lever[col.DRIVE] / complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
+
+
+@kernel(light=True)
+def detected_compliance(lever: np.ndarray, omega: float) -> complex:
+    """What the detector sees of a lever under a force at the tip of this frequency, over the force and times k [1]."""
+    seen = complex(0.0, 0.0)
+    for i in range(int(lever[col.MODES])):
+        at = col.MODE + col.MODE_NUMBERS * i
+        stiff = complex(lever[at + col.FREQUENCY] ** 2 - omega * omega, 2.0 * lever[at + col.RATE] * omega)
+        seen += lever[at + col.SLOPE_SEEN] * lever[at + col.SHARE] / stiff
+    return seen
 
 
 @kernel

@@ -23,7 +23,7 @@ from phasemap._kernels.engagement.resonance import (
 )
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.response.nodes import OUT, TOUCH, N, Nodes
+from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import Fit, Room
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
@@ -106,7 +106,7 @@ def maximum_of_exact_mismatch(oscillator: Oscillator, reach: float, amplitude: f
     """Maximum over the gap of the exact orbits' mismatch, near room.fit.gap; updates room.fit; NaN if not near."""
     middle, f, state = room.fit.gap, room.nodes, room.state
     h0 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle, f, state)
-    depth = f.w[TOUCH + N // 2] - middle
+    depth = f.w[middle_of(f)] - middle
     # Within the contact: where it begins there is a kink.
     step = min(LENS * (reach + abs(middle)), MOST_LENS_STEP * depth)
     h1 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle + step, f, state)

@@ -7,8 +7,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.lever import modes_of
 from phasemap._kernels.orbits.response.newton import new_bench
-from phasemap._kernels.orbits.response.nodes import Nodes
+from phasemap._kernels.orbits.response.nodes import MOST_PARTS, Nodes, parts_of
 from phasemap._kernels.orbits.response.orbit import refine_stiff
 from phasemap._kernels.orbits.response.passes import PassState
 from phasemap._kernels.rows.answers import Answers
@@ -31,9 +32,9 @@ def stiff_rows(
     What it is not good enough for is PENDING, and holds `guess`.
     """
     out, status, solver = answers
-    finer = Nodes()
-    finer.cut = 1
-    short, long, guess = new_bench(Nodes(), PassState()), new_bench(finer, PassState()), np.zeros(col.GUESS)
+    nodes, finer = Nodes(), Nodes()
+    nodes.parts, finer.parts = (1, 2) if modes_of(lever) == 1 else (MOST_PARTS, MOST_PARTS)
+    short, long, guess = new_bench(nodes, PassState()), new_bench(finer, PassState()), np.zeros(col.GUESS)
     for i in range(first, last):
         if status[i] != col.STIFF:
             continue
@@ -44,6 +45,6 @@ def stiff_rows(
         if parts == 0:
             status[i] = col.PENDING
             continue
-        bench = short if parts == 1 else long
+        bench = short if parts == parts_of(short.nodes) else long
         status[i] = col.GOOD
         solver[i] = choose(lever, guess, bench.nodes, bench.state, average, limits, row)

@@ -26,6 +26,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, damping, longrange_force
+from phasemap._kernels.lever import static_compliance
 from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, knows_contact
 from phasemap._kernels.orbits.averaged.remembered import remembered_harmonics
 from phasemap._kernels.orbits.time.by_memory import remembers
@@ -173,6 +174,13 @@ def harmonics(oscillator: Oscillator, reach: float, amplitude: float, c: float) 
 
     A neck that is longer than the tip withdraws is never released.
     """
+    push, drag, mean = _of_one_mode(oscillator, reach, amplitude, c)
+    return push, drag, static_compliance(oscillator.lever) * mean
+
+
+@kernel
+def _of_one_mode(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> tuple[float, float, float]:
+    """P, S and what A0 would be if the lever had its first mode alone [m]."""
     law, p, lever = oscillator
     if law.memory != 0 and abs(c) < 1.0 and remembers(p):
         return remembered_harmonics(oscillator, reach, amplitude, c)

@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import mode_of, reach_of
 from phasemap._kernels.orbits.collocation.elements import lay_elements
 from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
 from phasemap._kernels.orbits.response.nodes import first_harmonic, periods_before
@@ -56,7 +56,7 @@ def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
     c, s = grow * math.cos(nu * angle), grow * math.sin(nu * angle)
     re, im = c * (e_re + 1.0) - s * e_im, c * e_im + s * (e_re + 1.0)
     share = -math.pi / (omega * omega * nu)
-    h_re, h_im = first_harmonic(omega, alpha0, 1.0, 0.0)
+    h_re, h_im = first_harmonic(omega, mode_of(lever, 0), 1.0, 0.0)
     cosine, sine = math.cos(angle), math.sin(angle)
     w = share * im + 0.5 + h_re * cosine - h_im * sine
     return w, share * (a * im + nu * re) - h_re * sine - h_im * cosine

@@ -10,52 +10,22 @@ from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFF
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, longrange_slope
+from phasemap._kernels.lever import modes_of, static_compliance
+from phasemap._kernels.orbits.response.multipliers import is_held
 from phasemap._kernels.orbits.response.newton import Bench, copy_motion, drive_of, fill_system
 from phasemap._kernels.orbits.response.nodes import (
-    ENTRY,
-    EXIT,
     GAUSS_WEIGHTS,
     IN,
     OUT,
     N,
-    Nodes,
     contact_node,
-    grade_outer_nodes,
-    lay_nodes,
     parts_of,
-    respond,
 )
-from phasemap._kernels.orbits.response.passes import PassState
-from phasemap._kernels.orbits.response.sound import kicked, trace_of
+from phasemap._kernels.orbits.response.sound import kicked, touches_once, trace_of
 
 LEAST_SLOPE_AT_NEWTON = 0.1  # dz0/dA: less is too near to a fold
 SURELY = 0.98  # of the trace at which a multiplier is minus one, or one
 CLEARLY = 0.5  # of (1 - lambda)^2 where both multipliers are alike: nearer to one they may not be
-ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
-
-
-@kernel
-def _touches_once(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
-    """Whether the tip touches at the nodes in contact and at no other."""
-    p, lever = oscillator.p, oscillator.lever
-    amplitude, e, deepest = state.amplitude, state.centre, 0.0
-    if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
-        grade_outer_nodes(f, amplitude, e, 1e-3 * amplitude, f.theta[EXIT])
-        lay_nodes(f, lever, f.theta[ENTRY], f.theta[EXIT], True)
-        for j in range(N):
-            f.g[IN + j], f.g[OUT + j] = 0.0, 0.0
-        respond(f, lever, state.mean_force, state.push, state.drag, True, True)
-    for k in range(N * parts_of(f)):
-        deepest = max(deepest, amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e)
-    aside = ASIDE * max(deepest, reach)
-    for k in range(N * parts_of(f)):
-        if amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e < -aside:
-            return False
-    for j in range(N):
-        inward, outward = IN + j, OUT + j
-        if max(amplitude * f.cos[inward] + f.w[inward], amplitude * f.cos[outward] + f.w[outward]) - e > aside:
-            return False
-    return True
 
 
 @kernel
@@ -74,7 +44,7 @@ def _rises(lever: np.ndarray, bench: Bench) -> bool:
         per_a, per_e = per_a + to_h * right[j], per_e - to_h * bench.per_e[j]
         mean_a, mean_e = mean_a + to_mean * right[j], mean_e - to_mean * bench.per_e[j]
     e_a = -per_a / per_e
-    return e_a - mean_a - mean_e * e_a > LEAST_SLOPE_AT_NEWTON
+    return e_a - static_compliance(lever) * (mean_a + mean_e * e_a) > LEAST_SLOPE_AT_NEWTON
 
 
 @kernel
@@ -131,6 +101,9 @@ def _stable(oscillator: Oscillator, bench: Bench) -> bool:
 def newton_orbit_is_kept(oscillator: Oscillator, reach: float, bench: Bench) -> bool:
     """Whether an orbit that was FOUND touches where it was taken to, is stable, and far from the end of its branch."""
     lever = oscillator.lever
-    if not (_rises(lever, bench) and _stable(oscillator, bench)):
+    f, state = bench.nodes, bench.state
+    if not _rises(lever, bench):
         return False
-    return _touches_once(oscillator, reach, bench.nodes, bench.state)
+    if modes_of(lever) > 1:
+        return is_held(oscillator, f, state) and touches_once(oscillator, reach, f, state)
+    return _stable(oscillator, bench) and touches_once(oscillator, reach, f, state)

@@ -18,24 +18,25 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import ALPHA0, DAMPING, DRIVE, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import DAMPING, DRIVE, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
-from phasemap._kernels.lever import drive_needed
+from phasemap._kernels.lever import Mode, drive_needed, mode_of, modes_of
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ENTRY,
     EXIT,
     GAUSS_WEIGHTS,
     GAUSS_X,
-    TOUCH,
     UPTO,
     N,
     Nodes,
     contact_node,
     count_of,
+    fill_mode,
     first_harmonic,
+    first_of,
     lay_nodes,
     middle_of,
     move_nodes,
@@ -114,19 +115,31 @@ def fill_system(
 
     `motion` is (w, w') at the nodes. If not `periodic`, a force is felt only after it, and by all of the motion.
     """
-    lever = oscillator.lever
-    amplitude, e, n = state.amplitude, state.centre, N * parts_of(f)
-    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
-    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
+    lever, amplitude, e, n = oscillator.lever, state.amplitude, state.centre, N * parts_of(f)
+    for j in range(n):
+        i = contact_node(j)
+        d = max(amplitude * f.cos[i] + motion[0, i] - e, 0.0)
+        m[j, n], m[j, n + 1] = stiffness(oscillator, d, motion[1, i] - amplitude * f.sin[i])
+        for k in range(n):
+            m[j, k] = 0.0
+        m[j, j] = 1.0
+    for i in range(modes_of(lever)):
+        mode = mode_of(lever, i)
+        fill_mode(f, mode)
+        _add_mode(f, lever[OMEGA], mode, periodic, m)
+
+
+@kernel(fastmath=ANY_ORDER)
+def _add_mode(f: Nodes, omega: float, mode: Mode, periodic: bool, m: np.ndarray) -> None:
+    """Add to the system what a mode makes of a force at each node in contact."""
+    a, nu, n = mode.decay, mode.turn, N * parts_of(f)
     e_re, e_im = periods_before(a, nu)
-    share = 1.0 / (omega * omega * nu)
+    share = mode.share / (omega * omega * nu)
     at = np.empty((8, n))
     cosine, sine, back_re, back_im, kappa, gamma, to_w, to_u = at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7]
     for j in range(n):
         i = contact_node(j)
-        d = max(amplitude * f.cos[i] + motion[0, i] - e, 0.0)
-        kappa[j], gamma[j] = stiffness(oscillator, d, motion[1, i] - amplitude * f.sin[i])
-        m[j, n], m[j, n + 1] = kappa[j], gamma[j]
+        kappa[j], gamma[j] = m[j, n], m[j, n + 1]
         shrink = share / f.growth[i]
         back_re[j], back_im[j] = shrink * f.turn_cos[i], shrink * f.turn_sin[i]
         cosine[j], sine[j] = f.cos[i], f.sin[i]
@@ -138,7 +151,8 @@ def fill_system(
         if periodic:
             round_re, round_im = here * (e_re * q_re - e_im * q_im), here * (e_re * q_im + e_im * q_re)
             mean = here * f.weight[i] / (2 * math.pi)
-            h_re, h_im = first_harmonic(omega, alpha0, 2.0 * mean * f.cos[i], 2.0 * mean * f.sin[i])
+            h_re, h_im = first_harmonic(omega, mode, 2.0 * mean * f.cos[i], 2.0 * mean * f.sin[i])
+            mean *= mode.share / mode.square
         upto = UPTO[k % N]
         for other in range(n // N):
             inside, behind = 1.0 if other == part else 0.0, here if other > part else 0.0
@@ -150,8 +164,7 @@ def fill_system(
                 to_w[j] = -g_im + mean + h_re * cosine[j] - h_im * sine[j]
                 to_u[j] = -(a * g_im + nu * g_re) - h_re * sine[j] - h_im * cosine[j]
         for j in range(n):
-            m[j, k] = -kappa[j] * to_w[j] - gamma[j] * to_u[j]
-        m[k, k] += 1.0
+            m[j, k] -= kappa[j] * to_w[j] + gamma[j] * to_u[j]
 
 
 @kernel
@@ -222,7 +235,7 @@ def _step(oscillator: Oscillator, reach: float, bench: Bench, h: float, anew: bo
     for _ in range(MOST_STEP_HALVINGS):
         if _mix(f, old, new, share, amplitude, e + share * move):
             state.centre = e + share * move
-            move_nodes(f, lever, amplitude, state.centre, True, longrange)
+            move_nodes(f, amplitude, state.centre, True, longrange)
             return share
         share *= 0.5
     return 0.0
@@ -248,7 +261,7 @@ def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray,
             return NO_ORBIT
         h = evaluate_nodes(oscillator, f, state, True)
         state.passes += 1
-        nodes, ratio_before = quadrature_error(lever, f, True, longrange), state.last_ratio
+        nodes, ratio_before = quadrature_error(lever, f, state, True, longrange), state.last_ratio
         ratio = after_pass(lever, state, h, f.w[middle], nodes)
         if not math.isfinite(state.phase + state.tip_offset):
             return NO_ORBIT
@@ -269,22 +282,23 @@ def newton_on_response(oscillator: Oscillator, reach: float, limits: np.ndarray,
 
 
 @kernel
-def cut_contact(lever: np.ndarray, f: Nodes, finer: Nodes, longrange: bool) -> None:
-    """Carry an orbit over to nodes that cut its contact in two."""
+def cut_contact(f: Nodes, finer: Nodes, longrange: bool) -> None:
+    """Carry an orbit over to nodes that cut each part of its contact in two."""
+    finer.parts = 2 * parts_of(f)
     copy(f.far, finer.far)
     copy(f.far_weight, finer.far_weight)
-    lay_nodes(finer, lever, f.theta[ENTRY], f.theta[EXIT], longrange)
-    _interpolate(f.w, finer.w)
-    _interpolate(f.u, finer.u)
+    lay_nodes(finer, f.theta[ENTRY], f.theta[EXIT], longrange)
+    _interpolate(f.w, parts_of(f), finer.w)
+    _interpolate(f.u, parts_of(f), finer.u)
 
 
 @kernel
-def _interpolate(row: np.ndarray, finer: np.ndarray) -> None:
-    """Carry the values at nodes over to those that cut the contact in two."""
+def _interpolate(row: np.ndarray, parts: int, finer: np.ndarray) -> None:
+    """Carry the values at nodes over to those that cut each part of the contact in two."""
     for j in range(ALL):
         finer[j] = row[j]
-    for j in range(2 * N):
-        total = 0.0
+    for j in range(2 * N * parts):
+        part, total = j // (2 * N), 0.0
         for k in range(N):
-            total += INTO_PARTS[j, k] * row[TOUCH + k]
+            total += INTO_PARTS[j % (2 * N), k] * row[first_of(part) + k]
         finer[contact_node(j)] = total

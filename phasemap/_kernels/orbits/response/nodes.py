@@ -8,7 +8,8 @@ omega and nu = Im lambda the sum over all harmonics is
     G(theta - phi) = Im[exp(lambda (theta - phi)) (E + H(theta - phi))] / (omega^2 nu),   E = 1/(exp(-2 pi lambda) - 1),
 
 H the unit step, so that w at every node follows from running integrals of g exp(-lambda phi): theory,
-Eqs. (response-4), (response-5) and (response-6). In air w is some
+Eqs. (response-4), (response-5) and (response-6). A lever of several modes adds up what each makes of the force, with a
+lambda of its own. In air w is some
 hundredths of the indentation, and the passes w -> -G g converge fast; each also moves e to where the drive is the one
 given (`mismatch`; averaging is the pass with w = 0). This file has one pass; `passes` repeats it.
 """
@@ -20,27 +21,38 @@ import math
 import numpy as np
 
 from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Oscillator, contact_force, damping, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
+from phasemap._kernels.lever import Mode, mode_of, modes_of
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
 N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
 GAUSS_X, GAUSS_WEIGHTS = gauss(N)
 UPTO = np.ascontiguousarray(integration_matrix(GAUSS_X).T)  # [k, j]: integral of the k-th polynomial up to node j
-_CONTACT_S, _CONTACT_W = np.sin(np.pi * (GAUSS_X - 0.5)), np.pi * np.cos(np.pi * (GAUSS_X - 0.5))
 EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (GAUSS_X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (GAUSS_X - 1.0))
+_LEGENDRE = np.polynomial.legendre.legvander(2 * GAUSS_X - 1, N - 1).T * GAUSS_WEIGHTS
+HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
 LATE_S, LATE_W = np.sin(0.5 * np.pi * GAUSS_X), 0.5 * np.pi * np.cos(0.5 * np.pi * GAUSS_X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
-LATE, ALL_CUT = ALL, ALL + N  # the later half of a contact that is cut in two, where there is room for it
+MOST_PARTS = 8  # of a contact, which is cut in 1, 2, 4 or 8
+LATE, ALL_CUT = ALL, ALL + (MOST_PARTS - 1) * N  # the later parts of a contact that is cut, where there is room
+_PLACES = np.concatenate([np.add.outer(np.arange(n), GAUSS_X).reshape(-1) / n for n in (1, 2, 4, 8)])
+_CONTACT_S = np.sin(np.pi * (_PLACES - 0.5))  # of the nodes of a contact in n parts, from (n - 1) N
+_CONTACT_W = np.pi * np.cos(np.pi * (_PLACES - 0.5)) / np.repeat([1, 2, 4, 8], N * np.array([1, 2, 4, 8]))
+MOST_TURN = 4.0  # [rad] of the fastest mode in half an element
+SLOW_TURN = 2.0  # of theta, up to which sines need not take whole turns off
+SLOW_DECAY = 0.4  # over theta, up to which a series for an eighth of it will do
+UNRESOLVED_SHARE = 0.5 / N  # of the highest polynomials in a running integral, that may be missing in it
 
 
 @record
 class Nodes:
     """Nodes of an orbit before, in and after contact, with the motion and the force at each."""
 
-    cut: int  # 1 where the contact is cut in two elements, else 0
+    parts: int  # elements into which the contact is cut; 0 is 1
+    missed: float  # of the motion by the higher modes, which the nodes may be too few for [m]
     theta: np.ndarray = column(ALL_CUT)  # angle of the first harmonic [rad]
     cos: np.ndarray = column(ALL_CUT)
     sin: np.ndarray = column(ALL_CUT)
@@ -48,8 +60,8 @@ class Nodes:
     w: np.ndarray = column(ALL_CUT)  # motion beyond mean and first harmonic [m]
     u: np.ndarray = column(ALL_CUT)  # dw/d(theta) [m]
     g: np.ndarray = column(ALL_CUT)  # force over stiffness [m]
-    growth: np.ndarray = column(ALL_CUT)  # |exp(-lambda theta)|
-    turn_cos: np.ndarray = column(ALL_CUT)  # cosine and sine of Im(lambda) theta
+    growth: np.ndarray = column(ALL_CUT)  # |exp(-lambda theta)| of the mode that was looked at last
+    turn_cos: np.ndarray = column(ALL_CUT)  # cosine and sine of Im(lambda) theta of it
     turn_sin: np.ndarray = column(ALL_CUT)
     re: np.ndarray = column(ALL_CUT)  # g exp(-lambda theta) and its running integral
     im: np.ndarray = column(ALL_CUT)
@@ -63,7 +75,12 @@ class Nodes:
 def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray) -> None:
     """Sine and cosine of factor * angle, to 1e-11 up to 2 pi: polynomials at an eighth, doubled three times."""
     for j in range(len(angle)):
-        x = 0.125 * factor * angle[j]
+        sine[j] = 0.125 * factor * angle[j]
+    if factor > SLOW_TURN:
+        for j in range(len(angle)):
+            sine[j] -= 0.25 * math.pi * np.floor(sine[j] / (0.25 * math.pi) + 0.5)
+    for j in range(len(angle)):
+        x = sine[j]
         q = x * x
         s = x * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
         less = q * (-0.5 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * (-1 / 3628800 + q / 479001600)))))
@@ -89,32 +106,35 @@ def grade_outer_nodes(f: Nodes, amplitude: float, e: float, reach: float, edge: 
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_nodes(f: Nodes, lever: np.ndarray, entry: float, exit_: float, longrange: bool) -> None:
+def lay_nodes(f: Nodes, entry: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
     theta, weight = f.theta, f.weight
     centre, half = 0.5 * (entry + exit_), 0.5 * (exit_ - entry)
     before, after = math.pi + entry, math.pi - exit_
-    for j in range(N):
-        theta[TOUCH + j] = centre + half * _CONTACT_S[j]
-        weight[TOUCH + j] = half * _CONTACT_W[j]
-        if longrange:
-            theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
-            theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
-    if f.cut:
+    parts = parts_of(f)
+    for part in range(parts):
+        first, place = first_of(part), N * (parts - 1 + part)
         for j in range(N):
-            theta[TOUCH + j], weight[TOUCH + j] = centre + half * EARLY_S[j], half * EARLY_W[j]
-            theta[LATE + j], weight[LATE + j] = centre + half * LATE_S[j], half * LATE_W[j]
+            theta[first + j] = centre + half * _CONTACT_S[place + j]
+            weight[first + j] = half * _CONTACT_W[place + j]
+    for j in range(N if longrange else 0):
+        theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
+        theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
-    fill_angles(f, lever)
+    fill_angles(f)
+
+
+@kernel
+def fill_angles(f: Nodes) -> None:
+    """Fill in sines and cosines of the angles of the nodes."""
+    _turn(f.theta[: count_of(f)], 1.0, f.sin, f.cos)
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_angles(f: Nodes, lever: np.ndarray) -> None:
-    """Fill in what goes with the angles of the nodes: sines and cosines, and exp(-lambda theta)."""
-    count, omega, alpha0 = count_of(f), lever[OMEGA], lever[ALPHA0]
+def fill_mode(f: Nodes, mode: Mode) -> None:
+    """Fill in exp(-lambda theta) of a mode at the nodes."""
+    count, nu = count_of(f), mode.turn
     theta = f.theta[:count]
-    _turn(theta, 1.0, f.sin, f.cos)
-    nu = math.sqrt(1.0 - alpha0 * alpha0) / omega
     if abs(nu - 1.0) < 3e-4:
         for j in range(count):  # a small angle more, to third order
             more = (nu - 1.0) * theta[j]
@@ -123,30 +143,59 @@ def fill_angles(f: Nodes, lever: np.ndarray) -> None:
             f.turn_cos[j] = f.cos[j] * less - f.sin[j] * more
     else:
         _turn(theta, nu, f.turn_sin, f.turn_cos)
+    slow = -mode.decay < SLOW_DECAY
+    step = -0.125 * mode.decay if slow else -mode.decay / 64.0
     for j in range(count):
-        x = 0.125 * alpha0 / omega * theta[j]
+        x = step * theta[j]
         grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
         grow *= grow
         grow *= grow
         f.growth[j] = grow * grow
+    for _ in range(0 if slow else 3):
+        for j in range(count):
+            f.growth[j] *= f.growth[j]
 
 
 @kernel
 def parts_of(f: Nodes) -> int:
     """Number of elements in contact."""
-    return 2 if f.cut else 1
+    return max(f.parts, 1)
+
+
+@kernel
+def first_of(part: int) -> int:
+    """The first node of a part of the contact."""
+    return TOUCH if part == 0 else LATE + (part - 1) * N
 
 
 @kernel
 def count_of(f: Nodes) -> int:
     """Number of nodes, the two edges of the contact included."""
-    return ALL_CUT if f.cut else ALL
+    return ALL + (parts_of(f) - 1) * N
+
+
+@kernel
+def parts_needed(oscillator: Oscillator, half: float, depth: float) -> int:
+    """Into how many elements a contact is cut, for its nodes to follow the fastest mode that the surface stiffens.
+
+    `half`: of its length [rad].
+    `depth`: [m].
+    """
+    law, p, lever = oscillator
+    last, all_shares, parts = mode_of(lever, modes_of(lever) - 1), 0.0, 1
+    for i in range(modes_of(lever)):
+        all_shares += mode_of(lever, i).share
+    stiff = max(contact_slope(law, max(depth, 0.0), p), 0.0) / lever[STIFFNESS]
+    turn = math.sqrt(last.square + all_shares * stiff) / lever[OMEGA]
+    while parts <= MOST_PARTS and half * turn > MOST_TURN * parts:
+        parts *= 2
+    return parts
 
 
 @kernel
 def middle_of(f: Nodes) -> int:
     """A node in the middle of the contact."""
-    return TOUCH + N // 2 if parts_of(f) == 1 else LATE
+    return TOUCH + N // 2 if parts_of(f) == 1 else first_of(parts_of(f) // 2)
 
 
 @kernel
@@ -199,7 +248,7 @@ def force(
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     damped = p[DAMPING] != 0.0
     for part in range(parts_of(f) if touching else 0):
-        first = TOUCH if part == 0 else LATE
+        first = first_of(part)
         for j in range(N):
             i = first + j
             d = max(amplitude * f.cos[i] + f.w[i] - e, 0.0)
@@ -243,10 +292,10 @@ def periods_before(a: float, nu: float) -> tuple[float, float]:
 
 
 @kernel(fastmath=ANY_ORDER)
-def first_harmonic(omega: float, alpha0: float, push: float, drag: float) -> tuple[float, float]:
-    """Return (P - iS)/(1 - omega^2 + 2 i alpha0 omega), the lever's response to the first harmonic of the force."""
-    x, y = 1.0 - omega * omega, 2.0 * alpha0 * omega
-    below = 1.0 / (x * x + y * y)
+def first_harmonic(omega: float, mode: Mode, push: float, drag: float) -> tuple[float, float]:
+    """A mode's response to the first harmonic of g: share (P - iS)/(square - omega^2 + 2 i rate omega)."""
+    x, y = mode.square - omega * omega, 2.0 * mode.rate * omega
+    below = mode.share / (x * x + y * y)
     return (push * x - drag * y) * below, (-drag * x - push * y) * below
 
 
@@ -255,40 +304,62 @@ def respond(
     f: Nodes, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
 ) -> None:
     """Replace w and w' by the lever's response to g."""
-    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
-    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
+    f.missed = 0.0
+    for i in range(modes_of(lever)):
+        mode = mode_of(lever, i)
+        fill_mode(f, mode)
+        all_re, all_im = _sum_up(f, touching, longrange)
+        e_re, e_im = periods_before(mode.decay, mode.turn)
+        round_ = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
+        h = first_harmonic(lever[OMEGA], mode, push, drag)
+        share = mode.share / (lever[OMEGA] * lever[OMEGA] * mode.turn)
+        _add_motion(f, mode, share, round_, (mean * mode.share / mode.square, h[0], h[1]), i == 0)
+        if i > 0:
+            f.missed += share * _unresolved(f, touching, longrange)
+
+
+@kernel(fastmath=ANY_ORDER)
+def _sum_up(f: Nodes, touching: bool, longrange: bool) -> tuple[float, float]:
+    """Fill in g exp(-lambda theta) and its integrals from the start of the period; returns those over all of it."""
     for j in range(3 * N):
         share = f.g[j] * f.weight[j] * f.growth[j]
         f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
-    in_re, in_im, at_re, at_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(LATE, LATE + (parts_of(f) - 1) * N):
+        share = f.g[j] * f.weight[j] * f.growth[j]
+        f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
+    in_re, in_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0
     if longrange:
         in_re, in_im = _running(f, IN)
         out_re, out_im = _running(f, OUT)
-    if touching:
-        at_re, at_im = _running(f, TOUCH)
-    if touching and parts_of(f) > 1:
-        for j in range(LATE, LATE + N):
-            share = f.g[j] * f.weight[j] * f.growth[j]
-            f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
-        late_re, late_im = _running(f, LATE)
-        for j in range(LATE, LATE + N):
-            f.sum_re[j] += in_re + at_re
-            f.sum_im[j] += in_im + at_im
-        at_re, at_im = at_re + late_re, at_im + late_im
+    at_re, at_im = in_re, in_im
+    for part in range(parts_of(f) if touching else 0):
+        first = first_of(part)
+        part_re, part_im = _running(f, first)
+        for j in range(first, first + N):
+            f.sum_re[j] += at_re
+            f.sum_im[j] += at_im
+        at_re, at_im = at_re + part_re, at_im + part_im
     for j in range(N):
         # The element before contact was integrated backwards.
         f.sum_re[j], f.sum_im[j] = in_re - f.sum_re[j], in_im - f.sum_im[j]
-        f.sum_re[TOUCH + j] += in_re
-        f.sum_im[TOUCH + j] += in_im
-        f.sum_re[OUT + j] += in_re + at_re
-        f.sum_im[OUT + j] += in_im + at_im
+        f.sum_re[OUT + j] += at_re
+        f.sum_im[OUT + j] += at_im
     f.sum_re[ENTRY], f.sum_im[ENTRY] = in_re, in_im
-    f.sum_re[EXIT], f.sum_im[EXIT] = in_re + at_re, in_im + at_im
-    all_re, all_im = in_re + at_re + out_re, in_im + at_im + out_im
-    e_re, e_im = periods_before(a, nu)
-    round_re, round_im = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
-    h_re, h_im = first_harmonic(omega, alpha0, push, drag)
-    share = 1.0 / (omega * omega * nu)
+    f.sum_re[EXIT], f.sum_im[EXIT] = at_re, at_im
+    return at_re + out_re, at_im + out_im
+
+
+@kernel(fastmath=ANY_ORDER)
+def _add_motion(
+    f: Nodes,
+    mode: Mode,
+    share: float,
+    round_: tuple[float, float],
+    harmonic: tuple[float, float, float],
+    anew: bool,
+) -> None:
+    """Add to w and w' the motion of a mode, less its mean and its first harmonic; or let it replace them."""
+    a, nu, (round_re, round_im), (mean, h_re, h_im) = mode.decay, mode.turn, round_, harmonic
     for j in range(count_of(f)):
         m_re, m_im = round_re + f.sum_re[j], round_im + f.sum_im[j]
         shrink = share / f.growth[j]
@@ -296,12 +367,32 @@ def respond(
         g_im = t_re * m_im + t_im * m_re
         g_re = t_re * m_re - t_im * m_im
         c, s = f.cos[j], f.sin[j]
-        f.w[j] = -g_im + mean + h_re * c - h_im * s
-        f.u[j] = -(a * g_im + nu * g_re) - h_re * s - h_im * c
+        w, u = (0.0, 0.0) if anew else (f.w[j], f.u[j])
+        f.w[j] = w - g_im + mean + h_re * c - h_im * s
+        f.u[j] = u - (a * g_im + nu * g_re) - h_re * s - h_im * c
 
 
 @kernel(fastmath=ANY_ORDER)
-def move_nodes(f: Nodes, lever: np.ndarray, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
+def _unresolved(f: Nodes, touching: bool, longrange: bool) -> float:
+    """Integral of g exp(-lambda theta) that the nodes may miss, from what their highest polynomials find in it."""
+    rest = 0.0
+    for element in range(2 + parts_of(f)):
+        if not (longrange if element == 0 or element == 2 else touching):
+            continue
+        first = N * element if element < 3 else LATE + (element - 3) * N
+        re, im, re_before, im_before = 0.0, 0.0, 0.0, 0.0
+        for j in range(N):
+            re_before += HIGHEST[0, j] * f.re[first + j]
+            im_before += HIGHEST[0, j] * f.im[first + j]
+            re += HIGHEST[1, j] * f.re[first + j]
+            im += HIGHEST[1, j] * f.im[first + j]
+        size = abs(re) + abs(im) + abs(re_before) + abs(im_before)
+        rest += UNRESOLVED_SHARE * size / f.growth[first + N // 2]
+    return rest
+
+
+@kernel(fastmath=ANY_ORDER)
+def move_nodes(f: Nodes, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
     """Move the nodes to where the contact is now, and w with them."""
     count, before = count_of(f), f.re
     theta = f.theta[:count]
@@ -310,6 +401,6 @@ def move_nodes(f: Nodes, lever: np.ndarray, amplitude: float, e: float, touching
     if touching:
         entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
         exit_ = theta[EXIT] - (amplitude * f.cos[EXIT] + f.w[EXIT] - e) / (f.u[EXIT] - amplitude * f.sin[EXIT])
-    lay_nodes(f, lever, entry, exit_, longrange)
+    lay_nodes(f, entry, exit_, longrange)
     for j in range(count):
         f.w[j] += f.u[j] * (theta[j] - before[j])

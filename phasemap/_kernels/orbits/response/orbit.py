@@ -9,10 +9,10 @@ from phasemap._kernels.columns import DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import Maximum, near_resonance, put_averaged_orbit
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import is_sticky, reach_of
+from phasemap._kernels.lever import is_sticky, modes_of, reach_of
 from phasemap._kernels.orbits.response.firm import newton_orbit_is_kept
 from phasemap._kernels.orbits.response.newton import Bench, cut_contact, newton_on_response
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, Nodes, middle_of
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, middle_of, parts_of
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
     UNRESOLVED,
@@ -69,8 +69,14 @@ def largest_branch_distance(lever: np.ndarray, amplitude: float) -> float:
 
 @kernel
 def nodes_of_solution(room: Room) -> Nodes:
-    """Nodes that hold the orbit of `room.state`: the finer ones if its contact is cut in two."""
-    return room.finer if room.state.parts > 1 else room.nodes
+    """Nodes that hold the orbit of `room.state`: those that cut its contact into as many parts."""
+    return room.nodes if room.state.parts == parts_of(room.nodes) else room.finer
+
+
+@kernel
+def most_parts(lever: np.ndarray) -> int:
+    """Into how many elements a contact may be cut."""
+    return 2 if modes_of(lever) == 1 else MOST_PARTS
 
 
 @kernel
@@ -86,6 +92,8 @@ def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.n
     p, lever = oscillator.p, oscillator.lever
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     if e < -SHALLOWEST * amplitude:
+        if modes_of(lever) > 1:
+            return False
         _reset_pass_state(guess, e, room.state)
         return pressed_orbit(oscillator, limits, room.pressed, room.state) and on_same_branch(lever, guess, room.state)
     if _pass_from(oscillator, reach, guess, e, limits, room):
@@ -110,15 +118,16 @@ def _pass_from(
     _reset_pass_state(guess, e, state)
     if not start_passes(oscillator, reach, f, state):
         return False
-    state.parts = 1
+    state.parts = parts_of(f)
     found = converge(oscillator, f, state, False, limits[0], limits[1])
-    if found == UNRESOLVED and f.theta[EXIT] > f.theta[ENTRY] and beside_resonance(lever):
+    other, cut = room.finer, beside_resonance(lever) or modes_of(lever) > 1
+    while found == UNRESOLVED and f.theta[EXIT] > f.theta[ENTRY] and cut and 2 * parts_of(f) <= most_parts(lever):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
         if not put_averaged_orbit(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
-        room.finer.cut = 1
-        cut_contact(lever, f, room.finer, longrange)
-        f, state.parts = room.finer, 2
+        cut_contact(f, other, longrange)
+        f, other = other, f
+        state.parts = parts_of(f)
         evaluate_nodes(oscillator, f, state, True)
         found = converge(oscillator, f, state, False, limits[0], limits[1])
     if found != FOUND or not on_same_branch(lever, guess, state):
@@ -147,7 +156,7 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
     That its harmonics lift the tip does not bring it to another branch.
     """
     law, p, lever = oscillator
-    bench, reach, e, amplitude, parts = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A], 1
+    bench, reach, e, amplitude = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A]
     _reset_pass_state(guess, e, bench.state)
     if guess[col.G_P] < 0.0:
         return 0  # where the force outside of contact counts as much, it is not known how the branch goes on
@@ -155,18 +164,18 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
         return 0  # nor is that force little enough to follow a step behind
     if not e < amplitude or not start_passes(oscillator, reach, bench.nodes, bench.state):
         return 0
-    found = newton_on_response(oscillator, reach, limits, bench)
-    if found == UNRESOLVED:
-        cut_contact(lever, short.nodes, long.nodes, p[LONGRANGE] != 0.0)
-        assign(long.state, short.state)
-        bench, parts = long, 2
+    found, other = newton_on_response(oscillator, reach, limits, bench), long
+    while found == UNRESOLVED and 2 * parts_of(bench.nodes) <= most_parts(lever):
+        cut_contact(bench.nodes, other.nodes, p[LONGRANGE] != 0.0)
+        assign(other.state, bench.state)
+        bench, other = other, bench
         found = newton_on_response(oscillator, reach, limits, bench)
     f, state = bench.nodes, bench.state
     if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
         return 0
     near = abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, amplitude)
     near = near or abs(state.centre - f.w[middle_of(f)] - e) < FAR_OFF * amplitude
-    return parts if near and newton_orbit_is_kept(oscillator, reach, bench) else 0
+    return parts_of(f) if near and newton_orbit_is_kept(oscillator, reach, bench) else 0
 
 
 @kernel

@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, LONGRANGE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mismatch, phase_of
+from phasemap._kernels.lever import low_q, mismatch, modes_of, phase_of, static_compliance
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.mixing import keep_motion, mix, new_past
 from phasemap._kernels.orbits.response.nodes import (
@@ -18,18 +18,22 @@ from phasemap._kernels.orbits.response.nodes import (
     EXIT,
     GAUSS_WEIGHTS,
     GAUSS_X,
+    HIGHEST,
     IN,
     LATE,
+    MOST_PARTS,
     OUT,
     TOUCH,
     N,
     Nodes,
     clear_motion,
+    first_of,
     force,
     grade_outer_nodes,
     lay_nodes,
     middle_of,
     move_nodes,
+    parts_needed,
     parts_of,
     respond,
 )
@@ -51,8 +55,6 @@ SHARE_WITHIN = 0.1  # of the nodes' estimate that is taken within a linewidth of
 SHARE_BESIDE = 0.01  # the same beside it
 LEAST_EDGE_COSINE = -0.98  # cosine of the contact's edge below which the nodes do not do
 BARYCENTRIC = barycentric(GAUSS_X)
-_LEGENDRE_AT_NODES = np.polynomial.legendre.legvander(2 * GAUSS_X - 1, N - 1).T * GAUSS_WEIGHTS
-HIGHEST = _LEGENDRE_AT_NODES[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
 
 
 @record
@@ -103,26 +105,33 @@ def beside_resonance(lever: np.ndarray) -> bool:
     return abs(lever[DYNAMIC_STIFFNESS]) > lever[DYNAMIC_LOSS]
 
 
+@kernel
+def passes_are_mixed(lever: np.ndarray) -> bool:
+    """Whether passes contract slowly for other reasons than a stiff contact."""
+    return beside_resonance(lever) or (modes_of(lever) > 1 and low_q(lever))
+
+
 @kernel(fastmath=ANY_ORDER)
-def quadrature_error(lever: np.ndarray, f: Nodes, touching: bool, longrange: bool) -> float:
+def quadrature_error(lever: np.ndarray, f: Nodes, state: PassState, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and mean deflection [m] from the finite number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
     integral. A tenth of that is a hundred times the error and more; beside resonance, where contacts are long, no more
-    than a hundredth is taken.
+    than a hundredth is taken. What the nodes miss of the motion by higher modes counts as if e were off by it.
     """
     rest = 0.0
     for element in range(2 + parts_of(f)):
         if not (longrange if element == 0 or element == 2 else touching):
             continue
-        even, odd, size, first = 0.0, 0.0, 0.0, N * element if element < 3 else LATE
+        even, odd, size, first = 0.0, 0.0, 0.0, N * element if element < 3 else first_of(element - 2)
         for j in range(N):
             share = f.g[first + j] * f.weight[first + j]
             even += HIGHEST[0, j] * share
             odd += HIGHEST[1, j] * share
             size += GAUSS_WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
-    return (SHARE_BESIDE if beside_resonance(lever) else SHARE_WITHIN) * rest
+    rest *= SHARE_BESIDE if beside_resonance(lever) else SHARE_WITHIN
+    return rest + 0.5 * f.missed * abs(state.slope) * lever[DRIVE]
 
 
 @kernel
@@ -153,15 +162,18 @@ def estimate_pass_errors(
 @kernel
 def start_passes(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
     """Lay the nodes of the harmonic orbit with the state's amplitude and centre e; False if it is out of range."""
-    p, lever = oscillator.p, oscillator.lever
-    amplitude, e = state.amplitude, state.centre
+    p, lever, amplitude, e = oscillator.p, oscillator.lever, state.amplitude, state.centre
     c = e / amplitude
     if c < LEAST_EDGE_COSINE or (c >= 1.0 and p[LONGRANGE] == 0.0):
         return False
     edge = math.acos(c) if c < 1.0 else 0.0
+    if modes_of(lever) > 1:
+        f.parts = parts_needed(oscillator, edge, amplitude - e)
+        if f.parts > MOST_PARTS:
+            return False
     if p[LONGRANGE] != 0.0:
         grade_outer_nodes(f, amplitude, e, reach, edge)
-    lay_nodes(f, lever, -edge, edge, p[LONGRANGE] != 0.0)
+    lay_nodes(f, -edge, edge, p[LONGRANGE] != 0.0)
     clear_motion(f)
     evaluate_nodes(oscillator, f, state, c < 1.0)
     return True
@@ -173,11 +185,11 @@ def balance_drive(oscillator: Oscillator, f: Nodes, state: PassState, touching: 
 
     The tip that w lifts by so much [m] is first lowered by as much, which leaves its depth and nearly its force.
     """
-    p, lever = oscillator.p, oscillator.lever
+    p = oscillator.p
     amplitude, longrange, hold = state.amplitude, p[LONGRANGE] != 0.0, math.isnan(lift)
     if not hold:
         state.centre += lift
-    move_nodes(f, lever, amplitude, state.centre, touching, longrange)
+    move_nodes(f, amplitude, state.centre, touching, longrange)
     h = evaluate_nodes(oscillator, f, state, touching)
     if hold:
         return h
@@ -187,7 +199,7 @@ def balance_drive(oscillator: Oscillator, f: Nodes, state: PassState, touching: 
         before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
-        move_nodes(f, lever, amplitude, state.centre, touching, longrange)
+        move_nodes(f, amplitude, state.centre, touching, longrange)
         h = evaluate_nodes(oscillator, f, state, touching)
         update_slopes(state, move, h, before)
     return h
@@ -222,7 +234,7 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
     push, drag = state.push + move * state.push_slope, state.drag + move * state.drag_slope
     phase, height = (
         phase_of(lever, state.amplitude, push, drag),
-        state.centre + move - (state.mean_force + move * state.mean_slope),
+        state.centre + move - static_compliance(lever) * (state.mean_force + move * state.mean_slope),
     )
     # What is taken off to first order may be wrong by as much, and the next w is that of a force that lacks it.
     lacks, taken_off = state.lacks, abs(phase - phase_of(lever, state.amplitude, state.push, state.drag))
@@ -251,18 +263,19 @@ def converge(
     """Repeat passes until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, drive is found.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
-    and passes in contact contract slowly, so that all but the first are mixed.
+    and passes in contact contract slowly, so that all but the first are mixed. So they do where taps set off other
+    modes.
     """
     p, lever = oscillator.p, oscillator.lever
     longrange = p[LONGRANGE] != 0.0
     touching = f.theta[EXIT] > f.theta[ENTRY]  # harmonics may lift the tip so that it touches with e > A
-    nearest, beside = middle_of(f) if touching else OUT, touching and beside_resonance(lever)
+    nearest, beside = middle_of(f) if touching else OUT, touching and passes_are_mixed(lever)
     left_before, slow, past = math.inf, 0, new_past(f, beside)
     harmonic, h = state.passes == 0, 0.0
     first_pass(state)
     if harmonic:  # which the first pass changes
         state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
-        state.tip_offset = state.centre - state.mean_force
+        state.tip_offset = state.centre - static_compliance(lever) * state.mean_force
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
         if beside:
@@ -271,12 +284,12 @@ def converge(
         lift = f.w[nearest] - before
         if beside and passes > 0:
             state.centre += mix(f, 0.0 if hold else lift - h / state.slope, passes - 1, past)
-            move_nodes(f, lever, state.amplitude, state.centre, touching, longrange)
+            move_nodes(f, state.amplitude, state.centre, touching, longrange)
             h = evaluate_nodes(oscillator, f, state, touching)
         else:
             h = balance_drive(oscillator, f, state, touching, math.nan if hold else lift)
         state.passes += 1
-        nodes = quadrature_error(lever, f, touching, longrange)
+        nodes = quadrature_error(lever, f, state, touching, longrange)
         ratio = after_pass(lever, state, h, f.w[nearest], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] >= f.theta[ENTRY]):
             return NO_ORBIT
@@ -315,7 +328,8 @@ def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state.amplitude, lever[STIFFNESS]
     move = state.move
-    mean, push = -(state.mean_force + move * state.mean_slope), state.push + move * state.push_slope
+    mean = -static_compliance(lever) * (state.mean_force + move * state.mean_slope)
+    push = state.push + move * state.push_slope
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN] = state.tip_offset, mean
     row[col.PHASE], row[col.AMPLITUDE] = state.phase, amplitude
@@ -354,8 +368,8 @@ def _in_contact(f: Nodes, angle: float) -> float:
     centre, half = 0.5 * (f.theta[ENTRY] + f.theta[EXIT]), 0.5 * (f.theta[EXIT] - f.theta[ENTRY])
     x, first = math.asin((angle - centre) / half) / math.pi + 0.5, TOUCH
     if parts_of(f) > 1:
-        first = TOUCH if x < 0.5 else LATE
-        x = 2.0 * x if x < 0.5 else 2.0 * x - 1.0
+        part = min(int(parts_of(f) * x), parts_of(f) - 1)
+        first, x = first_of(part), parts_of(f) * x - part
     above, below = 0.0, 0.0
     for j in range(N):
         if x == GAUSS_X[j]:

@@ -138,7 +138,7 @@ def lay_relaxing(f: Nodes, lever: np.ndarray, entry: float, turn: float, exit_: 
             theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
             theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
     theta[ENTRY], theta[EXIT], theta[TURN_NODE] = entry, exit_, turn
-    fill_angles(f, lever)
+    fill_angles(f)
 
 
 @kernel(fastmath=ANY_ORDER)

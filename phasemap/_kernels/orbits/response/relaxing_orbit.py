@@ -11,13 +11,14 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ALPHA0, LONGRANGE, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mismatch, phase_of, reach_of
+from phasemap._kernels.lever import mismatch, modes_of, phase_of, reach_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
     GAUSS_WEIGHTS,
     GAUSS_X,
+    HIGHEST,
     LATE,
     TOUCH,
     N,
@@ -29,7 +30,6 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.orbit import on_same_branch
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
-    HIGHEST,
     LEAST_EDGE_COSINE,
     LIFT_LEFT,
     MOST_MOVES,
@@ -170,7 +170,7 @@ def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) 
         respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
         h = balance_relaxing(oscillator, bench, f.w[LATE] - before)
         state.passes += 1
-        nodes = quadrature_error(lever, f, True, longrange) + relaxation_quadrature_error(p, f, m)
+        nodes = quadrature_error(lever, f, state, True, longrange) + relaxation_quadrature_error(p, f, m)
         ratio = after_pass(lever, state, h, f.w[LATE], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] > f.theta[ENTRY]):
             return NO_ORBIT
@@ -250,13 +250,15 @@ def slow_flow_is_stable(oscillator: Oscillator, bench: Bench) -> bool:
 def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, bench: Bench) -> bool:
     """Exact orbit near the averaged one of `guess`, if passes find it within `limits` and it is sound.
 
-    One that does not touch has nothing to remember.
+    One that does not touch has nothing to remember. A lever of several modes is left to others.
     """
     law, p, lever = oscillator
     f, m, state = bench
     reach, e = reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN]
+    if modes_of(lever) > 1:
+        return False
     clear(state)
-    f.cut, state.parts = 1, 2
+    f.parts, state.parts = 2, 2
     state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
     if e >= state.amplitude:
         if not start_passes(oscillator, reach, f, state):

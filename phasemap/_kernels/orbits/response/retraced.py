@@ -97,7 +97,7 @@ def retrace(oscillator: Oscillator, row: np.ndarray, f: Nodes, state: PassState)
         _press(f, state, push)
     for _ in range(RETRACING_PASSES):
         respond(f, lever, state.mean_force, state.push, state.drag, touching, longrange)
-        move_nodes(f, lever, amplitude, e, touching, longrange)
+        move_nodes(f, amplitude, e, touching, longrange)
         if touching and not f.theta[EXIT] > f.theta[ENTRY]:
             return False
         evaluate_nodes(oscillator, f, state, touching)

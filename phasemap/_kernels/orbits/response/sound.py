@@ -7,20 +7,30 @@ import math
 from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping, longrange_slope
+from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.multipliers import is_held
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
     GAUSS_WEIGHTS,
+    IN,
     LATE,
     OUT,
     TOUCH,
     N,
     Nodes,
+    contact_node,
+    fill_mode,
+    grade_outer_nodes,
+    lay_nodes,
     parts_of,
+    respond,
 )
 from phasemap._kernels.orbits.response.passes import ENERGY_LEFT, PassState, relative_energy_defect
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
+ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
 LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
 
 
@@ -61,18 +71,21 @@ def orbit_is_kept(
     to zero.
     """
     law, p, lever = oscillator
+    if modes_of(lever) > 1:
+        return _several_modes_are_kept(oscillator, reach, f, state)
     amplitude, e = state.amplitude, state.centre
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
     touching, longrange = f.theta[EXIT] > f.theta[ENTRY], p[LONGRANGE] != 0.0
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
+    fill_mode(f, mode_of(lever, 0))
     depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
     little, decay = 1e-3 * depth, -4.0 * math.pi * a
     late = (parts_of(f) - 1) * N  # nodes of a later half of the contact
     for k in range(3 * N + late):
         # In the order of time: the element before contact runs backwards.
-        j = N - 1 - k if k < N else k if k < 2 * N else LATE + k - 2 * N if k < 2 * N + late else k - late
-        in_contact, width = N <= k < 2 * N + late, GAUSS_WEIGHTS[j % N if j < LATE else j - LATE] * f.weight[j]
+        j = N - 1 - k if k < N else contact_node(k - N) if k < 2 * N + late else k - late
+        in_contact, width = N <= k < 2 * N + late, GAUSS_WEIGHTS[j % N if j < LATE else (j - LATE) % N] * f.weight[j]
         if not (touching if in_contact else longrange):
             continue
         d = amplitude * f.cos[j] + f.w[j] - e
@@ -99,3 +112,47 @@ def orbit_is_kept(
     trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
     return far and state.slope * depth < -LEAST_SLOPE and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+
+
+@kernel
+def _several_modes_are_kept(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
+    """The same of a lever of several modes, which also may touch once more, or come to swing in another mode."""
+    lever = oscillator.lever
+    if f.theta[EXIT] > f.theta[ENTRY]:
+        if not touches_once(oscillator, reach, f, state):
+            return False
+    elif max(state.amplitude * f.cos[IN] + f.w[IN], state.amplitude * f.cos[OUT] + f.w[OUT]) > state.centre:
+        return False
+    depth = max(reach + max(state.centre - state.amplitude, 0.0), state.amplitude - state.centre)
+    good = state.slope * depth < -LEAST_SLOPE and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+    return good and is_held(oscillator, f, state)
+
+
+@kernel
+def touches_once(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
+    """Whether the tip touches at the nodes in contact and nowhere else."""
+    p, lever = oscillator.p, oscillator.lever
+    amplitude, e, deepest = state.amplitude, state.centre, 0.0
+    if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
+        grade_outer_nodes(f, amplitude, e, (1e-3 if modes_of(lever) == 1 else 1.0) * amplitude, f.theta[EXIT])
+        lay_nodes(f, f.theta[ENTRY], f.theta[EXIT], True)
+        for j in range(N):
+            f.g[IN + j], f.g[OUT + j] = 0.0, 0.0
+        respond(f, lever, state.mean_force, state.push, state.drag, True, True)
+    for k in range(N * parts_of(f)):
+        deepest = max(deepest, amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e)
+    aside = ASIDE * max(deepest, reach)
+    for k in range(N * parts_of(f)):
+        if amplitude * f.cos[contact_node(k)] + f.w[contact_node(k)] - e < -aside:
+            return False
+    theta, w, u = f.theta, f.w, f.u
+    for side in range(2):
+        for j in range(IN if side == 0 else OUT, (IN if side == 0 else OUT) + N):
+            highest = amplitude * f.cos[j] + w[j]
+            if modes_of(lever) > 1 and j % N > 0:
+                i, k = (j, j - 1) if side == 0 else (j - 1, j)
+                between, _ = apex_between(amplitude, theta[i], w[i], u[i], theta[k], w[k], u[k])
+                highest = max(highest, between)
+            if highest - e > aside:
+                return False
+    return True

@@ -1,0 +1,106 @@
+"""The largest multiplier of an orbit of a lever that has several modes.
+
+Between nodes each mode moves freely, at them the surface kicks all modes by what it makes of a small motion: its
+stiffness, its damping. What a period so makes of a motion of each mode is the monodromy matrix.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.dense import spectral_radius
+from phasemap._kernels.law import Oscillator, longrange_slope
+from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.orbits.response.newton import stiffness
+from phasemap._kernels.orbits.response.nodes import (
+    ENTRY,
+    EXIT,
+    GAUSS_WEIGHTS,
+    LATE,
+    OUT,
+    N,
+    Nodes,
+    contact_node,
+    count_of,
+    fill_mode,
+    parts_of,
+)  # fmt: skip
+from phasemap._kernels.orbits.response.passes import PassState
+
+CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, that must be lost at least
+
+
+@kernel
+def is_held(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
+    """Whether all multipliers of a lever of several modes are within one, and clearly so: theory, Eq. (stability-7).
+
+    The lever is kicked at every node by stiffness and damping of the surface there.
+    """
+    lever, slowest = oscillator.lever, -math.inf
+    modes = modes_of(lever)
+    size, motions = 2 * modes, np.zeros((2 * modes, 2 * modes))
+    turns, one = np.empty((count_of(f), 3 * modes)), np.empty((4, 2 * modes))
+    for i in range(modes):
+        mode = mode_of(lever, i)
+        slowest = max(slowest, mode.decay)
+        fill_mode(f, mode)
+        for j in range(count_of(f)):
+            turns[j, 3 * i], turns[j, 3 * i + 1], turns[j, 3 * i + 2] = f.growth[j], f.turn_cos[j], f.turn_sin[j]
+        motions[2 * i, 2 * i] = motions[2 * i + 1, 2 * i + 1] = 1.0
+    touching, longrange = f.theta[EXIT] > f.theta[ENTRY], oscillator.p[LONGRANGE] != 0.0
+    contact = N * parts_of(f)
+    for k in range(2 * N + contact):
+        # In the order of time: the element before contact runs backwards.
+        j = N - 1 - k if k < N else contact_node(k - N) if k < N + contact else OUT + k - N - contact
+        if touching if N <= k < N + contact else longrange:
+            _kick(oscillator, f, state, j, N <= k < N + contact, turns[j], one, motions)
+    for i in range(modes):  # on to the next period
+        mode = mode_of(lever, i)
+        shrink = math.exp(2.0 * math.pi * mode.decay)
+        c, s = shrink * math.cos(2.0 * math.pi * mode.turn), shrink * math.sin(2.0 * math.pi * mode.turn)
+        for k in range(size):
+            x, y = motions[2 * i, k], motions[2 * i + 1, k]
+            motions[2 * i, k], motions[2 * i + 1, k] = c * x + s * y, c * y - s * x
+    return spectral_radius(motions.reshape(size * size), size) < 1.0 - CLEARLY_HELD * -math.expm1(
+        2.0 * math.pi * slowest
+    )
+
+
+@kernel
+def _kick(
+    oscillator: Oscillator, f: Nodes, state: PassState, j: int, in_contact: bool, turns: np.ndarray, one: np.ndarray,
+    motions: np.ndarray,
+) -> None:  # fmt: skip
+    """Kick small motions x cos(nu theta) + y sin(nu theta) of each mode by the surface's answer at a node.
+
+    `turns` (shape (3 modes,)): growth, cosine and sine of each mode there.
+    `one` (shape (4, 2 modes)): room.
+    `motions` (shape (2 modes, 2 modes)): x and y of each mode, a motion in each column.
+    """
+    law, p, lever = oscillator
+    omega, modes, all_shares = lever[OMEGA], modes_of(lever), 0.0
+    d = state.amplitude * f.cos[j] + f.w[j] - state.centre
+    width = GAUSS_WEIGHTS[j % N if j < LATE else (j - LATE) % N] * f.weight[j] / (omega * omega)
+    if in_contact:
+        kappa, gamma = stiffness(oscillator, max(d, 0.0), f.u[j] - state.amplitude * f.sin[j])
+    else:
+        kappa, gamma = longrange_slope(law, min(d, 0.0), p) / lever[STIFFNESS], 0.0
+    for i in range(modes):
+        mode = mode_of(lever, i)
+        c, s, grow = turns[3 * i + 1], turns[3 * i + 2], turns[3 * i]
+        one[0, 2 * i] = (kappa * c + gamma * (mode.decay * c - mode.turn * s)) / grow
+        one[0, 2 * i + 1] = (kappa * s + gamma * (mode.decay * s + mode.turn * c)) / grow
+        one[1, 2 * i] = width * mode.share / mode.turn * grow * s
+        one[1, 2 * i + 1] = -width * mode.share / mode.turn * grow * c
+        all_shares += mode.share
+    within = 1.0 / (1.0 + 0.5 * width * gamma * all_shares)  # damping acts on the mean of the velocities
+    for k in range(2 * modes):
+        force = 0.0
+        for i in range(2 * modes):
+            force += one[0, i] * motions[i, k]
+        for i in range(2 * modes):
+            motions[i, k] += within * force * one[1, i]
