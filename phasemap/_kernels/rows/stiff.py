@@ -12,6 +12,7 @@ from phasemap._kernels.orbits.response.newton import new_bench
 from phasemap._kernels.orbits.response.nodes import MOST_PARTS, Nodes, parts_of
 from phasemap._kernels.orbits.response.orbit import refine_stiff
 from phasemap._kernels.orbits.response.passes import PassState
+from phasemap._kernels.orbits.response.softened import Before
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose
 
@@ -35,13 +36,14 @@ def stiff_rows(
     nodes, finer = Nodes(), Nodes()
     nodes.parts, finer.parts = (1, 2) if modes_of(lever) == 1 else (MOST_PARTS, MOST_PARTS)
     short, long, guess = new_bench(nodes, PassState()), new_bench(finer, PassState()), np.zeros(col.GUESS)
+    before = Before()
     for i in range(first, last):
         if status[i] != col.STIFF:
             continue
         p, row = parameters(rows[i]), out[i]
         for j in range(6):
             guess[j] = row[j]
-        parts = refine_stiff(Oscillator(law, p, lever), guess, limits, short, long)
+        parts = refine_stiff(Oscillator(law, p, lever), guess, limits, short, long, before)
         if parts == 0:
             status[i] = col.PENDING
             continue

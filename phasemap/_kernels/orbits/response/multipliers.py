@@ -36,17 +36,22 @@ CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, th
 
 @kernel
 def is_held(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
-    """Whether all multipliers of a lever of several modes are within one, and clearly so: theory, Eq. (stability-7).
-
-    The lever is kicked at every node by stiffness and damping of the surface there.
-    """
+    """Whether all multipliers of a lever of several modes are within one, and clearly so."""
     lever, slowest = oscillator.lever, -math.inf
+    for i in range(modes_of(lever)):
+        slowest = max(slowest, mode_of(lever, i).decay)
+    return largest_multiplier(oscillator, f, state) < 1.0 + CLEARLY_HELD * math.expm1(2.0 * math.pi * slowest)
+
+
+@kernel
+def largest_multiplier(oscillator: Oscillator, f: Nodes, state: PassState) -> float:
+    """Largest modulus of the multipliers: theory, Eq. (stability-7)."""
+    lever = oscillator.lever
     modes = modes_of(lever)
     size, motions = 2 * modes, np.zeros((2 * modes, 2 * modes))
     turns, one = np.empty((count_of(f), 3 * modes)), np.empty((4, 2 * modes))
     for i in range(modes):
         mode = mode_of(lever, i)
-        slowest = max(slowest, mode.decay)
         fill_mode(f, mode)
         for j in range(count_of(f)):
             turns[j, 3 * i], turns[j, 3 * i + 1], turns[j, 3 * i + 2] = f.growth[j], f.turn_cos[j], f.turn_sin[j]
@@ -65,9 +70,7 @@ def is_held(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
         for k in range(size):
             x, y = motions[2 * i, k], motions[2 * i + 1, k]
             motions[2 * i, k], motions[2 * i + 1, k] = c * x + s * y, c * y - s * x
-    return spectral_radius(motions.reshape(size * size), size) < 1.0 - CLEARLY_HELD * -math.expm1(
-        2.0 * math.pi * slowest
-    )
+    return spectral_radius(motions.reshape(size * size), size)
 
 
 @kernel

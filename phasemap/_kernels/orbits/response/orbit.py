@@ -11,18 +11,20 @@ from phasemap._kernels.engagement.resonance import Maximum, near_resonance, put_
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import is_sticky, modes_of, reach_of
 from phasemap._kernels.orbits.response.firm import newton_orbit_is_kept
-from phasemap._kernels.orbits.response.newton import Bench, cut_contact, newton_on_response
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, middle_of, parts_of
+from phasemap._kernels.orbits.response.newton import Bench, cut_contact
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, Nodes, middle_of, parts_of
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
     UNRESOLVED,
     PassState,
+    apex_of,
     beside_resonance,
     converge,
     evaluate_nodes,
     start_passes,
 )
 from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, pressed_orbit
+from phasemap._kernels.orbits.response.softened import Before, most_parts, newton_from_softer, resolve
 from phasemap._kernels.orbits.response.sound import orbit_is_kept
 from phasemap._kernels.records import assign, clear, record
 
@@ -71,12 +73,6 @@ def largest_branch_distance(lever: np.ndarray, amplitude: float) -> float:
 def nodes_of_solution(room: Room) -> Nodes:
     """Nodes that hold the orbit of `room.state`: those that cut its contact into as many parts."""
     return room.nodes if room.state.parts == parts_of(room.nodes) else room.finer
-
-
-@kernel
-def most_parts(lever: np.ndarray) -> int:
-    """Into how many elements a contact may be cut."""
-    return 2 if modes_of(lever) == 1 else MOST_PARTS
 
 
 @kernel
@@ -150,7 +146,9 @@ def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bo
 
 
 @kernel
-def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, short: Bench, long: Bench) -> int:
+def refine_stiff(
+    oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, short: Bench, long: Bench, before: Before
+) -> int:
     """Exact orbit near the averaged one of `guess` by Newton's method; the parts of its contact, 0 without one.
 
     That its harmonics lift the tip does not bring it to another branch.
@@ -164,17 +162,17 @@ def refine_stiff(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, 
         return 0  # nor is that force little enough to follow a step behind
     if not e < amplitude or not start_passes(oscillator, reach, bench.nodes, bench.state):
         return 0
-    found, other = newton_on_response(oscillator, reach, limits, bench), long
-    while found == UNRESOLVED and 2 * parts_of(bench.nodes) <= most_parts(lever):
-        cut_contact(bench.nodes, other.nodes, p[LONGRANGE] != 0.0)
-        assign(other.state, bench.state)
-        bench, other = other, bench
-        found = newton_on_response(oscillator, reach, limits, bench)
+    found, in_other = resolve(oscillator, reach, limits, short, long)
+    if found != FOUND and modes_of(lever) > 1:
+        _reset_pass_state(guess, e, short.state)
+        found, in_other = newton_from_softer(oscillator, reach, limits, short, long, before)
+    bench = long if in_other else short
     f, state = bench.nodes, bench.state
     if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
         return 0
     near = abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, amplitude)
-    near = near or abs(state.centre - f.w[middle_of(f)] - e) < FAR_OFF * amplitude
+    lift = f.w[middle_of(f)] if modes_of(lever) == 1 else apex_of(f, amplitude) - amplitude
+    near = near or abs(state.centre - lift - e) < FAR_OFF * amplitude
     return parts_of(f) if near and newton_orbit_is_kept(oscillator, reach, bench) else 0
 
 

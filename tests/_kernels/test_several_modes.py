@@ -1,0 +1,100 @@
+"""The lever's response where it has several modes, against an independent code and against what physics asks for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import Case, load
+
+import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap._kernels.excitation import show
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.orbits.response.multipliers import largest_multiplier
+from phasemap._kernels.orbits.response.nodes import GAUSS_WEIGHTS, N, Nodes, contact_node, parts_of
+from phasemap._kernels.orbits.response.passes import FOUND, PassState, converge, start_passes
+from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.rows.fast import cheap_rows
+from phasemap._kernels.rows.stiff import stiff_rows
+from phasemap.solvers.problem import Work, make_work
+
+LIMITS = np.array([math.radians(1e-3), 1e-12])
+LIQUID = pm.Microscope(
+    pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0, stiffness_ratio=39.2739),)),
+    pm.Tip(10e-9, 130e9, 0.27),
+    pm.Drive(10e-9),
+    pm.Interaction(contact="hertz", decay_length=None),
+)
+TABLE = [one for one in load("beam") if len(one["frequency_ratio"]) == 2 and one["excitation"] == "direct"][:6]
+
+
+def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
+    """A sample under a lever that a force on the tip drives, at the tip's amplitude."""
+    work = make_work(np.array([[modulus, 0.0, 0.0, 0.3]]), False, scope, np.zeros(1))
+    work.amplitudes[:] = setpoint * scope.driven_amplitude / math.hypot(*work.lever[[col.FACTOR_RE, col.FACTOR_IM]])
+    return work
+
+
+def solved(work: Work) -> np.ndarray:
+    answers = Answers(np.empty((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
+    cheap_rows(work.law, work.rows, work.lever, work.amplitudes, LIMITS, False, 0, 1, answers)
+    stiff_rows(work.law, work.rows, work.lever, LIMITS, False, 0, 1, answers)
+    assert answers.status[0] == col.GOOD
+    return answers.rows[0]
+
+
+def by_passes(work: Work) -> tuple[Oscillator, Any, Any]:
+    """Oscillator, nodes and state of an orbit, found once more by passes that hold its tip."""
+    row, f, state = solved(work), Nodes(), PassState()
+    state.amplitude, state.centre, state.slope = row[col.AMPLITUDE], row[col.TIP_OFFSET] - row[col.MEAN], -1e9
+    oscillator = Oscillator(work.law, work.rows[0], work.lever)
+    assert start_passes(oscillator, 0.0, f, state)
+    assert converge(oscillator, f, state, True, *LIMITS) == FOUND
+    return oscillator, f, state
+
+
+@pytest.mark.parametrize("case", TABLE, ids=lambda case: f"{case['setpoint']} of {case['modulus']:g}")
+def test_orbits_of_two_modes_are_those_of_an_integration_in_time(case: Case) -> None:
+    work = asked(LIQUID, case["modulus"], case["setpoint"])
+    row = solved(work)
+    phase = math.degrees(show(work.lever, row[col.AMPLITUDE], row[col.PHASE])[1])
+    assert abs(phase - case["phase"]) < math.degrees(row[col.ERROR_PHASE]) < 1e-3
+    assert abs(row[col.TIP_OFFSET] - case["tip_offset"]) < row[col.ERROR_HEIGHT] < 1e-12
+    assert row[col.INDENTATION] == pytest.approx(case["indentation"], abs=1e-13)
+
+
+@pytest.mark.parametrize("modulus", [1e7, 1e8])
+def test_a_second_mode_that_does_not_yield_changes_nothing(modulus: float) -> None:
+    with pytest.warns(pm.PlausibilityWarning):
+        rigid = pm.Eigenmode(7.5, 6.0, stiffness_ratio=1e9)
+    scope = replace(LIQUID, cantilever=replace(LIQUID.cantilever, modes=(rigid,)))
+    one = replace(LIQUID, cantilever=replace(LIQUID.cantilever, modes=()))
+    row, alone = solved(asked(scope, modulus, 0.8)), solved(asked(one, modulus, 0.8))
+    for channel, error in ((col.PHASE, col.ERROR_PHASE), (col.TIP_OFFSET, col.ERROR_HEIGHT)):
+        assert abs(row[channel] - alone[channel]) < row[error] + alone[error]
+
+
+def test_what_taps_take_from_the_first_harmonic_is_lost_in_the_higher_ones_of_both_modes() -> None:
+    work = asked(LIQUID, 1e8, 0.8)
+    _, f, state = by_passes(work)
+    nodes = np.array([contact_node(k) for k in range(N * parts_of(f))])
+    share = np.tile(GAUSS_WEIGHTS, parts_of(f)) * f.weight[nodes] * f.g[nodes] / math.pi
+    n = np.arange(2, 60)[:, None]
+    force = (share * np.exp(-1j * n * f.theta[nodes])).sum(axis=1)
+    omega = n[:, 0] * work.lever[col.OMEGA]
+    modes = work.lever[col.MODE :].reshape(-1, col.MODE_NUMBERS)
+    yields = [one[col.SHARE] / (one[col.FREQUENCY] ** 2 - omega**2 + 2j * one[col.RATE] * omega) for one in modes]
+    lost = [-(math.pi * n[:, 0] * abs(force) ** 2 * one.imag).sum() for one in yields]
+    assert lost[1] > 0.1 * lost[0]
+    assert sum(lost) == pytest.approx(-math.pi * state.amplitude * state.drag, rel=1e-4)
+
+
+@pytest.mark.parametrize("case", [TABLE[0], TABLE[1], TABLE[3]], ids=lambda case: f"{case['setpoint']}")
+def test_the_largest_multiplier_is_that_of_the_linearised_motion(case: Case) -> None:
+    radius = largest_multiplier(*by_passes(asked(LIQUID, case["modulus"], case["setpoint"])))
+    # Kicks at nodes in place of a stiffness that stays between them: a few per cent.
+    assert radius == pytest.approx(case["spectral_radius"], rel=0.05)
