@@ -6,19 +6,28 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.grid import make_grid
-from phasemap.inference.images.model import make_model
-from phasemap.inference.images.stack import Stack, list_of_images, make_stack
-from phasemap.inference.images.verdict import Answer, say, settings_of, solve_part, variables_of
+from phasemap.inference.images.descent import normal_equations, refine
+from phasemap.inference.images.grid import Grid, descend_from_grid, make_grid
+from phasemap.inference.images.model import Model, make_model
+from phasemap.inference.images.posterior import moments
+from phasemap.inference.images.problem import problem_of_pixels
+from phasemap.inference.images.stack import Stack, coordinates_of, list_of_images, make_stack
+from phasemap.inference.images.verdict import AVERAGED, FLAGS, NO_DATA, NO_ORBIT, POOR, dataset_of
 from phasemap.inference.prior import PRIOR, check_prior
-from phasemap.results.variables import describe, provenance
+from phasemap.inference.verdict import UNKNOWN, UNLIKELY, chance
+from phasemap.results.variables import describe
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Array = NDArray[np.float64]
 
 BLOCKS = (512, 8192)  # least and most pixels that are solved together: small parts cost time, but threads want some
 
@@ -110,38 +119,51 @@ def invert(
         given, scope, setpoints, (phase_error, phase_zero, phase_zero_error),
         (height_error, height_zero, height_zero_error),
     )  # fmt: skip
-    answer = _solve(stack, prior, factor, threads, progress)
-    first = given[0]["phase"]
-    found = _dataset(answer, stack, prior, factor, ("y", "x"), first.shape)
-    found = found.assign_coords({dim: first.coords[dim] for dim in ("y", "x") if dim in first.coords})
+    model, shape = make_model(stack, prior, factor), given[0]["phase"].shape
+    materials, errors, misfit, flags = _solve(model, stack, threads, progress)
+    found = dataset_of(
+        materials.reshape(*shape, 3), errors.reshape(*shape, 3), misfit.reshape(shape), flags.reshape(shape), stack,
+        ("y", "x"), FLAGS[:-1], {"prior": describe(prior), "prior_factor": factor}, "inverted",
+    )  # fmt: skip
+    found = found.assign_coords(coordinates_of(given[0]))
+    parts = [f"{name.replace('_', ' ')} {100 * np.mean(flags >> i & 1):.3g} %"
+             for i, name in enumerate(FLAGS) if (flags >> i & 1).any()]  # fmt: skip
+    found.attrs["verdict"] = f"Of {len(flags)}: {', '.join(parts) or 'everything is determined'}."
     found.attrs["seconds"] = round(time.perf_counter() - started, 6)
     return found
 
 
-def _solve(stack: Stack, prior: Material, factor: float, threads: int | None, progress: Progress | None) -> Answer:
-    model = make_model(stack, prior, factor)
-    grid = make_grid(model)
-    answer = Answer.empty(len(stack), len(stack.scopes))
-    workers = workers_of(threads)
-    size = max(BLOCKS[0], chunk_of(len(stack), workers, BLOCKS[1]))
-    spread(
-        lambda first, last: solve_part(model, grid, stack, slice(first, last), answer),
-        bounds_of(len(stack), size), workers, progress,
-    )  # fmt: skip
+def _solve(
+    model: Model, stack: Stack, threads: int | None, progress: Progress | None
+) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
+    """Materials and errors, shape (n, 3), misfits and flags of all pixels; those with the same errors at a time."""
+    grid, count, workers = make_grid(model), len(stack), workers_of(threads)
+    answer = np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count, np.uint8)
+
+    def solve(first: int, last: int) -> None:
+        kinds = np.unique(stack.errors[first:last].reshape(last - first, -1), axis=0, return_inverse=True)[1]
+        for kind in np.unique(kinds):
+            some = first + np.flatnonzero(kinds.reshape(-1) == kind)
+            for whole, values in zip(answer, _solve_alike(model, grid, stack.part(some)), strict=True):
+                whole[some] = values
+
+    spread(solve, bounds_of(count, max(BLOCKS[0], chunk_of(count, workers, BLOCKS[1]))), workers, progress)
     return answer
 
 
-def _dataset(
-    answer: Answer, stack: Stack, prior: Material, factor: float, dims: tuple[str, ...],
-    shape: tuple[int, ...],
-) -> xr.Dataset:  # fmt: skip
-    import xarray as xr
-
-    found = xr.Dataset({**variables_of(answer, dims, shape), **settings_of(stack)})
-    configuration = {
-        "microscopes": [describe(one) for one in dict.fromkeys(stack.scopes)], "setpoints": list(stack.setpoints),
-        "prior": describe(prior), "prior_factor": factor,
-    }  # fmt: skip
-    found.attrs.update(provenance(configuration, "inverted"))
-    found.attrs["verdict"] = say(answer)
-    return found
+def _solve_alike(model: Model, grid: Grid, stack: Stack) -> tuple[Array, ...]:
+    """The same of pixels with the same errors."""
+    problem = problem_of_pixels(model, stack)
+    found = refine(problem, descend_from_grid(problem, grid))
+    slopes, rest = problem.weigh(found.slopes), problem.rest(found.values, found.defect)
+    covariance = np.asarray(np.linalg.inv(normal_equations(problem, slopes, rest, found.q)[0]), np.float64)
+    learnt = np.einsum("nij,naj,nai->n", covariance, slopes, slopes)  # parameters that the data determine
+    mean, covariance = moments(problem, found, covariance)
+    errors = np.sqrt(np.einsum("nii->ni", covariance))
+    data, chi2 = int((problem.weights > 0).sum()), (rest**2).sum(axis=1)
+    degrees = data - problem.projection.basis.shape[1] - learnt
+    flags = ((errors > UNKNOWN) << np.arange(3)).sum(axis=1)
+    flags |= POOR * ((degrees > 0.5) & (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY)) | AVERAGED * ~found.exact
+    flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
+    lost = np.where(found.good & (data > 0), 1.0, np.nan)
+    return model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags

@@ -17,21 +17,19 @@ from phasemap.inference.images.joint import DRAWS, Fitted, advise, fit
 from phasemap.inference.images.model import Model, make_model, sides_of
 from phasemap.inference.images.problem import Problem, problem_of
 from phasemap.inference.images.regions import medians, regions_of
-from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, list_of_images, make_stack
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, coordinates_of, list_of_images, make_stack
 from phasemap.inference.images.starts import make_starts
-from phasemap.inference.images.verdict import AVERAGED, FLAGS, POOR, Answer, settings_of, variables_of
+from phasemap.inference.images.verdict import AMBIGUOUS, AVERAGED, FLAGS, POOR, dataset_of
 from phasemap.inference.images.zeros import FREE, SHARED, Plan, make_plan
 from phasemap.inference.prior import PRIOR, check_known, check_prior
 from phasemap.inference.verdict import CODES, COMBINED, GIVEN, OPEN, PARAMETERS, UNLIKELY, chance, codes_of, say_regions
-from phasemap.results.variables import coded, describe, provenance
+from phasemap.results.variables import coded, describe
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
 
-FLAGS_OF_REGIONS = (*FLAGS, "ambiguous")
-AMBIGUOUS = 1 << FLAGS_OF_REGIONS.index("ambiguous")
 BRANCHES = ("attractive", "repulsive")
 DOUBT = (
     "Believe no number here before the sign of the phase (positive where the tip is repulsive), lever, free amplitude "
@@ -143,16 +141,15 @@ def fit_regions(
     model = make_model(stack, prior, factor)
     problem, q = _prepare(model, stack, materials, plan, branch)
     found = fit(problem, q)
-    ds = _dataset(problem, found, stack, plan, materials, names)
-    ds = ds.assign_coords({dim: given[0]["phase"].coords[dim] for dim in ("y", "x") if dim in given[0]["phase"].coords})
-    ds["pixels"] = ("region", pixels, {"long_name": "pixels of the region", "units": "1"})
-    ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
     configuration = {
-        "microscopes": [describe(one) for one in dict.fromkeys(stack.scopes)], "setpoints": list(stack.setpoints),
         "known": {str(name): describe(one) for name, one in (known or {}).items()}, "prior": describe(prior),
         "prior_factor": factor, "phase_zero": plan.phase or "given", "height_zero": plan.height or "given",
     }  # fmt: skip
-    ds.attrs.update(provenance(configuration, "fitted by regions"))
+    ds = _dataset(problem, found, stack, materials, names, configuration)
+    _add_data(ds, problem, found, stack, plan)
+    ds = ds.assign_coords(coordinates_of(given[0]))
+    ds["pixels"] = ("region", pixels, {"long_name": "pixels of the region", "units": "1"})
+    ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
     _tell(ds, problem, found, plan, names)
     return ds
 
@@ -185,13 +182,11 @@ def _known(model: Model) -> Grid:
 
 
 def _dataset(
-    problem: Problem, found: Fitted, stack: Stack, plan: Plan, materials: dict[int, Material], names: list[int]
-) -> xr.Dataset:
-    """Variables over regions, images and parameters."""
-    import xarray as xr
-
-    regions = len(stack)
-    unknown = problem.unknown
+    problem: Problem, found: Fitted, stack: Stack, materials: dict[int, Material], names: list[int],
+    configuration: dict[str, Any],
+) -> xr.Dataset:  # fmt: skip
+    """Variables over regions and parameters."""
+    regions, unknown = len(stack), problem.unknown
     logs, errors = np.zeros((regions, 3)), np.zeros((regions, 3))
     codes = np.full((regions, 3), GIVEN, np.int8)
     logs[unknown] = found.q.reshape(-1, 3)
@@ -203,20 +198,21 @@ def _dataset(
     properties = problem.model.materials(logs)
     for r, one in materials.items():
         properties[r] = make_model(stack, one, 10.0).reference
-    common = POOR * poor | AVERAGED * (not found.best.exact[0]) | AMBIGUOUS * bool(found.others)
-    lost = np.isin(codes, (COMBINED, OPEN))
-    flags = (lost << np.arange(3)).sum(axis=1) | common
-    full = np.full(regions, np.nan)
-    answer = Answer(properties, errors, full, full, flags.astype(np.uint8), np.empty(0))
-    ds = xr.Dataset({**variables_of(answer, ("region",), (regions,), FLAGS_OF_REGIONS), **settings_of(stack)})
-    ds = ds.assign_coords(region=("region", names, {"long_name": "label of the region"}), property=list(PARAMETERS))
-    ds["misfit"] = ((), found.chi2 / found.degrees if found.degrees > 0.5 else np.nan, ds["misfit"].attrs)
-    ds["determination"] = (("region", "property"), codes, coded("how far the data determine a property", *CODES))
+    flags = (np.isin(codes, (COMBINED, OPEN)) << np.arange(3)).sum(axis=1)
+    flags |= POOR * poor | AVERAGED * (not found.best.exact[0]) | AMBIGUOUS * bool(found.others)
+    misfit = np.array(found.chi2 / found.degrees if found.degrees > 0.5 else np.nan)
+    ds = dataset_of(
+        properties, errors, misfit, flags.astype(np.uint8), stack, ("region",), FLAGS, configuration,
+        "fitted by regions",
+    )  # fmt: skip
     logarithms = [f"{name} {names[r]}" for r in unknown for name in PARAMETERS]
-    ds = ds.assign_coords(parameter=logarithms, other=logarithms)
+    ds = ds.assign_coords(
+        region=("region", names, {"long_name": "label of the region"}), property=list(PARAMETERS),
+        parameter=logarithms, other=logarithms,
+    )  # fmt: skip
+    ds["determination"] = (("region", "property"), codes, coded("how far the data determine a property", *CODES))
     about = {"long_name": "covariance of the natural logarithms, whatever the zeros", "units": "1"}
     ds["covariance"] = (("parameter", "other"), found.covariance, about)
-    _add_data(ds, problem, found, stack, plan)
     return ds
 
 

@@ -71,6 +71,11 @@ def list_of_images(images: object) -> list[xr.Dataset]:
     return found
 
 
+def coordinates_of(image: xr.Dataset) -> dict[str, Any]:
+    """The coordinates "y" and "x" as far as an image has them."""
+    return {dim: image["phase"].coords[dim] for dim in ("y", "x") if dim in image["phase"].coords}
+
+
 def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ...]:
     """Setpoint of each image: as given, or from its attributes."""
     if setpoints is not None:
