@@ -42,8 +42,10 @@ def dataset_of(
         found[f"{name}_error"] = (dims, errors[..., i], {"long_name": said, "units": "1"})
     said = "chi2 over degrees of freedom, about 1 where the model describes the data"
     found["misfit"] = (dims if misfit.ndim else (), misfit, {"long_name": said, "units": "1"})
-    about: dict[str, Any] = {"flag_masks": np.array([1 << i for i in range(len(known))], np.uint8), "flag_meanings": " ".join(known)}
-    found["flag"] = (dims, flags, {"long_name": "what the data do not determine, or what went wrong", **about})
+    marks = np.array([1 << i for i in range(len(known))], np.uint8)
+    said = "what the data do not determine, or what went wrong"
+    meant: dict[str, Any] = {"long_name": said, "flag_masks": marks, "flag_meanings": " ".join(known)}
+    found["flag"] = (dims, flags, meant)
     found["setpoint"] = ("image", list(stack.setpoints), {"long_name": "setpoint", "units": "1"})
     amplitudes = [one.drive.free_amplitude for one in stack.scopes]
     found["free_amplitude"] = ("image", amplitudes, {"long_name": "free amplitude at resonance", "units": "m"})
