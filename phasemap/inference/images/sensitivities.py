@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
-from phasemap._shared.pixels import coordinates
 from phasemap._shared.threads import Progress, bounds_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
-from phasemap.results.variables import branch_of, describe, flag_attributes, provenance
+from phasemap.imaging.simulation import simulate
+from phasemap.results.variables import describe, provenance
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.run import run
@@ -82,76 +81,52 @@ def sensitivity(
     >>> [abs(round(float(slope), 2)) for slope in found.phase_by_modulus.values[0]]
     [0.0, 0.87]
     """
-    import xarray as xr
-
     started = time.perf_counter()
-    setpoint = check_setpoint(setpoint)
     if not isinstance(surface, Surface):
         raise InputError("surface", type(surface).__name__, "a Surface")
-    amplitude, workers = setpoint * scope.driven_amplitude, workers_of(threads)
-    viscous = surface.viscosity is not None
+    setpoint, workers = check_setpoint(setpoint), workers_of(threads)
+    asked = "height", "phase", "branch", "status"
+    image = simulate(surface, scope, setpoint, "orbit", variables=asked, threads=threads)
+    amplitude, viscous = setpoint * scope.driven_amplitude, surface.viscosity is not None
     materials, inverse = surface.unique()
-    work = make_work(materials, viscous, scope, amplitude)
-    rows, status, _ = run(by_name("orbit"), work, Accuracy(), threads=workers)
+    first = np.unique(inverse, return_index=True)[1]
+    status, sides = image.status.values.ravel()[first], 2 * image.branch.values.ravel()[first] - 1
     good = np.flatnonzero(status == col.GOOD)
     slopes = np.full((len(materials), 3, 2), np.nan)
 
     def solve(first: int, last: int) -> None:
         some = good[first:last]
-        sides = np.where(rows[some, col.STIFFENING] > 0, 1, -1).astype(np.int8)
-        of_z = of_tip(work.lever, amplitude, rows[some, col.PHASE])[0]
-        places = (rows[some, col.TIP_OFFSET] - rows[some, col.MEAN]) / of_z
         for i in range(3):
             ends = []
             for sign in (1, -1):
                 moved = materials[some].copy()
                 moved[:, i] *= np.exp(sign * STEP)
-                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), sides, places))
+                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), sides[some]))
             slopes[some, i] = (ends[0] - ends[1]) / (2 * STEP)
             slopes[some[materials[some, i] == 0], i] = 0.0
 
     spread(solve, bounds_of(len(good), CHUNK), workers, progress)
     lost = (status == col.GOOD) & ~np.isfinite(slopes).all(axis=(1, 2))
-    status = np.where(lost, col.NO_STABLE_ORBIT, status)
-
-    dims = ("y", "x")
-    topography = 0.0 if surface.topography is None else surface.topography
-    found: dict[str, Any] = {
-        "height": (
-            dims, (rows[:, col.TIP_OFFSET] - amplitude)[inverse] + topography,
-            {"long_name": "height (topography + tip offset - setpoint amplitude)", "units": "m"},
-        ),
-        "phase": (
-            dims, np.degrees(rows[:, col.PHASE])[inverse],
-            {"long_name": "phase, 0 at free resonance, positive repulsive", "units": "degree"},
-        ),
-        "branch": (dims, branch_of(rows)[inverse], flag_attributes("branch")),
-        "status": (dims, status.astype(np.int8)[inverse], flag_attributes("status")),
-    }  # fmt: skip
+    image["status"] = image.status.copy(data=np.where(lost, col.NO_STABLE_ORBIT, status).astype(np.int8)[inverse])
     names = ("modulus", "adhesion", "viscosity" if viscous else "damping")
     for k, (quantity, unit, scale) in enumerate((("phase", "degree", 180 / np.pi), ("height", "m", 1.0))):
         for i, name in enumerate(names):
             about = {"long_name": f"change of the {quantity} with the natural logarithm of the {name}", "units": unit}
-            found[f"{quantity}_by_{name}"] = (dims, scale * slopes[:, i, k][inverse], about)
-    image = xr.Dataset(found, coordinates(*surface.coords()))
-    image.attrs.update(
-        provenance(
-            {"microscope": describe(scope), "setpoint": setpoint, "shape": list(surface.shape)}, "differentiated"
-        )
-    )
-    image.attrs["seconds"] = round(time.perf_counter() - started, 6)
+            image[f"{quantity}_by_{name}"] = (image.phase.dims, scale * slopes[:, i, k][inverse], about)
+    described = {"microscope": describe(scope), "setpoint": setpoint, "shape": list(surface.shape)}
+    image.attrs = {**provenance(described, "differentiated"), "seconds": round(time.perf_counter() - started, 6)}
     return image
 
 
-def _on_branch(work: Work, sides: NDArray[np.int8], places: Array) -> Array:
-    """Exact phase [rad] and tip offset [m] on these branches near these c, shape (n, 2); NaN where there is none."""
+def _on_branch(work: Work, sides: NDArray[np.int8]) -> Array:
+    """Exact phase [rad] and tip offset [m] on these branches, shape (n, 2); NaN where there is none."""
     from phasemap._kernels.rows.branch_known import exact_block
 
     n = len(work)
     values, good = np.full((n, 1, 2), np.nan), np.zeros((n, 1), np.bool_)
     if not work.rows[:, col.RELEASE].any():
         levers = work.lever[None]
-        arrays = places[:, None].copy(), values, good
+        arrays = np.full((n, 1), np.nan), values, good
         exact_block(work.law, work.rows, levers, work.amplitudes[:1], sides[:, None], LIMITS, *arrays)
     left = np.flatnonzero(~good[:, 0])
     if len(left):  # near where a branch ends, without a long-range force, in liquid, or with a neck

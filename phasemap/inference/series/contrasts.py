@@ -129,24 +129,17 @@ def _feature(image: xr.Dataset, way: str) -> Array:
 
 def _segment(image: xr.Dataset, way: str, count: int) -> Labels:
     """Regions of one file; one only where nothing tells them apart."""
-    if way != "both":
-        try:
-            if way == "height":
-                return segment_height(image["height"].values, count).astype(np.int64)
-            return segment_phase(_feature(image, way), count).astype(np.int64)
-        except InputError:
-            return np.zeros(image["phase"].shape, np.int64)
-    from scipy.cluster.vq import kmeans2
-    from scipy.ndimage import median_filter
-
-    maps = [median_filter(_feature(image, one), 3).ravel() for one in ("phase", "height")]
-    points = np.stack(
-        [(one - np.median(one)) / max(float(np.ptp(np.percentile(one, [16, 84]))), 1e-30) for one in maps]
-    )
-    start = np.percentile(points.sum(axis=0), np.linspace(10, 90, count))
-    nearest = [int(np.argmin(np.abs(points.sum(axis=0) - one))) for one in start]
-    found: Labels = kmeans2(points.T, points.T[nearest], minit="matrix")[1].reshape(image["phase"].shape)
-    return found.astype(np.int64)
+    try:
+        if way == "height":
+            return segment_height(image["height"].values, count).astype(np.int64)
+        feature = _feature(image, "phase")
+        if way == "both":
+            phase, height = (one / max(float(np.ptp(np.percentile(one, [16, 84]))), 1e-30)
+                             for one in (feature, _feature(image, "height")))  # fmt: skip
+            feature = phase + np.sign(np.cov(phase.ravel(), height.ravel())[0, 1]) * height
+        return segment_phase(feature, count).astype(np.int64)
+    except InputError:
+        return np.zeros(image["phase"].shape, np.int64)
 
 
 def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
@@ -231,37 +224,27 @@ def _matched(own: Labels, reference: Labels) -> Labels:
 def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, Array]:
     """Phases of the regions of one file, standard errors and shares."""
     levels, flat, offset = _aligned(phase, labels, count)
-    inside = [labels == k for k in range(count)]
-    bands = np.array_split(np.arange(len(phase)), min(BANDS, len(phase)))
-    parts = np.array([
-        [_median(flat[band][one[band]]) if one[band].sum() >= FEWEST else np.nan for one in inside] for band in bands
-    ])  # fmt: skip
     errors = np.full(count, np.nan)
-    for k, one in enumerate(inside):
-        own = parts[:, k][np.isfinite(parts[:, k])]
-        values = flat[one & np.isfinite(flat)]
-        if not len(values):
-            continue
-        white = MEDIAN * SPREAD * _median(np.abs(values - np.median(values))) / np.sqrt(len(values))
-        slow = MEDIAN * float(np.std(own, ddof=1)) / np.sqrt(len(own)) if len(own) > 2 else 0.0
-        errors[k] = max(white, slow)
-    shares = np.array([one.mean() for one in inside])
-    return levels + offset, errors, shares
+    for k in np.flatnonzero(np.isfinite(levels)):
+        own = np.where(labels == k, flat, np.nan)
+        bands = [one[np.isfinite(one)] for one in np.array_split(own, min(BANDS, len(own)))]
+        parts = [np.median(one) for one in bands if len(one) >= FEWEST]
+        values = own[np.isfinite(own)]
+        white = SPREAD * np.median(np.abs(values - np.median(values))) / np.sqrt(len(values))
+        slow = np.std(parts, ddof=1) / np.sqrt(len(parts)) if len(parts) > 2 else 0.0
+        errors[k] = MEDIAN * max(white, slow)
+    return levels + offset, errors, np.bincount(labels[labels >= 0], minlength=count) / labels.size
 
 
 def _aligned(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, float]:
     """Phases of the regions and of the pixels, rows aligned by their regions, and what rows have in common."""
     flat = np.where((labels >= 0) & np.isfinite(phase), phase, np.nan)
-    inside = [labels == k for k in range(count)]
-    levels = np.full(count, np.nan)
-    rows = np.zeros((len(phase), 1))
     for _ in range(PASSES):
-        levels = np.array([_median(flat[one]) for one in inside])
-        expected = np.where(labels >= 0, np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
-        step = np.array([[_median(row)] for row in flat - expected])
-        step = np.nan_to_num(step)
-        rows, flat = rows + step, flat - step
-    return levels, flat, float(np.median(rows))
+        levels = np.array([_median(flat[labels == k]) for k in range(count)])
+        step = np.array([[_median(row)] for row in flat - np.nan_to_num(levels)[labels]])
+        flat = flat - np.nan_to_num(step)
+    rows = np.array([_median(row) for row in phase - flat])
+    return levels, flat, float(np.median(np.nan_to_num(rows)))
 
 
 def _median(values: Array) -> float:
