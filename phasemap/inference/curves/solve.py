@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap.inference.curves.problem import STEP, Problem, Ruler
+from phasemap.inference.verdict import chance
 
 UNLIKELY = 1e-3  # chance of a chi2 as large, below which a fit is not believed
 AROUND = 5.0  # factor to either side of the start within which other starts lie
@@ -20,8 +21,7 @@ SHARE = 0.1  # of a combination that is not determined: a parameter with less of
 EVALUATIONS = 60  # of the optimiser, per stage
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(NamedTuple):
     """Best scaled parameters of one start."""
 
     q: np.ndarray  # shape (parameters,)
@@ -29,20 +29,12 @@ class Solution:
     cost: float  # with the gaps
 
 
-@dataclass(frozen=True, eq=False)
-class Knowledge:
+class Knowledge(NamedTuple):
     """What the data say about the scaled parameters around a solution."""
 
     errors: np.ndarray  # shape (parameters,); standard errors; infinite where the data do not determine the parameter
     correlation: np.ndarray  # shape (parameters, parameters); NaN beside the diagonal for these
     null: np.ndarray  # shape (combinations, parameters); directions in which the data hardly change
-
-
-def likelihood(chi2: float, degrees: int) -> float:
-    """Chance that errors as stated make chi2 at least as large."""
-    from scipy.special import chdtrc
-
-    return float(chdtrc(degrees, chi2))
 
 
 def search(problem: Problem, starts: int) -> tuple[Solution, int]:
@@ -57,7 +49,7 @@ def search(problem: Problem, starts: int) -> tuple[Solution, int]:
         tried += 1
         if best is None or found.cost < best.cost:
             best = found
-        if likelihood(best.chi2, degrees) > UNLIKELY:
+        if chance(best.chi2, degrees) > UNLIKELY:
             break
     assert best is not None
     return best, tried
@@ -69,10 +61,9 @@ def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
     yield np.zeros(n)
     if count < 2:
         return
-    golden = 2.0
-    for _ in range(30):  # the root of g^(n + 1) = g + 1, whose powers fill a box most evenly
-        golden = (1 + golden) ** (1 / (n + 1))
-    share = (0.5 + np.outer(np.arange(1, LOOKS + 1), golden ** -np.arange(1.0, n + 1))) % 1
+    from scipy.stats import qmc
+
+    share = qmc.Halton(n, scramble=False).fast_forward(1).random(LOOKS)
     around = np.array(
         [min(np.log(AROUND), p.reach) if p.logarithmic and p.size == 1 else 0.1 for p in problem.parameters]
     )

@@ -11,7 +11,8 @@ from phasemap.inference.curves.data import DIRECTIONS, Data
 from phasemap.inference.curves.parameters import Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.curves.result import SHOWN, Fit
-from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge, likelihood
+from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge
+from phasemap.inference.verdict import chance
 from phasemap.results.variables import coded, float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 
@@ -44,7 +45,7 @@ def make_fit(problem: Problem, solution: Solution, tried: int) -> Fit:
     }
     degrees = data.size - len(names)
     wrong = [sentence for sentence in lost.values() if sentence]
-    if likelihood(solution.chi2, degrees) < UNLIKELY:
+    if chance(solution.chi2, degrees) < UNLIKELY:
         wrong.insert(0, _unlikely(solution.chi2 / degrees, tried))
     aside = _named(data, off & excused, "next to a jump")
     wrong += _named(data, off & ~excused, "that its sweep does not visit")
