@@ -1,22 +1,56 @@
-"""When a model does not describe data, how far data determine a property, and the words for it."""
+"""What is known of materials beforehand, what data determine of them, and the words for it."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.checks import number
+from phasemap._shared.errors import InputError
 from phasemap._shared.sentences import listed
+from phasemap.experiment.material import Material
 
 Array = NDArray[np.float64]
 
+PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 PARAMETERS = ("modulus", "adhesion", "damping")
 UNITS = {"modulus": "Pa", "adhesion": "J m-2", "damping": "1"}
 UNKNOWN = 0.5  # standard error of a logarithm above which a property is not determined: a factor of 1.6
 UNLIKELY = 1e-4  # chance of a chi2 as large, below which the model does not describe the data
 CODES = ("determined", "combination_only", "not_identifiable", "given")
 DETERMINED, COMBINED, OPEN, GIVEN = range(len(CODES))
+
+
+def check_prior(prior: object, factor: object) -> float:
+    """The factor, after a look at both."""
+    if not isinstance(prior, Material):
+        raise InputError("prior", prior, "a Material")
+    for name, what in (("thickness", "films"), ("relaxation_time", "contacts that remember")):
+        if getattr(prior, name) is not None:
+            allowed = f"None, for images of {what} are not inverted"
+            raise InputError(f"{name} of the prior", getattr(prior, name), allowed)
+    for name in ("modulus", "adhesion"):
+        number(f"{name} of the prior", getattr(prior, name), "", above=0)
+    number("damping of the prior", prior.damping if prior.viscosity is None else prior.viscosity, "1", above=0)
+    return number("prior_factor", factor, "1", above=1, maximum=1e3)
+
+
+def check_known(known: Mapping[int, Material] | None, names: Collection[int]) -> dict[int, Material]:
+    """Known materials by the label of their region, of which these are there."""
+    known = dict(known or {})
+    for name, one in known.items():
+        if name not in names:
+            raise InputError("a region of known material", name, f"one of {', '.join(map(str, names))}")
+        if not isinstance(one, Material):
+            raise InputError(f"known material of region {name}", one, "a Material")
+        if one.relaxation_time is not None:
+            raise InputError(f"relaxation_time of region {name}", one.relaxation_time, "None of a region that is known")
+    if len(known) == len(names):
+        raise InputError("known", "every region", "fewer: one that is to be found, at least")
+    return known
 
 
 def chance(chi2: Any, degrees: Any) -> Any:

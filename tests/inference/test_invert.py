@@ -10,7 +10,7 @@ import phasemap as pm
 from phasemap.inference.images.model import make_model
 from phasemap.inference.images.stack import make_stack
 from phasemap.inference.images.verdict import FLAGS
-from phasemap.inference.prior import PRIOR
+from phasemap.inference.verdict import PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(40e-9))

@@ -1,18 +1,34 @@
-"""Measured curves: amplitude and phase against frequency or distance, with their errors, checked."""
+"""Measured curves, checked, and what may be fitted to them, on the scale that the optimiser sees."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.errors import InputError
+from phasemap._shared.plausible import unquestioned
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
+from phasemap.solvers.continuation.path import UNITS, Question
 from phasemap.sweeps.sweep import check_axis
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}
+MATERIAL = ("modulus", "adhesion", "damping", "viscosity")
+SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")
+READING = ("amplitude_scale", "phase_offset")
+OFFSETS = {"frequency": "tip_offset", "tip_offset": "offset"}  # what the height is called, by the axis
+OTHER_UNITS = {
+    "resonance_frequency": "Hz", "tip_offset": "m", "offset": "m", "amplitude_scale": "1", "phase_offset": "degree",
+}  # fmt: skip
+FACTOR = 1e3  # to either side of its start a property of the material is sought
+KNOWN = 3.0  # the same for the microscope, which is known better
+WIDTHS = 10.0  # half-widths of the resonance that its frequency is sought within
+TURN = 60.0  # phase that counts as one on the optimiser's scale, about a radian [degree]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,3 +94,88 @@ def _finite(name: str, values: Any, unit: str) -> np.ndarray:
         where = f" ({bad.size} of {found.size} values)" if found.ndim else ""
         raise InputError(name, f"{values if not found.ndim else bad[0]}{where}", f"finite numbers [{unit}]")
     return found
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything that the measured curve depends on."""
+
+    material: Material
+    scope: Microscope
+    height: float  # tip offset of a frequency sweep, or what is added to the tip offsets of a distance sweep [m]
+    amplitude_scale: float = 1.0  # amplitude that the instrument says over the true one [1]
+    phase_offset: float = 0.0  # phase that the instrument says less the true one [degree]
+
+    def at(self, name: str, value: float) -> Setup:
+        """The same with one parameter changed."""
+        if name in READING:
+            return replace(self, amplitude_scale=value) if name == READING[0] else replace(self, phase_offset=value)
+        if name in OFFSETS.values():
+            return replace(self, height=value)
+        if name == "resonance_frequency":
+            with unquestioned():
+                lever = replace(self.scope.cantilever, resonance_frequency=value)
+            return replace(self, scope=replace(self.scope, cantilever=lever))
+        changed = Question(self.material, self.scope).at(name, value)
+        return replace(self, material=changed.material, scope=changed.scope)
+
+    def value(self, name: str) -> float | None:
+        """A parameter's value; None if it has none."""
+        if name in OFFSETS.values():
+            return self.height
+        parts = (self, self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, self.scope.interaction)
+        found: float | None = next(getattr(part, name) for part in parts if hasattr(part, name))
+        return found
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted parameter and its scale: value = start exp(q size), or start + q size."""
+
+    name: str
+    start: float  # value at q = 0, in `units`
+    units: str
+    logarithmic: bool
+    size: float  # change of the value, or of its logarithm, that counts as one
+    reach: float  # largest |q| that is tried
+
+    def value(self, q: float) -> float:
+        """The value at q."""
+        return float(self.start * np.exp(q * self.size) if self.logarithmic else self.start + q * self.size)
+
+    def error(self, q: float, of_q: float) -> float:
+        """The error of the value at q, from that of q."""
+        return float(of_q * self.size * (self.value(q) if self.logarithmic else 1.0))
+
+
+def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter, ...]:
+    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping."""
+    loss, other = ("damping", "viscosity") if setup.material.viscosity is None else ("viscosity", "damping")
+    if names is None:
+        names = ("modulus", "adhesion", loss)
+    known = (*MATERIAL, *SCOPE, OFFSETS[axis], *READING)
+    if not isinstance(names, Sequence) or isinstance(names, str) or not names:
+        raise InputError("parameters", names, "a sequence of names out of " + ", ".join(known))
+    found = []
+    for name in names:
+        if name not in known:
+            raise InputError("parameters", name, "names out of " + ", ".join(known))
+        if name == other:
+            raise InputError("parameters", name, f"{loss}, because that is what the start material has")
+        if names.count(name) > 1:
+            raise InputError("parameters", name, "every name once")
+        found.append(_parameter(name, setup))
+    return tuple(found)
+
+
+def _parameter(name: str, setup: Setup) -> Parameter:
+    start, units = setup.value(name), {**UNITS, **OTHER_UNITS}[name]
+    if name in OFFSETS.values():
+        return Parameter(name, setup.height, units, False, setup.scope.drive.free_amplitude, 1.0)
+    if name == "phase_offset":
+        return Parameter(name, setup.phase_offset, units, False, TURN, 180 / TURN)
+    if start is None or start <= 0:
+        raise InputError(f"{name} to start from", start, f"a number above 0 {units}".removesuffix(" 1"))
+    if name == "resonance_frequency":
+        return Parameter(name, start, units, True, setup.scope.cantilever.damping_ratio, WIDTHS)
+    return Parameter(name, start, units, True, 1.0, float(np.log(FACTOR if name in MATERIAL else KNOWN)))

@@ -154,8 +154,7 @@ def _fit(
     axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope, start: Material,
     height: float, parameters: Any, starts: int,
 ) -> Fit:  # fmt: skip
-    from phasemap.inference.curves.data import check_data
-    from phasemap.inference.curves.parameters import Setup, check_parameters
+    from phasemap.inference.curves.data import Setup, check_data, check_parameters
     from phasemap.inference.curves.problem import Problem
     from phasemap.inference.curves.solve import search
     from phasemap.inference.curves.verdict import make_fit

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._shared.sentences import listed
-from phasemap.inference.curves.data import DIRECTIONS, Data
-from phasemap.inference.curves.parameters import Setup
+from phasemap.inference.curves.data import DIRECTIONS, Data, Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.curves.result import SHOWN, Fit
 from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge

@@ -13,15 +13,13 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.descent import normal_equations, refine
-from phasemap.inference.images.grid import Grid, descend_from_grid, make_grid
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.posterior import moments
-from phasemap.inference.images.problem import problem_of_pixels
+from phasemap.inference.images.problem import normal_equations, problem_of_pixels, refine
 from phasemap.inference.images.stack import Stack, coordinates_of, list_of_images, make_stack
+from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
 from phasemap.inference.images.verdict import AVERAGED, FLAGS, NO_DATA, NO_ORBIT, POOR, dataset_of
-from phasemap.inference.prior import PRIOR, check_prior
-from phasemap.inference.verdict import UNKNOWN, UNLIKELY, chance
+from phasemap.inference.verdict import PRIOR, UNKNOWN, UNLIKELY, chance, check_prior
 from phasemap.results.variables import describe
 
 if TYPE_CHECKING:

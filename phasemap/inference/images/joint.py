@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
-from phasemap.inference.images.descent import Solution, descend, refine
-from phasemap.inference.images.problem import Problem
+from phasemap.inference.images.problem import Problem, Solution, descend, refine
 from phasemap.inference.images.zeros import SHARED, Plan
 from phasemap.inference.verdict import UNKNOWN
 

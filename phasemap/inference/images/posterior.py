@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.descent import Solution, normal_equations
-from phasemap.inference.images.problem import Problem
+from phasemap.inference.images.problem import Problem, Solution, normal_equations
 
 Array = NDArray[np.float64]
 

@@ -12,17 +12,28 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.grid import Grid, make_grid
 from phasemap.inference.images.joint import DRAWS, Fitted, advise, fit
 from phasemap.inference.images.model import Model, make_model, sides_of
 from phasemap.inference.images.problem import Problem, problem_of
 from phasemap.inference.images.regions import medians, regions_of
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, coordinates_of, list_of_images, make_stack
-from phasemap.inference.images.starts import make_starts
+from phasemap.inference.images.starts import Grid, make_grid, make_starts
 from phasemap.inference.images.verdict import AMBIGUOUS, AVERAGED, FLAGS, POOR, dataset_of
 from phasemap.inference.images.zeros import FREE, SHARED, Plan, make_plan
-from phasemap.inference.prior import PRIOR, check_known, check_prior
-from phasemap.inference.verdict import CODES, COMBINED, GIVEN, OPEN, PARAMETERS, UNLIKELY, chance, codes_of, say_regions
+from phasemap.inference.verdict import (
+    CODES,
+    COMBINED,
+    GIVEN,
+    OPEN,
+    PARAMETERS,
+    PRIOR,
+    UNLIKELY,
+    chance,
+    check_known,
+    check_prior,
+    codes_of,
+    say_regions,
+)
 from phasemap.results.variables import coded, describe
 
 if TYPE_CHECKING:

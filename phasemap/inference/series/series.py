@@ -19,7 +19,6 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack
-from phasemap.inference.prior import PRIOR, check_known, check_prior
 from phasemap.inference.sampling import REACH, sample
 from phasemap.inference.series.answer import dataset_of
 from phasemap.inference.series.contrasts import each_of, medians, regions_of
@@ -27,6 +26,7 @@ from phasemap.inference.series.orbits import Lever, make_table
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.recorded import read_files
 from phasemap.inference.series.settings import scope_of, settings_of
+from phasemap.inference.verdict import PRIOR, check_known, check_prior
 from phasemap.io.measured import one_scan
 from phasemap.solvers.problem import material_row
 
