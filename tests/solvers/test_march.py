@@ -15,6 +15,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time import march, period_map, runge_kutta
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.lever import one_mode
 
 Problem = Oscillator
 
@@ -38,8 +39,9 @@ def problem_of(case: Case) -> Problem:
     adhesion, damping = np.array([case["adhesion"]]), np.array([case["damping"]])
     rows = interaction.columns(np.array([4 / 3 / (sample + tip)]), adhesion, damping, case["tip_radius"])
     quality = case["quality_factor"]
-    lever = [case.get("frequency_ratio", 1.0), 0.5 / quality, case["stiffness"], case["free_amplitude"] / quality, 0.0]
-    return Oscillator(interaction.token(), rows[0], np.array(lever))
+    drive = case["free_amplitude"] / quality
+    lever = one_mode(case.get("frequency_ratio", 1.0), 0.5 / quality, case["stiffness"], drive)
+    return Oscillator(interaction.token(), rows[0], lever)
 
 
 def row_of(orbit: dict[str, float]) -> np.ndarray:
@@ -107,14 +109,18 @@ def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
     assert x(march.time_of_crossing.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
 
 
-def test_a_measured_decay_is_summed_and_its_multipliers_found() -> None:
-    change = np.array([[-0.1, 0.3], [-0.2, -0.05]])  # P' - 1
-    linear = PeriodMap()
-    (linear.by_z.z, linear.by_v.z), (linear.by_z.v, linear.by_v.v) = change
-    assert period_map.relaxed.py_func(linear, 1.0, 2.0) == pytest.approx(tuple(np.linalg.solve(-change, [1.0, 2.0])))
-    assert period_map.multiplier_of.py_func(linear) == pytest.approx(
-        np.abs(np.linalg.eigvals(np.eye(2) + change)).max()
-    )
+@pytest.mark.parametrize("count", [2, 4, 8])
+@pytest.mark.parametrize("size", [0.3, 1.0])
+def test_a_measured_decay_is_summed_and_its_multipliers_found(count: int, size: float) -> None:
+    random = np.random.default_rng(count)
+    change, now = size * random.normal(size=(count, count)) - 0.2 * np.eye(count), random.normal(size=count)  # P' - 1
+    linear, way = PeriodMap(), np.zeros(count)
+    linear.count = count
+    linear.motion[: count * count] = change.T.reshape(-1)
+    period_map.relaxed.py_func(linear, now, way)
+    assert way == pytest.approx(np.linalg.solve(-change, now))
+    largest = np.abs(np.linalg.eigvals(np.eye(count) + change)).max()
+    assert period_map.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)
 
 
 # One period.
@@ -131,13 +137,13 @@ def test_the_free_lever_swings_as_the_formula_says(omega: float) -> None:
     own, own_speed = y[0] - response.real, y[1] + omega * response.imag
     c = complex(own, (root.real * own - own_speed) / root.imag)
     tau = 5 * 2 * math.pi / omega
-    end, acc = marched((law, p, np.array([omega, alpha0, stiffness, base])), 1e-7, y, 0.1, 5)
+    end, acc = marched((law, p, one_mode(omega, alpha0, stiffness, base)), 1e-7, y, 0.1, 5)
     own_end = c * np.exp(root * tau)
     expected = [response.real + own_end.real, -omega * response.imag + (root * own_end).real]
     np.testing.assert_allclose(end, expected, rtol=0, atol=1e-13 * 5e-9)
 
     driven = np.array([response.real, -omega * response.imag])
-    _, acc = marched((law, p, np.array([omega, alpha0, stiffness, base])), 1e-7, driven, 0.1)
+    _, acc = marched((law, p, one_mode(omega, alpha0, stiffness, base)), 1e-7, driven, 0.1)
     np.testing.assert_allclose([acc.cos, acc.sin], [response.real, -response.imag], rtol=0, atol=1e-13 * abs(response))
     assert abs(acc.mean_z) < 1e-13 * abs(response)
     assert acc.loss == acc.virial == 0
@@ -149,7 +155,7 @@ def test_a_period_with_contact_agrees_with_another_integrator() -> None:
     from scipy.integrate import solve_ivp
 
     law, p, lever = problem_of(TAPPING)
-    omega, alpha0, stiffness, base, _ = lever
+    omega, alpha0, stiffness, base = lever[:4]
     z0 = TAPPING_ORBIT["tip_offset"]
 
     def rate(tau: float, y: np.ndarray) -> list[float]:

@@ -28,7 +28,7 @@ from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, free_amplitude, reach_of
 from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest
-from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z, amplitude_of, ring_down_periods
+from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of, ring_down_periods, swing_state
 
 if TYPE_CHECKING:
     pass
@@ -59,8 +59,8 @@ def move_to_setpoint(oscillator: Oscillator, amplitude: float, tolerance: Tolera
     before = u.copy()
     x, y = drive_needed(lever, amplitude, guess[col.G_P], guess[col.G_S])
     whole = math.hypot(x, y)
-    u[Z], u[V] = guess[col.G_MEAN] + amplitude * x / whole, lever[col.OMEGA] * amplitude * y / whole
-    u[Z0] = guess[col.G_Z0]
+    u[Z0], mean = guess[col.G_Z0], guess[col.G_MEAN]
+    swing_state(lever, mean, mean + amplitude * x / whole, lever[col.OMEGA] * amplitude * y / whole, u)
     patience = int(LANDED_SETTLES * ring_down_periods(lever))
     if rest(oscillator, tolerance, patience, tip) and tip.acc.cos > 0.0:
         return True

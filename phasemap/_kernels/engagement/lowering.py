@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
@@ -23,14 +24,17 @@ from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
-from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, march_tip, relaxed, rest, skip
+from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, march_tip, rest, skip, slopes_of_orbit
 from phasemap._kernels.orbits.time.tip import (
-    PLAIN_STATE,
     Z0,
     Tip,
     V,
+    Way,
     Z,
     amplitude_of,
+    copy_motion,
+    motion_size,
+    move_along,
     ring_down_periods,
 )
 
@@ -115,25 +119,24 @@ def follow_down(
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
     p, lever = oscillator.p, oscillator.lever
-    u, linear, before = tip.u, tip.linear, np.empty(PLAIN_STATE)
+    u, linear, slopes = tip.u, tip.linear, Way()
+    before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
     lowest = deepest_offset(lever)
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else DISTURBED_NECK) * ring_down_periods(lever))
-    stride, slope, z_slope, v_slope = 0.0, 0.0, 0.0, 0.0
+    stride, slope = 0.0, 0.0
     while tip.periods.marched < most:
         if u[Z0] < lowest and (presses(p, tip) or u[Z0] < -FARTHEST_AT_ALL):
             return LOWEST_OFFSET
-        for j in range(PLAIN_STATE):
-            before[j] = u[j]
-        z, v = u[Z] - z_slope * stride, u[V] - v_slope * stride
-        u[Z], u[V], u[Z0] = z, v, u[Z0] - stride
+        copy_motion(u, before)
+        move_along(lever, slopes, -stride, u)
+        copy_motion(u, predicted)
         rests = skip(oscillator, tolerance, 0.0, tip)
-        off = math.hypot(u[Z] - z, u[V] - v) if rests else math.inf
+        off = math.hypot(u[Z] - predicted[Z], u[V] - predicted[V]) if rests else math.inf
         turned = rests and amplitude_slope(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
         small = stride <= SHORTEST_STRIDE * step
         if not small and (turned or off > PREDICTION_MISS * amplitude):
             stride *= 0.25
-            for j in range(PLAIN_STATE):
-                u[j] = before[j]
+            copy(before, u)
             if rests or trail == 0.0:
                 continue
             # A tip that moves trails its orbit, and loses one that draws in its closest neighbours only.
@@ -142,19 +145,16 @@ def follow_down(
             if not skip(oscillator, tolerance, 0.0, tip):
                 return ORBIT_LEFT
         elif not rests and trail > 0.0 and stride > 0.0:
-            for j in range(PLAIN_STATE):
-                u[j] = before[j]
+            copy(before, u)
             return ORBIT_LEFT
         elif not rests:
-            for j in range(PLAIN_STATE):
-                u[j] = before[j]
+            copy(before, u)
             u[Z0] -= stride
             if not rest(oscillator, tolerance, min(patience, most - tip.periods.marched), tip):
                 return ORBIT_LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return AMPLITUDE_SEEN
-        slope = amplitude_slope(linear)
-        z_slope, v_slope = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
+        slope = slopes_of_orbit(linear, slopes)
         if stride == 0.0:
             stride = 0.1 * step
         elif off < 0.1 * PREDICTION_MISS * amplitude:

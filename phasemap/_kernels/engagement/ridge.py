@@ -37,13 +37,25 @@ from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.period_map import (
     amplitude_slope,
     differentiate,
+    fill_change,
+    fill_way_to_rest,
+    length_of,
     linearise_period,
     neighbour_distance,
     pass_from,
-    relaxed,
-    way_to_rest,
+    slopes_of_orbit,
 )
-from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, V, Z, amplitude_of, copy_memory
+from phasemap._kernels.orbits.time.tip import (
+    Z0,
+    Change,
+    PeriodMap,
+    PeriodResult,
+    Periods,
+    Tip,
+    Way,
+    copy_memory,
+    move_along,
+)
 from phasemap._kernels.records import assign, record
 
 TIGHT, CLOSEST = 0.015, 1e-4  # h at the saddle that decides: as first predicted, and once it is known
@@ -128,10 +140,10 @@ def linearise_at_ridge_point(law: Law, p: np.ndarray, eta: float, ridge: Ridge) 
     u, y = tip.u, np.empty(len(tip.u))
     base, size = driven[col.DRIVE], neighbour_distance(driven, tip)
     driven[col.DRIVE] = base + size
-    good = pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y)
+    good = pass_from(Oscillator(law, p, driven), eta, tip, u, u[Z0], y)
     driven[col.DRIVE] = base
     assign(by, tip.linear)
-    by.by_z0.z, by.by_z0.v, by.by_z0.amplitude = y[Z] - u[Z], y[V] - u[V], amplitude_of(driven, tip.acc)
+    fill_change(driven, u, y, tip.acc, by.by_z0)
     differentiate(by.by_z0, by.now, size)
     return good
 
@@ -143,26 +155,28 @@ def solve_drive_at_ridge_point(law: Law, p: np.ndarray, eta: float, scale: float
     `scale` [m] is the length on which forces change.
     """
     place, driven, tip, by = ridge
-    u, y = tip.u, np.empty(len(tip.u))
+    u, y, now, ahead = tip.u, np.empty(len(tip.u)), Change(), Way()
     for _ in range(MOST_NEWTON):
         if not linearise_at_ridge_point(law, p, eta, ridge):
             return False
-        z, v, more = way_to_rest(by, by.now.z, by.now.v, by.now.amplitude - place.amplitude, True)
+        fill_way_to_rest(by, by.now, place.amplitude, ahead)
         before = FIRST_RIDGE_STEP
         while True:
-            way = math.hypot(z, v) / scale + abs(more) / driven[col.DRIVE]
-            u[Z], u[V], driven[col.DRIVE] = u[Z] + z, u[V] + v, driven[col.DRIVE] + more
+            more, ahead.z0 = ahead.z0, 0.0  # of the drive, which stands in the place of z0
+            way = length_of(ahead) / scale + abs(more) / driven[col.DRIVE]
+            move_along(driven, ahead, 1.0, u)
+            driven[col.DRIVE] += more
             if not (way < STEP_ASTRAY and driven[col.DRIVE] > 0.0):
                 return False
             if way * way < RIDGE_DRIVE_LEFT * before:
                 return True
             if way > SAME_DERIVATIVES * before:
                 break
-            if not pass_from(Oscillator(law, p, driven), eta, tip, u[Z], u[V], u[Z0], y):
+            if not pass_from(Oscillator(law, p, driven), eta, tip, u, u[Z0], y):
                 return False
             copy_memory(y, u)
-            off = amplitude_of(driven, tip.acc) - place.amplitude
-            z, v, more = way_to_rest(by, y[Z] - u[Z], y[V] - u[V], off, True)
+            fill_change(driven, u, y, tip.acc, now)
+            fill_way_to_rest(by, now, place.amplitude, ahead)
             before = way
     return False
 
@@ -185,13 +199,12 @@ def evaluate_ridge(oscillator: Oscillator, eta: float, scale: float, ridge: Ridg
 def move_on_ridge(ridge: Ridge, of_b: float, of_a: float) -> None:
     """Move gap and amplitude by these steps [m], and the periodic motion and its drive along, to first order."""
     place, driven, tip, by = ridge
-    u, linear, of_z0 = tip.u, tip.linear, of_b + of_a
-    more = (of_a - amplitude_slope(linear) * of_z0) / amplitude_slope(by)
-    z, v = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
-    z_drive, v_drive = relaxed(by, by.by_z0.z, by.by_z0.v)
-    u[Z] += z * of_z0 + z_drive * more
-    u[V] += v * of_z0 + v_drive * more
-    u[Z0] += of_z0
+    of_z0, slopes, by_drive = of_b + of_a, Way(), Way()
+    slope = slopes_of_orbit(tip.linear, slopes)
+    more = (of_a - slope * of_z0) / slopes_of_orbit(by, by_drive)
+    by_drive.z0 = 0.0
+    move_along(driven, slopes, of_z0, tip.u)
+    move_along(driven, by_drive, more, tip.u)
     driven[col.DRIVE] += more
     place.gap += of_b
     place.amplitude += of_a

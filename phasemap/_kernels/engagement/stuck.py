@@ -20,16 +20,18 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.rest import loosened, static_depth
 from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, relaxed, rest
+from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, rest, slopes_of_orbit
 from phasemap._kernels.orbits.time.tip import (
-    PLAIN_STATE,
     TOUCHES,
     Z0,
     Tip,
-    V,
-    Z,
+    Way,
     amplitude_of,
+    copy_motion,
+    motion_size,
+    move_along,
     ring_down_periods,
+    swing_state,
 )
 
 FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
@@ -111,14 +113,16 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
     or NOT_KNOWN.
     """
     p, lever = oscillator.p, oscillator.lever
-    u, acc, linear, before = tip.u, tip.acc, tip.linear, np.empty(PLAIN_STATE)
-    copy(u, before)
+    u, acc, linear, before, slopes = tip.u, tip.acc, tip.linear, np.empty(motion_size(lever)), Way()
+    copy_motion(u, before)
     z0 = loosened(oscillator, u[Z0], amplitude)
     if z0 > u[Z0]:
-        u[Z], u[V], u[TOUCHES], u[Z0] = z0 + static_depth(oscillator, z0), 0.0, 1.0, z0
+        rest_at = z0 + static_depth(oscillator, z0)
+        u[TOUCHES], u[Z0] = 1.0, z0
+        swing_state(lever, rest_at, rest_at, 0.0, u)
     patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + ANGLES, LAST_STRIDE * amplitude
     stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
-    z_slope = v_slope = slope = low = 0.0
+    slope = low = 0.0
     while tip.periods.marched + patience < most:
         rests, now = rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
@@ -126,10 +130,9 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
             abs(now - low - slope * step) < RAISING_MISS * amplitude and amplitude_slope(linear) * slope >= 0.0
         )
         if now < amplitude and (as_said if rests else least and step > 0.0 and now < FALLEN * amplitude):
-            copy(u, before)
+            copy_motion(u, before)
             if rests:
-                z_slope, v_slope = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
-                slope = amplitude_slope(linear)
+                slope = slopes_of_orbit(linear, slopes)
             stride = max(stride, 2.0 * step) if ceiling == math.inf else 2.0 * step
             low, ceiling = now, ceiling if u[Z0] < ceiling else math.inf
         elif rests and presses(p, tip) and now >= amplitude:
@@ -144,5 +147,6 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
             stride = 0.5 * step
             copy(before, u)
         step = min(stride, max(0.5 * (ceiling - u[Z0]), shortest))
-        u[Z], u[V], u[Z0] = u[Z] + z_slope * step, u[V] + v_slope * step, u[Z0] + step
+        slopes.z0 = 1.0
+        move_along(lever, slopes, step, u)
     return NOT_KNOWN

@@ -15,7 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.time import elements
-from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z
+from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z, fill_higher_modes
 from phasemap._kernels.records import clear, record
 from phasemap._kernels.scanning.loop import (
     A_IMAG,
@@ -67,6 +67,7 @@ def new_periods(eta: float) -> Periods:
 def begin_periods(lever: np.ndarray, mean: float, a: complex, state: Periods) -> None:
     """Set the lever swinging about a mean deflection with a complex amplitude [m], at drive phase 0."""
     state.tip[Z], state.tip[V], state.tip[TOUCHES] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
+    fill_higher_modes(lever, mean, state.tip)
     state.memory.ahead = 0.0
     clear(state.taps)
 

@@ -161,7 +161,7 @@ def slopes(
     Energy then does not close by itself where steps are too long for the surface.
     """
     law, p, medium, _, mode, stiff, kappa, rate, recovery, t0, pull, _, _ = here
-    omega, alpha0, compliance, base, z0, edge_force, edge_slope, _ = medium
+    omega, alpha0, compliance, base, z0, edge_force, edge_slope = medium[:7]
     since, cosine, sine = start
     turned, turning_sine = turn(omega * time)
     turned, turning_sine = cosine * turned - sine * turning_sine, sine * turned + cosine * turning_sine

@@ -20,7 +20,7 @@ the depth where q = 0.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,20 +30,25 @@ from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damp
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
 from phasemap._kernels.orbits.time.elements import CONTACT_MODE, INNER_COUNT, OUTER_COUNT, PERIOD_BEGIN
+from phasemap._kernels.orbits.time.free_flight import fly
+from phasemap._kernels.orbits.time.modes import Modes, fill_modes
 from phasemap._kernels.orbits.time.runge_kutta import (
+    Beam,
     End,
     Medium,
-    Row,
     Start,
     stage,
     step_in_contact,
+    step_of_modes,
     step_off_surface,
     turn,
 )
-from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z
+from phasemap._kernels.orbits.time.tip import PLAIN_STATE, TOUCHES, PeriodResult, V, Z
+from phasemap._kernels.records import record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
+    from phasemap._kernels.orbits.time.runge_kutta import Row
 
 MOST_MARCH_STEPS = 100_000
 """Steps in one period after which it is given up."""
@@ -55,16 +60,45 @@ APPROACH_WEIGHT = 0.4
 CONTACT_WEIGHT = 0.75
 """Weights of approach and of contact in the density of steps; chosen for the least work at 1e-6 to 1e-2 degree."""
 
+HIGHER_WEIGHT = 0.4
+"""The same of the fastest mode of several, which moves by far less than the first."""
+
+
+class Surroundings(NamedTuple):
+    """What stays as it is in a period."""
+
+    law: Law
+    p: Row  # parameters of the material
+    aloft: Medium  # off the surface, and in contact
+    snap: float  # density of steps by adhesion, squared
+    neck: float  # q of the surface in the neck; 0 without one
+    modes: Modes
+
+
+@record
+class Motion:
+    """Where the march is."""
+
+    x: float  # depth [m], in contact and neck the root of that above where x = 0
+    v: float  # [m]
+    cos: float  # of the drive's phase
+    sin: float
+    left: float  # time until the period ends
+    deep: float  # q of the depth to which this contact goes, roughly
+    highest: float  # largest depth so far [m]
+    touching: int  # 1 in contact or neck
+    in_neck: int
+
 
 @kernel
 def flight_rate(law: Law, p: Row, fixed: Medium, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
-    rate = 1.0
+    rate = fixed.lever_rate
     if p[col.LONGRANGE] != 0.0:
         force = longrange_force(law, d, p) * fixed.compliance
         slope = longrange_slope(law, d, p) * fixed.compliance
         # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
-        rate += abs(slope) + (APPROACH_WEIGHT * v * slope) ** 2 / (
+        rate += abs(slope) * fixed.share + (APPROACH_WEIGHT * v * slope) ** 2 / (
             force**2 + (0.01 * slope * (abs(d) + fixed.drive)) ** 2
         )
     return math.sqrt(rate)
@@ -73,10 +107,11 @@ def flight_rate(law: Law, p: Row, fixed: Medium, d: float, v: float) -> float:
 @kernel
 def contact_rate(law: Law, p: Row, fixed: Medium, q: float) -> float:
     """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
-    d = fixed.bottom + q * q
-    rate = 4 * q * q * (1 + CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_slope(law, d, p)) * fixed.compliance)
+    d, share = fixed.bottom + q * q, fixed.share
+    stiff = CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_slope(law, d, p)) * fixed.compliance * share
+    rate = 4 * q * q * (fixed.lever_rate + stiff)
     if p[col.DAMPING] != 0.0 and fixed.bottom == 0.0:
-        rate += (4 * q * damping(law, d, p)) ** 2
+        rate += (4 * q * damping(law, d, p) * share) ** 2
     return rate
 
 
@@ -125,15 +160,18 @@ def time_of_crossing(x0: float, v0: float, x1: float, v1: float, h: float) -> fl
 
 
 @kernel(inline=True)
-def _advance(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float) -> End:
+def _advance(here: Surroundings, fixed: Medium, touching: bool, start: Start, h: float) -> End:
+    """Take one step of length h."""
+    if here.modes.count > 1:
+        return step_of_modes(Beam(here.law, here.p, fixed, here.modes, touching), start, h)
     if touching:
-        return step_in_contact(law, p, fixed, start, h)
-    return step_off_surface(law, p, fixed, start, h)
+        return step_in_contact(here.law, here.p, fixed, start, h)
+    return step_off_surface(here.law, here.p, fixed, start, h)
 
 
 @kernel
 def _to_edge(
-    law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float, end: End, edge: float
+    here: Surroundings, fixed: Medium, touching: bool, start: Start, h: float, end: End, edge: float
 ) -> tuple[float, End]:
     """Shorten a step across an edge to end on it: Newton on x(h) = edge, x' = v, kept between a side and the other.
 
@@ -143,14 +181,10 @@ def _to_edge(
     h = time_of_crossing(start.x - edge, start.v, end.x - edge, end.v, h)
     above = end.x <= edge
     for _ in range(50):
-        end = _advance(law, p, fixed, touching, start, h)
+        end = _advance(here, fixed, touching, start, h)
         more = (edge - end.x) / end.v
         if abs(more) <= LAST_NEWTON_STEP * whole:
-            w, a, c, s, m, e, f, o = stage(law, p, fixed, touching, start, end.x, end.v, end.passed)
-            return h + more, End(
-                edge, end.v + more * a, end.passed + more * w, end.cos + more * c, end.sin + more * s,
-                end.mean_z + more * m, end.loss + more * e, end.virial + more * f, end.air + more * o,
-            )  # fmt: skip
+            return h + more, _along_tangent(here, fixed, touching, start, h, more, end, edge)
         if (end.x > edge) == above:
             low = h
         else:
@@ -161,15 +195,30 @@ def _to_edge(
     return h, end
 
 
+@kernel(inline=True)
+def _along_tangent(
+    here: Surroundings, fixed: Medium, touching: bool, start: Start, h: float, more: float, end: End, edge: float
+) -> End:
+    """End of a step that is longer by very little, at the edge; of several modes it is taken again."""
+    if here.modes.count > 1:
+        end = _advance(here, fixed, touching, start, h + more)
+        return End(edge, end.v, end.passed, end.cos, end.sin, end.mean_z, end.loss, end.virial, end.air)
+    w, a, c, s, m, e, f, o = stage(here.law, here.p, fixed, touching, start, end.x, end.v, end.passed)
+    return End(
+        edge, end.v + more * a, end.passed + more * w, end.cos + more * c, end.sin + more * s,
+        end.mean_z + more * m, end.loss + more * e, end.virial + more * f, end.air + more * o,
+    )  # fmt: skip
+
+
 @kernel
-def _to_instant(law: Law, p: Row, fixed: Medium, start: Start, h: float, end: End, time: float) -> tuple[float, End]:
+def _to_instant(here: Surroundings, fixed: Medium, start: Start, h: float, end: End, time: float) -> tuple[float, End]:
     """Shorten a step in contact or neck to last `time`: Newton on tau(h) = time, tau' = 2 q."""
     low, high = 0.0, h
     for _ in range(50):
         h -= (end.passed - time) / (2 * end.x)
         if not low <= h <= high:
             h = 0.5 * (low + high)
-        end = step_in_contact(law, p, fixed, start, h)
+        end = _advance(here, fixed, True, start, h)
         if abs(end.passed - time) <= 4e-16:
             break
         if end.passed < time:
@@ -177,6 +226,212 @@ def _to_instant(law: Law, p: Row, fixed: Medium, start: Start, h: float, end: En
         else:
             high = h
     return h, end
+
+
+@kernel
+def medium_aloft(oscillator: Oscillator, z0: float, modes: Modes) -> Medium:
+    """The medium off the surface and in contact, at the tip offset z0 [m]."""
+    law, p, lever = oscillator
+    compliance, force, slope = 1 / lever[col.STIFFNESS], 0.0, 0.0
+    if p[col.LONGRANGE] != 0.0:
+        force = longrange_force(law, 0.0, p) * compliance
+        slope = longrange_slope(law, 0.0, p) * compliance
+    rate = 1.0 + HIGHER_WEIGHT * HIGHER_WEIGHT * (modes.fastest - 1.0)
+    omega, alpha0, drive = lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE]
+    return Medium(omega, alpha0, compliance, drive, z0, force, slope, 0.0, rate, modes.share)
+
+
+@kernel(inline=True)
+def medium_of(here: Surroundings, motion: Motion) -> Medium:
+    """The medium, whose bottom is deeper while the tip is in the neck."""
+    omega, alpha0, compliance, drive, z0, force, slope, _, rate, share = here.aloft
+    bottom = here.p[col.RELEASE] if motion.in_neck == 1 else 0.0
+    return Medium(omega, alpha0, compliance, drive, z0, force, slope, bottom, rate, share)
+
+
+@kernel
+def pull_of_lever(modes: Modes, motion: Motion, z: float) -> float:
+    """Density of steps in contact by the lever's own acceleration about z [m], squared."""
+    pull = math.hypot(z, motion.v)
+    for i in range(1, modes.count):
+        y, u, square = modes.now[2 * i - 2], modes.now[2 * i - 1], modes.square[i]
+        pull += HIGHER_WEIGHT * HIGHER_WEIGHT * math.hypot(square * y, math.sqrt(square) * u)
+    return 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * pull
+
+
+@kernel
+def begin_contact(here: Surroundings, motion: Motion, q: float) -> None:
+    """Let the tip be in contact, at q."""
+    z = here.aloft.z0 + q * q
+    motion.x, motion.touching, motion.in_neck = q, 1, 0
+    pull = here.snap + pull_of_lever(here.modes, motion, z)
+    motion.deep = depth_reached(here.law, here.p, here.aloft, q, motion.v, pull)
+
+
+@kernel
+def begin_period(here: Surroundings, y: np.ndarray, motion: Motion) -> None:
+    """Put the tip where a state has it."""
+    p, neck = here.p, here.neck
+    motion.x, motion.v = y[Z] - here.aloft.z0, y[V]
+    for j in range(2 * here.modes.count - 2):
+        here.modes.now[j] = y[PLAIN_STATE + j]
+    x = motion.highest = motion.x
+    if x > 0 or (x == 0 and motion.v > 0):
+        begin_contact(here, motion, math.sqrt(x))
+    elif neck > 0 and y[TOUCHES] != 0.0 and x > p[col.RELEASE]:
+        motion.touching = motion.in_neck = 1
+        motion.x, motion.deep = math.sqrt(x - p[col.RELEASE]), neck
+    motion.cos, motion.sin = 1.0, 0.0
+    if here.law.memory != 0:
+        motion.cos, motion.sin = math.cos(y[PERIOD_BEGIN]), math.sin(y[PERIOD_BEGIN])
+    motion.left = 2 * math.pi / here.aloft.omega
+
+
+@kernel
+def step_length(here: Surroundings, fixed: Medium, eta: float, motion: Motion) -> float:
+    """Length of the next step."""
+    law, p, x, v = here.law, here.p, motion.x, motion.v
+    if motion.touching == 0:
+        return min(motion.left, eta / flight_rate(law, p, fixed, x, v))
+    # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
+    z = fixed.z0 + fixed.bottom + x * x
+    rate = contact_rate(law, p, fixed, x) + here.snap + pull_of_lever(here.modes, motion, z)
+    rate += (CONTACT_WEIGHT * v / motion.deep) ** 2
+    if here.neck > 0 and motion.in_neck == 0:
+        rate += (CONTACT_WEIGHT * v) ** 2 / (x * x - p[col.RELEASE])  # the root at release, seen from contact
+    return eta / math.sqrt(rate)
+
+
+@kernel
+def _turn_inside(
+    here: Surroundings, fixed: Medium, motion: Motion, start: Start, h: float, end: End
+) -> tuple[float, End]:
+    """Shorten a step in which the tip turns to end there, if both ends may hide a contact or a release.
+
+    Keeps the largest depth.
+    """
+    touching, in_neck, x, v = motion.touching == 1, motion.in_neck == 1, start.x, start.v
+    if v > 0 and end.v < 0:
+        # The highest point lies inside: a step to where it should be, and half v^2 over the deceleration.
+        part = time_of_turn(x, v, end.x, end.v, h)
+        top = _advance(here, fixed, touching, start, part)
+        height = top.x + 0.5 * h * top.v**2 / (v - end.v)
+        if (in_neck or not touching) and top.x > (here.neck if in_neck else 0.0):  # grazing: both ends may be below
+            return part, top
+        motion.highest = max(motion.highest, fixed.bottom + height * height if touching else height)
+    elif in_neck and v < 0 and end.v > 0:
+        part = time_of_turn(-x, -v, -end.x, -end.v, h)
+        low = _advance(here, fixed, touching, start, part)
+        if low.x <= 0:  # both ends may be in the neck, with a release between
+            return part, low
+    else:
+        return h, end
+    # The modes above the first are at the end of the step tried last.
+    return h, end if here.modes.count < 2 else _advance(here, fixed, touching, start, h)
+
+
+@kernel
+def _add_integrals(end: End, sums: PeriodResult) -> None:
+    """Add what a step gives to the integrals over the period."""
+    sums.cos += end.cos
+    sums.sin += end.sin
+    sums.mean_z += end.mean_z
+    sums.loss += end.loss
+    sums.virial += end.virial
+    sums.air += end.air
+
+
+@kernel
+def _move(here: Surroundings, end: End, c: float, s: float, motion: Motion) -> None:
+    """Put the tip at the end of a step, over which the drive's phase grew by an angle with this cosine and sine."""
+    motion.x, motion.v = end.x, end.v
+    motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
+    for j in range(2 * here.modes.count - 2):
+        here.modes.now[j] = here.modes.end[j]
+
+
+@kernel
+def _pass_edge(here: Surroundings, motion: Motion, edge: float) -> int:
+    """Let a tip at an edge be in contact, in the neck, or off the surface; returns 1 if it leaves a neck, else 0."""
+    if motion.in_neck == 1 and edge == 0.0:
+        motion.x, motion.touching, motion.in_neck = here.p[col.RELEASE], 0, 0
+        return 1
+    if motion.v <= 0 and motion.touching == 1 and here.neck > 0:
+        motion.x = motion.deep = here.neck
+        motion.in_neck = 1
+    elif motion.v > 0:
+        begin_contact(here, motion, 0.0)
+    else:
+        motion.x, motion.touching, motion.in_neck = 0.0, 0, 0
+    return 0
+
+
+@kernel
+def fly_on(here: Surroundings, motion: Motion, start: Start, sums: PeriodResult) -> int:
+    """March on to the next contact or the end of the period, where no force reaches beyond contact; returns 0."""
+    end, height = fly(here.aloft, here.modes, start, motion.left)
+    motion.highest = max(motion.highest, height)
+    motion.left -= end.passed
+    _add_integrals(end, sums)
+    angle = here.aloft.omega * end.passed
+    _move(here, end, math.cos(angle), math.sin(angle), motion)
+    return _pass_edge(here, motion, 0.0) if end.x >= 0.0 else 0
+
+
+@kernel
+def take_step(here: Surroundings, eta: float, motion: Motion, sums: PeriodResult) -> int:
+    """March on by a step, shorter where it crosses an edge or the end of the period; returns 1 if it leaves a neck."""
+    fixed, touching, in_neck = medium_of(here, motion), motion.touching == 1, motion.in_neck == 1
+    start = Start(motion.x, motion.v, motion.cos, motion.sin)
+    if here.modes.count > 1 and not touching and here.p[col.LONGRANGE] == 0.0:
+        return fly_on(here, motion, start, sums)
+    h = step_length(here, fixed, eta, motion)
+    end = _advance(here, fixed, touching, start, h)
+    h, end = _turn_inside(here, fixed, motion, start, h, end)
+    edge = here.neck if in_neck else 0.0  # the x of d = 0
+    crosses = end.x <= edge if touching and not in_neck else end.x > edge
+    if in_neck and end.x <= 0:
+        crosses, edge = True, 0.0
+    if crosses:
+        h, end = _to_edge(here, fixed, touching, start, h, end, edge)
+    if not touching:
+        motion.left -= h
+    elif end.passed < motion.left:
+        motion.left -= end.passed
+    else:
+        h, end = _to_instant(here, fixed, start, h, end, motion.left)
+        motion.left = 0.0
+        crosses = False
+    _add_integrals(end, sums)
+    c, s = turn(fixed.omega * end.passed)
+    _move(here, end, c, s, motion)
+    return _pass_edge(here, motion, edge) if crosses else 0
+
+
+@kernel
+def put_state(here: Surroundings, motion: Motion, z: float, y: np.ndarray) -> None:
+    """Put the tip, at z [m], into a state."""
+    y[Z], y[V] = z, motion.v
+    if here.neck > 0:
+        y[TOUCHES] = motion.touching
+    for j in range(2 * here.modes.count - 2):
+        y[PLAIN_STATE + j] = here.modes.now[j]
+
+
+@kernel
+def fill_result(oscillator: Oscillator, sums: PeriodResult, deepest: float, releases: int, acc: PeriodResult) -> None:
+    """Turn integrals over a period into what it gives."""
+    law, p, lever = oscillator
+    omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
+    acc.cos = sums.cos * omega / math.pi
+    acc.sin = sums.sin * omega / math.pi
+    acc.mean_z = sums.mean_z * omega / (2 * math.pi)
+    acc.loss = sums.loss * stiffness
+    if releases > 0:
+        acc.loss += releases * loop_energy(law, p)
+    acc.virial = sums.virial * stiffness * omega / (2 * math.pi)
+    acc.deepest = deepest
+    acc.air = sums.air * 2 * lever[col.ALPHA0] * stiffness
 
 
 @kernel
@@ -202,7 +457,7 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     eta : float
         Size of the steps. The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at 0.5, 0.3, 0.15 in nine of
         ten orbits with Q <= 1000. The error is of order 8 in eta and proportional to Q.
-    y : ndarray, shape (3,)
+    y : ndarray
         State as `tip` names it, advanced in place. Whether the tip is in contact or neck is left out
         and not asked for where the law has no neck: depth says it.
     acc : PeriodResult
@@ -217,119 +472,22 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
     law, p, lever = oscillator
     row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
-    omega, compliance = lever[col.OMEGA], 1 / lever[col.STIFFNESS]
-    edge_force = edge_slope = 0.0
-    if p[col.LONGRANGE] != 0.0:
-        edge_force = longrange_force(law, 0.0, row) * compliance
-        edge_slope = longrange_slope(law, 0.0, row) * compliance
-    alpha0, base = lever[col.ALPHA0], lever[col.DRIVE]
-    aloft = Medium(omega, alpha0, compliance, base, z0, edge_force, edge_slope, 0.0)
-    drawn = Medium(omega, alpha0, compliance, base, z0, edge_force, edge_slope, row[col.RELEASE])
-    fixed = aloft
-    snap = 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_force(law, 0.0, row)) * compliance
-    neck = math.sqrt(-row[col.RELEASE])  # q of the surface in the neck
-
-    x, v = y[Z] - z0, y[V]
-    highest = x
-    touching = x > 0 or (x == 0 and v > 0)
-    deep = 0.0
-    if touching:
-        x = math.sqrt(x)
-        deep = depth_reached(law, row, fixed, x, v, snap + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(y[Z], v))
-    elif neck > 0 and y[TOUCHES] != 0.0 and x > row[col.RELEASE]:
-        touching, x, deep = True, math.sqrt(x - row[col.RELEASE]), neck
-        fixed = drawn
-    cosine, sine = 1.0, 0.0
-    if law.memory != 0:
-        cosine, sine = math.cos(y[PERIOD_BEGIN]), math.sin(y[PERIOD_BEGIN])
-    cos_part = sin_part = mean = dissipated = virial = air = 0.0
-    left = 2 * math.pi / omega
+    motion, modes, sums = Motion(), Modes(), PeriodResult()
+    fill_modes(lever, modes)
+    aloft = medium_aloft(Oscillator(law, row, lever), z0, modes)
+    snap = 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_force(law, 0.0, row)) * aloft.compliance * modes.share
+    here = Surroundings(law, row, aloft, snap, math.sqrt(-row[col.RELEASE]), modes)
+    begin_period(here, y, motion)
     steps = releases = 0
-    while left > 0:
+    while motion.left > 0:
         steps += 1
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
-        bottom = fixed.bottom
-        in_neck = bottom != 0.0
-        edge = neck if in_neck else 0.0  # the x of d = 0
-        if touching:
-            # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
-            rate = (
-                contact_rate(law, row, fixed, x)
-                + snap
-                + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(z0 + bottom + x * x, v)
-            )
-            rate += (CONTACT_WEIGHT * v / deep) ** 2
-            if neck > 0 and not in_neck:
-                rate += (CONTACT_WEIGHT * v) ** 2 / (x * x - row[col.RELEASE])  # the root at release, seen from contact
-            h = eta / math.sqrt(rate)
-        else:
-            h = min(left, eta / flight_rate(law, row, fixed, x, v))
-        start = Start(x, v, cosine, sine)
-        end = _advance(law, row, fixed, touching, start, h)
-        if v > 0 and end.v < 0:
-            # The highest point lies inside: a step to where it should be, and half v^2 over the deceleration.
-            part = time_of_turn(x, v, end.x, end.v, h)
-            top = _advance(law, row, fixed, touching, start, part)
-            height = top.x + 0.5 * h * top.v**2 / (v - end.v)
-            if (in_neck or not touching) and top.x > edge:  # grazing: both ends may be below
-                h, end = part, top
-            else:
-                highest = max(highest, bottom + height * height if touching else height)
-        elif in_neck and v < 0 and end.v > 0:
-            part = time_of_turn(-x, -v, -end.x, -end.v, h)
-            low = _advance(law, row, fixed, touching, start, part)
-            if low.x <= 0:  # both ends may be in the neck, with a release between
-                h, end = part, low
-        crosses = end.x <= edge if touching and not in_neck else end.x > edge
-        if in_neck and end.x <= 0:
-            crosses, edge = True, 0.0
-        if crosses:
-            h, end = _to_edge(law, row, fixed, touching, start, h, end, edge)
-        if not touching:
-            left -= h
-        elif end.passed < left:
-            left -= end.passed
-        else:
-            h, end = _to_instant(law, row, fixed, start, h, end, left)
-            left = 0.0
-            crosses = False
-        x, v, passed, of_cos, of_sin, of_mean, of_loss, of_virial, of_air = end
-        cos_part += of_cos
-        sin_part += of_sin
-        mean += of_mean
-        dissipated += of_loss
-        virial += of_virial
-        air += of_air
-        c, s = turn(omega * passed)
-        cosine, sine = cosine * c - sine * s, sine * c + cosine * s
-        if crosses and in_neck and edge == 0.0:
-            releases += 1
-            touching, fixed, x = False, aloft, bottom
-        elif crosses and v <= 0 and touching and neck > 0:
-            fixed = drawn
-            x = deep = neck
-        elif crosses:
-            x, fixed = 0.0, aloft
-            touching = v > 0
-            if touching:
-                deep = depth_reached(
-                    law, row, fixed, x, v, snap + 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * math.hypot(z0, v)
-                )
-    if not math.isfinite(x + v):
+        releases += take_step(here, eta, motion, sums)
+    x, touching = motion.x, motion.touching == 1
+    if not math.isfinite(x + motion.v):
         return -col.NOT_SETTLED
-
-    d = fixed.bottom + x * x if touching else x
-    y[Z], y[V] = z0 + d, v
-    if neck > 0:
-        y[TOUCHES] = 1.0 if touching else 0.0
-    acc.cos = cos_part * omega / math.pi
-    acc.sin = sin_part * omega / math.pi
-    acc.mean_z = mean * omega / (2 * math.pi)
-    acc.loss = dissipated * lever[col.STIFFNESS]
-    if releases > 0:
-        acc.loss += releases * loop_energy(law, row)
-    acc.virial = virial * lever[col.STIFFNESS] * omega / (2 * math.pi)
-    acc.deepest = max(highest, d)
-    acc.air = air * 2 * lever[col.ALPHA0] * lever[col.STIFFNESS]
+    d = medium_of(here, motion).bottom + x * x if touching else x
+    put_state(here, motion, z0 + d, y)
+    fill_result(Oscillator(law, row, lever), sums, max(motion.highest, d), releases, acc)
     return steps

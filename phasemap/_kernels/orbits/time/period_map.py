@@ -6,19 +6,20 @@ See theory, Eqs. (time-3) and (time-4).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.dense import eliminate
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.elements import OUTER_COUNT
 from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.modes import air_beside_first_harmonic
 from phasemap._kernels.orbits.time.tip import (
-    PLAIN_STATE,
     TOUCHES,
     Z0,
     Change,
@@ -26,18 +27,22 @@ from phasemap._kernels.orbits.time.tip import (
     PeriodResult,
     Tip,
     V,
+    Way,
     Z,
     add_period,
     amplitude_of,
+    coordinate_count,
     copy_memory,
+    copy_motion,
     divide_result,
+    entry_of,
+    motion_scale,
+    motion_size,
+    move_along,
     ring_down_periods,
     ringing_periods,
 )
 from phasemap._kernels.records import assign
-
-if TYPE_CHECKING:
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 SETTLING_TIME = 40.0  # ring-down times in which a motion has to settle, if it does
 FEEDBACK_STRIDE = 0.1  # steps of a feedback, of the amplitude
@@ -49,6 +54,7 @@ DENT_GONE = 1e-4  # of a dent, when it counts as gone
 MOST_CREEP = 1000.0  # passes of two periods in which it has to
 CREEP_STEP = 0.01  # of the motion: longer steps lead astray meanwhile
 CREEP_GROWTH = 30.0  # the same, times the first step
+SQUARINGS = 48  # of the map of a period, which leave an error of 1e-14 of its multiplier
 MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for ever
 
 
@@ -87,19 +93,21 @@ def pass_pattern(oscillator: Oscillator, z0: float, eta: float, tip: Tip, y: np.
 
 
 @kernel
-def pass_from(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray) -> bool:
-    """March a period from (z, v) at z0 in y, and say whether it ends, as it began, in contact or out of it.
+def pass_from(oscillator: Oscillator, eta: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray) -> bool:
+    """March a period in y from a start at z0, and say whether it ends, as it began, in contact or out of it.
 
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
     period owes to this one counts in its derivatives.
     """
-    u = tip.u
+    u, lever = tip.u, oscillator.lever
     copy_memory(u, y)
     lasts = lingering(oscillator) > 0
     for again in range(2):
         if again and not (lasts and y[OUTER_COUNT] > 0):
             break
-        y[Z], y[V], y[TOUCHES] = z, v, u[TOUCHES]
+        for i in range(motion_size(lever)):
+            y[i] = start[i]
+        y[TOUCHES] = u[TOUCHES]
         if not pass_pattern(oscillator, z0, eta, tip, y) or y[TOUCHES] != u[TOUCHES]:
             return False
     return True
@@ -108,97 +116,164 @@ def pass_from(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, 
 @kernel
 def neighbour_distance(lever: np.ndarray, tip: Tip) -> float:
     """How far beside a motion [m] others are marched for its derivatives."""
-    share = DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP
-    return share * (math.hypot(tip.u[Z], tip.u[V]) + lever[col.DRIVE])
+    return (DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP) * motion_scale(lever, tip.u)
+
+
+@kernel
+def fill_change(lever: np.ndarray, start: np.ndarray, y: np.ndarray, acc: PeriodResult, to: Change) -> None:
+    """Fill in what a period changed, that ended in y."""
+    for i in range(coordinate_count(lever)):
+        to.motion[i] = y[entry_of(i)] - start[entry_of(i)]
+    to.amplitude = amplitude_of(lever, acc)
 
 
 @kernel
 def differentiate(beside: Change, now: Change, size: float) -> None:
     """Turn what a period changes `size` beside a motion into the derivative of that."""
-    beside.z = (beside.z - now.z) / size
-    beside.v = (beside.v - now.v) / size
+    for i in range(len(beside.motion)):
+        beside.motion[i] = (beside.motion[i] - now.motion[i]) / size
     beside.amplitude = (beside.amplitude - now.amplitude) / size
 
 
 @kernel
 def linearise_period(oscillator: Oscillator, eta: float, tip: Tip) -> bool:
-    """Fill tip.linear from a period and three beside it; says whether all stay in contact or out of it."""
+    """Fill tip.linear from a period and those beside it; says whether all stay in contact or out of it."""
     lever = oscillator.lever
-    u, acc, linear = tip.u, tip.acc, tip.linear
-    size = neighbour_distance(lever, tip)
-    y = np.empty(len(u))
-    for k in range(4):
-        z = u[Z] + (size if k == 1 else 0.0)
-        v = u[V] + (size if k == 2 else 0.0)
-        if not pass_from(oscillator, eta, tip, z, v, u[Z0] + (size if k == 3 else 0.0), y):
+    u, acc, linear, count = tip.u, tip.acc, tip.linear, coordinate_count(lever)
+    size, y, start, beside = neighbour_distance(lever, tip), np.empty(len(u)), np.empty(motion_size(lever)), Change()
+    linear.count = count
+    if not pass_from(oscillator, eta, tip, u, u[Z0], y):
+        return False
+    fill_change(lever, u, y, acc, linear.now)
+    for i in range(count):
+        copy_motion(u, start)
+        start[entry_of(i)] += size
+        if not pass_from(oscillator, eta, tip, start, u[Z0], y):
             return False
-        found = linear.now if k == 0 else linear.by_z if k == 1 else linear.by_v if k == 2 else linear.by_z0
-        found.z, found.v, found.amplitude = y[Z] - z, y[V] - v, amplitude_of(lever, acc)
-        if k != 0:
-            differentiate(found, linear.now, size)
+        fill_change(lever, start, y, acc, beside)
+        differentiate(beside, linear.now, size)
+        linear.amplitude[i] = beside.amplitude
+        for j in range(count):
+            linear.motion[count * i + j] = beside.motion[j]
+    if not pass_from(oscillator, eta, tip, u, u[Z0] + size, y):
+        return False
+    fill_change(lever, u, y, acc, linear.by_z0)
+    differentiate(linear.by_z0, linear.now, size)
     return True
 
 
 @kernel
-def relaxed(linear: PeriodMap, r0: float, r1: float) -> tuple[float, float]:
-    """How far (z, z') goes to rest if it now changes by r a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
-    scale = 1 / (linear.by_z.z * linear.by_v.v - linear.by_v.z * linear.by_z.v)
-    return (linear.by_v.z * r1 - linear.by_v.v * r0) * scale, (linear.by_z.v * r0 - linear.by_z.z * r1) * scale
+def relaxed(linear: PeriodMap, change: np.ndarray, way: np.ndarray) -> None:
+    """Fill in how far motion goes to rest that now changes so in a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
+    n = linear.count
+    m = np.empty((n, n + 1))
+    for i in range(n):
+        for j in range(n):
+            m[i, j] = -linear.motion[n * j + i]
+        m[i, n] = change[i]
+    solved = eliminate(m, n)
+    for i in range(n):
+        way[i] = m[i, n] if solved else math.nan
+
+
+@kernel
+def amplitude_along(linear: PeriodMap, way: np.ndarray) -> float:
+    """Change of the amplitude [m] along a way of the coordinates."""
+    total = 0.0
+    for i in range(linear.count):
+        total += linear.amplitude[i] * way[i]
+    return total
+
+
+@kernel
+def slopes_of_orbit(linear: PeriodMap, slopes: Way) -> float:
+    """Fill in how the periodic orbit moves with z0; returns dA/dz0 after the transient."""
+    slopes.z0 = 1.0
+    relaxed(linear, linear.by_z0.motion, slopes.motion)
+    return linear.by_z0.amplitude + amplitude_along(linear, slopes.motion)
 
 
 @kernel
 def amplitude_slope(linear: PeriodMap) -> float:
     """dA/dz0 after the transient."""
-    z, v = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
-    return linear.by_z0.amplitude + linear.by_z.amplitude * z + linear.by_v.amplitude * v
+    return slopes_of_orbit(linear, Way())
 
 
 @kernel
 def multiplier_of(linear: PeriodMap) -> float:
-    """Largest modulus of the Floquet multipliers: the eigenvalues of P'."""
-    half = 1 + 0.5 * (linear.by_z.z + linear.by_v.v)
-    product = (1 + linear.by_z.z) * (1 + linear.by_v.v) - linear.by_v.z * linear.by_z.v
-    apart = 0.25 * (linear.by_z.z - linear.by_v.v) ** 2 + linear.by_v.z * linear.by_z.v
-    return abs(half) + math.sqrt(apart) if apart > 0 else math.sqrt(product)
+    """Largest modulus of the Floquet multipliers, the eigenvalues of P': by squaring it again and again.
+
+    After k squarings the 2^k-th root of its norm is off by a share of about 2^-k.
+    """
+    n, found, power = linear.count, 0.0, 1.0
+    m, square = np.empty((n, n)), np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            m[i, j] = linear.motion[n * j + i] + (1.0 if i == j else 0.0)
+    for _ in range(SQUARINGS):
+        size = 0.0
+        for i in range(n):
+            for j in range(n):
+                size += m[i, j] * m[i, j]
+        size = math.sqrt(size)
+        if not 0.0 < size < math.inf:
+            return size
+        found += power * math.log(size)
+        power *= 0.5
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += m[i, k] * m[k, j]
+                square[i, j] = total / (size * size)
+        m, square = square, m
+    return math.exp(found)
 
 
 @kernel
-def way_to_rest(linear: PeriodMap, r0: float, r1: float, error: float, hold: bool) -> Numbers:
-    """Way of (z, z', z0) to rest; with `hold`, z0 moves by the amplitude's error after the transient, over slope."""
-    z, v = relaxed(linear, r0, r1)
-    if not hold:
-        return z, v, 0.0
-    move = -(error + linear.by_z.amplitude * z + linear.by_v.amplitude * v) / amplitude_slope(linear)
-    z_move, v_move = relaxed(linear, linear.by_z0.z, linear.by_z0.v)
-    return z + z_move * move, v + v_move * move, move
+def fill_way_to_rest(linear: PeriodMap, now: Change, target: float, way: Way) -> None:
+    """Way to rest; above a `target` of 0, z0 moves by what the amplitude misses after the transient, over slope."""
+    relaxed(linear, now.motion, way.motion)
+    way.z0 = 0.0
+    if target > 0.0:
+        slopes = Way()
+        slope = slopes_of_orbit(linear, slopes)
+        way.z0 = -(now.amplitude - target + amplitude_along(linear, way.motion)) / slope
+        for i in range(linear.count):
+            way.motion[i] += slopes.motion[i] * way.z0
 
 
 @kernel
-def _creep(
-    oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip, ahead: Numbers, y: np.ndarray
-) -> float:
-    """Go on `ahead` by the same derivatives: twice, or until dents that last are at rest (theory, Eq. (memory-10)).
+def length_of(way: Way) -> float:
+    """Length of a way [m] but for the tip offset."""
+    total = 0.0
+    for i in range(len(way.motion)):
+        total += way.motion[i] * way.motion[i]
+    return math.sqrt(total)
+
+
+@kernel
+def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip, way: Way, y: np.ndarray) -> float:
+    """Go on along a way by the same derivatives: twice, or until dents that last are at rest (theory, Eq. (memory-10)).
 
     Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
     is that over the share of them that a pass of two periods takes.
     """
     lever = oscillator.lever
     eta, y_limit, z0_limit = tolerance
-    u, share, (z, v, move) = tip.u, lingering(oscillator), ahead
+    u, share, now = tip.u, lingering(oscillator), Change()
     most = 2 + int(min(-0.5 * math.log(DENT_GONE) / -math.log(share), MOST_CREEP)) if share > 0 else 2
-    farthest = max(
-        CREEP_STEP * (math.hypot(u[Z], u[V]) + lever[col.DRIVE]), CREEP_GROWTH * max(math.hypot(z, v), abs(move))
-    )
+    farthest = max(CREEP_STEP * motion_scale(lever, u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
     left = math.inf
     for i in range(most):
-        u[Z], u[V], u[Z0] = u[Z] + z, u[V] + v, u[Z0] + move
-        if not pass_from(oscillator, eta, tip, u[Z], u[V], u[Z0], y):
+        move_along(lever, way, 1.0, u)
+        if not pass_from(oscillator, eta, tip, u, u[Z0], y):
             return math.inf
         copy_memory(y, u)
-        error = amplitude_of(lever, tip.acc) - target
-        z, v, move = way_to_rest(tip.linear, y[Z] - u[Z], y[V] - u[V], error, target > 0.0)
-        left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
-        if share > 0 and not max(math.hypot(z, v), abs(move)) <= farthest:
+        fill_change(lever, u, y, tip.acc, now)
+        fill_way_to_rest(tip.linear, now, target, way)
+        left = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
+        if share > 0 and not max(length_of(way), abs(way.z0)) <= farthest:
             return math.inf
         if i > 0 and (share == 0 or y[OUTER_COUNT] == 0 or left <= 1 - share * share):
             break
@@ -217,44 +292,43 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
     """
     lever = oscillator.lever
     eta, y_limit, z0_limit = tolerance
-    hold = target > 0.0
-    u, acc, linear = tip.u, tip.acc, tip.linear
-    trial, y = np.empty(PLAIN_STATE), np.empty(len(u))
+    u, linear, now, way = tip.u, tip.linear, Change(), Way()
+    trial, y = np.empty(motion_size(lever)), np.empty(len(u))
     for _ in range(20):
         if not linearise_period(oscillator, eta, tip):
             return False
-        if not multiplier_of(linear) < 1 or (hold and not amplitude_slope(linear) > 0):
+        if not multiplier_of(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
             return False
-        z, v, move = way_to_rest(linear, linear.now.z, linear.now.v, linear.now.amplitude - target, hold)
-        way = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
-        near = way * y_limit <= 1e-4 * (math.hypot(u[Z], u[V]) + lever[col.DRIVE])
-        moved, left = False, way
-        while way > 1 or not moved:
-            trial[Z], trial[V], trial[TOUCHES], trial[Z0] = u[Z] + z, u[V] + v, u[TOUCHES], u[Z0] + move
-            if not pass_from(oscillator, eta, tip, trial[Z], trial[V], trial[Z0], y):
+        fill_way_to_rest(linear, linear.now, target, way)
+        before = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
+        near = before * y_limit <= 1e-4 * motion_scale(lever, u)
+        moved, left = False, before
+        while before > 1 or not moved:
+            copy_motion(u, trial)
+            move_along(lever, way, 1.0, trial)
+            if not pass_from(oscillator, eta, tip, trial, trial[Z0], y):
                 return False
-            error = amplitude_of(lever, acc) - target
-            z, v, move = way_to_rest(linear, y[Z] - trial[Z], y[V] - trial[V], error, hold)
-            left = max(math.hypot(z, v) / y_limit, abs(move) / z0_limit)
-            if not (left <= 1 or left <= 0.25 * way):
+            fill_change(lever, trial, y, tip.acc, now)
+            fill_way_to_rest(linear, now, target, way)
+            left = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
+            if not (left <= 1 or left <= 0.25 * before):
                 break
-            for i in range(PLAIN_STATE):
-                u[i] = trial[i]
+            copy(trial, u)
             copy_memory(y, u)
-            way, moved = left, True
-        if moved and way <= 1 and near:  # so near that the derivatives are those at the end
-            left = _creep(oscillator, tolerance, target, tip, (z, v, move), y)
+            before, moved = left, True
+        if moved and before <= 1 and near:  # so near that the derivatives are those at the end
+            left = _creep(oscillator, tolerance, target, tip, way, y)
             return left <= 1 or (lingering(oscillator) == 0 and left < math.inf)
         if moved:
             continue
         # Where dents last, what is left of the way may be theirs.
-        if not (left <= way and lingering(oscillator) > 0):
+        if not (left <= before and lingering(oscillator) > 0):
             return False
-        before = u.copy()
-        ahead = way_to_rest(linear, linear.now.z, linear.now.v, linear.now.amplitude - target, hold)
-        left = _creep(oscillator, tolerance, target, tip, ahead, y)
-        if not (left <= 1 or left <= 0.25 * way):
-            copy(before, u)
+        where = u.copy()
+        fill_way_to_rest(linear, linear.now, target, way)
+        left = _creep(oscillator, tolerance, target, tip, way, y)
+        if not (left <= 1 or left <= 0.25 * before):
+            copy(where, u)
             return False
     return False
 
@@ -294,7 +368,7 @@ def hold_periodic(
     farthest = 50 * lever[col.DRIVE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
     stride, longest = FEEDBACK_STRIDE * amplitude, max(FEEDBACK_STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
-    jumps, before = 0, np.empty(PLAIN_STATE)
+    jumps, before, slopes = 0, np.empty(motion_size(lever)), Way()
     patience = int(SETTLING_TIME * ring_down_periods(lever))
     while not skip(oscillator, tolerance, amplitude, tip):
         if not rest(oscillator, tolerance, min(patience, most - tip.periods.marched), tip):
@@ -307,23 +381,21 @@ def hold_periodic(
         # A setpoint inside a jump is passed again and again, and one above the free amplitude is never reached.
         if stride < 1e-4 * amplitude or jumps > MOST_JUMPS or not abs(tip.u[Z0]) < farthest:
             return col.NO_STABLE_ORBIT
-        slope = amplitude_slope(tip.linear)
+        slope = slopes_of_orbit(tip.linear, slopes)
         wanted = error / max(slope, 0.2)
         move = max(-stride, min(wanted, stride))
-        for j in range(PLAIN_STATE):
-            before[j] = tip.u[j]
+        copy_motion(tip.u, before)
         if law.memory != 0:
             # A slow feedback takes the orbit along. A tip moved without it may lose a surface that it only just
             # reaches, grow towards its free amplitude, and land on the other side of the resonance.
-            z, v = relaxed(tip.linear, tip.linear.by_z0.z, tip.linear.by_z0.v)
-            tip.u[Z], tip.u[V] = tip.u[Z] - z * move, tip.u[V] - v * move
-        tip.u[Z0] -= move
+            move_along(lever, slopes, -move, tip.u)
+        else:
+            tip.u[Z0] -= move
         if abs(move) > FEEDBACK_STRIDE * amplitude:
             if not rest(oscillator, tolerance, min(patience, most - tip.periods.marched), tip):
                 return col.NOT_SETTLED
             if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > LINEAR_MISS * amplitude:
-                for j in range(PLAIN_STATE):
-                    tip.u[j] = before[j]
+                copy(before, tip.u)
                 stride = FEEDBACK_STRIDE * amplitude
                 move = math.copysign(stride, move)
                 tip.u[Z0] -= move
@@ -351,8 +423,11 @@ def fill_row(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -
     row[col.DISSIPATION] = acc.loss
     row[col.VIRIAL] = acc.virial
     row[col.STIFFENING] = lever[col.DRIVE] * math.cos(lag) / row[col.AMPLITUDE] - lever[col.DYNAMIC_STIFFNESS]
+    air = acc.air
+    if lever[col.MODES] > 1:
+        air = air_beside_first_harmonic(lever, complex(acc.cos, -acc.sin), air)
     supplied = math.pi * lever[col.STIFFNESS] * lever[col.DRIVE] * acc.sin
-    row[col.CLOSURE] = (supplied - acc.loss - acc.air) / supplied
+    row[col.CLOSURE] = (supplied - acc.loss - air) / supplied
 
 
 @kernel

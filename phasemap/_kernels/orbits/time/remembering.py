@@ -90,7 +90,7 @@ def surface_under(oscillator: Oscillator, z0: float, y: np.ndarray) -> Surface:
         edge_force = longrange_force(law, 0.0, p) * compliance
         edge_slope = longrange_slope(law, 0.0, p) * compliance
     medium = Medium(
-        lever[col.OMEGA], lever[col.ALPHA0], compliance, lever[col.DRIVE], z0, edge_force, edge_slope, 0.0
+        lever[col.OMEGA], lever[col.ALPHA0], compliance, lever[col.DRIVE], z0, edge_force, edge_slope, 0.0, 1.0, 1.0
     )  # fmt: skip
     relaxes, recovery = p[col.RELAXATION] > 0, recovery_of(p, lever)
     kappa, rate, t0 = (p[col.RELAXING], 1 / p[col.RELAXATION], 0.0) if relaxes else (1.0, 0.0, 1 / recovery)

@@ -5,21 +5,29 @@ y + h times row 6 of the tableau applied to the slopes k, without the coefficien
 with the weights b: the end of the step. Newest slopes come last, because only they are waited for.
 
 The equation, its variables and `touching` are explained in `march`. Everything is passed by value, as numbers and
-tuples: an array here would cost two atomic reference counts a stage, more than the arithmetic.
+tuples: an array here would cost two atomic reference counts a stage, more than the arithmetic. Where a lever has
+several modes, the slopes of all stages are columns of a record on the stack.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from phasemap._kernels.columns import DAMPING, LONGRANGE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import contact_force, damping, longrange_force
+from phasemap._kernels.records import column, record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
+    from phasemap._kernels.orbits.time.modes import Modes
 
 Numbers = tuple[float, ...]
+OF_TIP = 3  # numbers of a step before those of the higher modes: x, v and the time passed
+OF_MOTION = 9  # numbers of a step before the six integrals
+SLOPES = 15
 Row = Any  # a tuple where formulas are typed for an array: all they do is index it
 
 
@@ -34,6 +42,8 @@ class Medium(NamedTuple):
     edge_force: float  # the long-range force at contact, over k [m]
     edge_slope: float  # its derivative there, over k
     bottom: float  # depth where x = 0 [m]: 0, in the neck that of release
+    lever_rate: float  # density of steps by the lever's own motion, squared; 1 of one mode
+    share: float  # acceleration of the tip by a force over k [1]; 1 of one mode
 
 
 class Start(NamedTuple):
@@ -56,7 +66,7 @@ class End(NamedTuple):
     mean_z: float  # of z [m]
     loss: float  # of 2 alpha_s v^2 [m2]
     virial: float  # of -F z/k, with the damping force [m2]
-    air: float  # of v^2 [m2]
+    air: float  # of v^2 [m2]; of several modes the sum of that, each times its `Modes.loss`
 
 
 # fmt: off
@@ -166,19 +176,14 @@ def turn(angle: float) -> tuple[float, float]:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def stage(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, x: float, v: float, time: float) -> Numbers:
-    """Slopes w of tau and w z'' of v, and the integrands that `End` names, at (x, v), `time` after the step's start."""
-    omega, alpha0, compliance, base, z0, edge_force, edge_slope, bottom = fixed
-    _, _, cosine, sine = start
-    c, s = turn(omega * time)
-    c, s = cosine * c - sine * s, sine * c + cosine * s
-    force = 0.0
-    drag = 0.0
+def surface_force(law: Law, p: Row, fixed: Medium, touching: bool, x: float) -> tuple[float, float, float, float]:
+    """Slope w of tau, depth, force over k, and its damping 2 alpha_s [1] at x."""
+    force = drag = 0.0
     if touching:
-        d = bottom + x * x
+        d = fixed.bottom + x * x
         w = 2 * x
-        force = contact_force(law, d, p) * compliance
-        if p[DAMPING] != 0.0 and bottom == 0.0:
+        force = contact_force(law, d, p) * fixed.compliance
+        if p[DAMPING] != 0.0 and fixed.bottom == 0.0:
             drag = 2 * damping(law, d, p)
     else:
         d = x
@@ -186,15 +191,26 @@ def stage(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, x: floa
         if p[LONGRANGE] != 0.0:
             # Stages of the step that ends at contact stray past d = 0, where the law does not hold: its tangent there
             # is off by the square of a distance that is itself O(h^5), so order 8 stands.
-            force = longrange_force(law, d, p) * compliance if d <= 0.0 else edge_force + edge_slope * d
-    z = z0 + d
-    a = base * c - z - force - (2 * alpha0 + drag) * v
+            force = (
+                longrange_force(law, d, p) * fixed.compliance if d <= 0.0 else fixed.edge_force + fixed.edge_slope * d
+            )
+    return w, d, force, drag
+
+
+@kernel(inline=True, fastmath=ANY_ORDER)
+def stage(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, x: float, v: float, time: float) -> Numbers:
+    """Slopes w of tau and w z'' of v, and the integrands that `End` names, at (x, v), `time` after the step's start."""
+    c, s = turn(fixed.omega * time)
+    c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
+    w, d, force, drag = surface_force(law, p, fixed, touching, x)
+    z = fixed.z0 + d
+    a = fixed.drive * c - z - force - (2 * fixed.alpha0 + drag) * v
     return w, w * a, w * z * c, w * z * s, w * z, w * drag * v * v, -w * (force + drag * v) * z, w * v * v
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _step(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float) -> End:
-    x1, v1, _, _ = start
+    x1, v1 = start.x, start.v
     w1, a1, c1, s1, m1, e1, f1, o1 = stage(law, p, fixed, touching, start, x1, v1, 0.0)
     x2 = row2(x1, h, v1)
     v2 = row2(v1, h, a1)
@@ -263,3 +279,114 @@ def step_off_surface(law: Law, p: Row, fixed: Medium, start: Start, h: float) ->
 def step_in_contact(law: Law, p: Row, fixed: Medium, start: Start, h: float) -> End:
     """Take one step in contact or in the neck: as `step_off_surface`."""
     return _step(law, p, fixed, True, start, h)
+
+
+class Beam(NamedTuple):
+    """A lever of several modes over a material, during a step."""
+
+    law: Law
+    p: Row
+    fixed: Medium
+    modes: Modes
+    touching: bool
+
+
+@record
+class Stages:
+    """Numbers of a step of a lever with several modes: at its start, in a stage, and the slopes of all stages.
+
+    They are x, v and the time passed, displacement and velocity of each higher mode, and the integrals of `End`.
+    """
+
+    start: np.ndarray = column(SLOPES)
+    now: np.ndarray = column(SLOPES)
+    k1: np.ndarray = column(SLOPES)
+    k2: np.ndarray = column(SLOPES)
+    k3: np.ndarray = column(SLOPES)
+    k4: np.ndarray = column(SLOPES)
+    k5: np.ndarray = column(SLOPES)
+    k6: np.ndarray = column(SLOPES)
+    k7: np.ndarray = column(SLOPES)
+    k8: np.ndarray = column(SLOPES)
+    k9: np.ndarray = column(SLOPES)
+    k10: np.ndarray = column(SLOPES)
+    k11: np.ndarray = column(SLOPES)
+    k12: np.ndarray = column(SLOPES)
+
+
+@kernel(inline=True, fastmath=ANY_ORDER)
+def _fill_slopes(here: Beam, start: Start, y: np.ndarray, k: np.ndarray, integrals: bool) -> None:
+    """Fill in the slopes `k` of the numbers `y` of a step, those of the integrals if they are wanted."""
+    fixed, modes, v = here.fixed, here.modes, y[1]
+    c, s = turn(fixed.omega * y[2])
+    c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
+    w, d, force, drag = surface_force(here.law, here.p, fixed, here.touching, y[0])
+    z, push = fixed.z0 + d, force + drag * v
+    first, first_speed, a, air = z, v, 0.0, 0.0
+    for i in range(1, modes.count):
+        own, speed = y[OF_TIP + 2 * i - 2], y[OF_TIP + 2 * i - 1]
+        rise = modes.drive_re[i] * c - modes.drive_im[i] * s - modes.shares[i] * push
+        rise -= modes.square[i] * own + modes.damping[i] * speed
+        k[OF_TIP + 2 * i - 2], k[OF_TIP + 2 * i - 1] = w * speed, w * rise
+        a += rise
+        air += modes.loss[i] * speed * speed
+        first -= own
+        first_speed -= speed
+    a += modes.drive_re[0] * c - modes.drive_im[0] * s - modes.shares[0] * push
+    a -= modes.square[0] * first + modes.damping[0] * first_speed
+    k[0], k[1], k[2] = v, w * a, w
+    if integrals:
+        k[9], k[10], k[11] = w * z * c, w * z * s, w * z
+        k[12], k[13] = w * drag * v * v, -w * push * z
+        k[14] = w * (air + modes.loss[0] * first_speed * first_speed)
+
+
+@kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
+def step_of_modes(here: Beam, start: Start, h: float) -> End:
+    """Take one step of a lever with several modes, from modes.now to modes.end; else as `step_in_contact`."""
+    m = Stages()
+    y, now, k1, k2, k3, k4, k5, k6 = m.start, m.now, m.k1, m.k2, m.k3, m.k4, m.k5, m.k6
+    k7, k8, k9, k10, k11, k12 = m.k7, m.k8, m.k9, m.k10, m.k11, m.k12
+    y[0], y[1] = start.x, start.v
+    count, higher = OF_TIP + 2 * here.modes.count - 2, here.modes.now
+    for j in range(OF_TIP, count):
+        y[j] = higher[j - OF_TIP]
+    _fill_slopes(here, start, y, k1, True)
+    for j in range(count):
+        now[j] = row2(y[j], h, k1[j])
+    _fill_slopes(here, start, now, k2, False)
+    for j in range(count):
+        now[j] = row3(y[j], h, k1[j], k2[j])
+    _fill_slopes(here, start, now, k3, False)
+    for j in range(count):
+        now[j] = row4(y[j], h, k1[j], k3[j])
+    _fill_slopes(here, start, now, k4, False)
+    for j in range(count):
+        now[j] = row5(y[j], h, k1[j], k3[j], k4[j])
+    _fill_slopes(here, start, now, k5, False)
+    for j in range(count):
+        now[j] = row6(y[j], h, k1[j], k4[j], k5[j])
+    _fill_slopes(here, start, now, k6, True)
+    for j in range(count):
+        now[j] = row7(y[j], h, k1[j], k4[j], k5[j], k6[j])
+    _fill_slopes(here, start, now, k7, True)
+    for j in range(count):
+        now[j] = row8(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j])
+    _fill_slopes(here, start, now, k8, True)
+    for j in range(count):
+        now[j] = row9(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j])
+    _fill_slopes(here, start, now, k9, True)
+    for j in range(count):
+        now[j] = row10(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j])
+    _fill_slopes(here, start, now, k10, True)
+    for j in range(count):
+        now[j] = row11(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j])
+    _fill_slopes(here, start, now, k11, True)
+    for j in range(count):
+        now[j] = row12(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j])
+    _fill_slopes(here, start, now, k12, True)
+    for j in range(SLOPES):
+        now[j] = total(y[j], h, k1[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+    for j in range(OF_TIP, count):
+        here.modes.end[j - OF_TIP] = now[j]
+    return End(now[0], now[1], now[2], now[9], now[10], now[11], now[12], now[13], now[14])

@@ -11,17 +11,20 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import amplitude_seen
 from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
-from phasemap._kernels.records import record
+from phasemap._kernels.orbits.time.modes import harmonic_of_mode, static_share
+from phasemap._kernels.records import column, record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
-# Entries of a state. Over a surface that remembers it goes on with what `elements` names.
+# Entries of a state. It goes on with the displacement and velocity of each mode above the first, or over a surface that
+# remembers, which knows one mode only, with what `elements` names.
 Z = 0  # [m]
 V = 1  # z' [m]
 TOUCHES = 2  # 1 in contact or in the neck, else 0
 Z0 = 3  # tip offset [m]
-PLAIN_STATE = 4  # entries of a state over other surfaces
+PLAIN_STATE = 4  # entries of a state of one mode over other surfaces
+MOST_COORDINATES = 2 * col.MOST_MODES  # z, z' and those of the higher modes
 
 
 @record
@@ -39,21 +42,29 @@ class PeriodResult:
 
 @record
 class Change:
-    """Changes of z and z' [m] in a period, and its amplitude [m]; or derivatives of these."""
+    """What a period changes of coordinates (z, z', those of higher modes), and its amplitude [m]; or derivatives."""
 
-    z: float
-    v: float
     amplitude: float
+    motion: np.ndarray = column(MOST_COORDINATES)
 
 
 @record
 class PeriodMap:
-    """The map of one period: what it changes now, and the derivatives of that by z, z' and z0."""
+    """The map of one period: what it changes now, and the derivatives of that by the coordinates and z0."""
 
+    count: int  # of coordinates
     now: Change
-    by_z: Change
-    by_v: Change
     by_z0: Change
+    amplitude: np.ndarray = column(MOST_COORDINATES)  # its derivatives by each coordinate
+    motion: np.ndarray = column(MOST_COORDINATES**2)  # of all changes, those by the first coordinate first
+
+
+@record
+class Way:
+    """A way in the space of coordinates and tip offset [m]."""
+
+    z0: float
+    motion: np.ndarray = column(MOST_COORDINATES)
 
 
 @record
@@ -70,7 +81,7 @@ class Tip(NamedTuple):
 
     Attributes
     ----------
-    u : ndarray, shape (PLAIN_STATE,) or longer
+    u : ndarray, shape (PLAIN_STATE + 2 (modes - 1),), or MEMORY_STATE over a surface that remembers
         State at the beginning of a period: at drive phase 0, or over a surface that remembers where `swing_state` puts
         it.
     acc : PeriodResult
@@ -88,6 +99,34 @@ class Tip(NamedTuple):
 
 
 @kernel(light=True)
+def coordinate_count(lever: np.ndarray) -> int:
+    """Number of coordinates of the lever's motion: two for each mode."""
+    return 2 * int(lever[col.MODES])
+
+
+@kernel(light=True)
+def motion_size(lever: np.ndarray) -> int:
+    """Number of entries of a state that are not memory of the surface."""
+    return PLAIN_STATE - 2 + coordinate_count(lever)
+
+
+@kernel(light=True)
+def entry_of(i: int) -> int:
+    """Where coordinate i is in a state."""
+    return i if i < 2 else PLAIN_STATE - 2 + i
+
+
+@kernel(light=True)
+def fill_higher_modes(lever: np.ndarray, mean: float, u: np.ndarray) -> None:
+    """Fill the modes above the first in a state of harmonic motion about `mean`, at drive phase 0."""
+    tip = complex(u[Z] - mean, -u[V] / lever[col.OMEGA])
+    for i in range(1, int(lever[col.MODES])):
+        own = harmonic_of_mode(lever, i, tip)
+        u[entry_of(2 * i)] = mean * static_share(lever, i) + own.real
+        u[entry_of(2 * i + 1)] = -lever[col.OMEGA] * own.imag
+
+
+@kernel(light=True)
 def swing_state(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarray) -> None:
     """Fill a state at u[Z0] with a harmonic motion about `mean`, with (z, v) at drive phase 0.
 
@@ -96,6 +135,7 @@ def swing_state(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarra
     the contact is widest, and a period begins there.
     """
     u[Z], u[V] = z, v
+    fill_higher_modes(lever, mean, u)
     if len(u) > PERIOD_BEGIN:
         across, along = z - mean, v / lever[col.OMEGA]
         size, leaves = math.hypot(across, along), mean - math.hypot(across, along) < u[Z0]
@@ -106,7 +146,7 @@ def swing_state(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarra
 @kernel
 def new_state(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: float) -> np.ndarray:
     """Return a state as `swing_state` has it, over a surface that nothing has touched."""
-    u = np.zeros(MEMORY_STATE if law.memory != 0 else PLAIN_STATE)
+    u = np.zeros(MEMORY_STATE if law.memory != 0 else motion_size(lever))
     u[Z0] = z0
     swing_state(lever, mean, z, v, u)
     return u
@@ -157,5 +197,27 @@ def divide_result(total: PeriodResult, count: float) -> None:
 @kernel
 def copy_memory(u: np.ndarray, to: np.ndarray) -> None:
     """Copy what the surface remembers, if it does, from one state to another."""
-    for i in range(PLAIN_STATE, len(u)):
+    if len(u) > PERIOD_BEGIN:
+        for i in range(PLAIN_STATE, len(u)):
+            to[i] = u[i]
+
+
+@kernel
+def copy_motion(u: np.ndarray, to: np.ndarray) -> None:
+    """Copy the first entries of a state to a row of `motion_size` entries."""
+    for i in range(len(to)):
         to[i] = u[i]
+
+
+@kernel
+def move_along(lever: np.ndarray, way: Way, share: float, u: np.ndarray) -> None:
+    """Move a state by a share of a way."""
+    for i in range(coordinate_count(lever)):
+        u[entry_of(i)] += share * way.motion[i]
+    u[Z0] += share * way.z0
+
+
+@kernel
+def motion_scale(lever: np.ndarray, u: np.ndarray) -> float:
+    """Size [m] of a motion: of z and z', and the drive."""
+    return math.hypot(u[Z], u[V]) + float(lever[col.DRIVE])
