@@ -30,7 +30,7 @@ class Work:
 
     law: Law  # the formulas of the interaction
     rows: Array  # shape (n, 12); their parameters, one row a pixel
-    lever: Array  # shape (5,); see `phasemap.experiment.lever.lever_of`
+    lever: Array  # see `phasemap.experiment.lever.lever_of`
     amplitudes: Array  # shape (n,); setpoint amplitude of each pixel [m], as the detector sees it
 
     def __len__(self) -> int:
@@ -90,6 +90,9 @@ def check_marched(marched: bool, scope: Microscope) -> None:
         raise InputError("surface", Word("one that remembers"), allowed, hint)
     if scope.drive.excitation != "direct":
         raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
+    if len(scope.cantilever.eigenmodes) > 1:
+        hint = "A surface that is still dented knows one mode of the lever only."
+        raise InputError("modes", len(scope.cantilever.eigenmodes), "1 where a surface remembers", hint)
     if scope.drive.second is not None:
         raise InputError("second", Word("given"), "None where a surface remembers: its mode feels a static law only")
 

@@ -20,7 +20,7 @@ def test_a_tip_that_falls_below_resonance_moves_as_it_does_period_by_period() ->
     work = work_of_material(pm.Material(1e8, 0.05, 0.02), scope, 0.7 * scope.driven_amplitude, marched=True)
     law, p, lever = work.law, tuple(map(float, work.rows[0])), work.lever
     omega, amplitude = lever[col.OMEGA], scope.driven_amplitude
-    swing = lever[col.BASE] / complex(1 - omega**2, 2 * lever[col.ALPHA0] * omega)
+    swing = lever[col.DRIVE] / complex(1 - omega**2, 2 * lever[col.ALPHA0] * omega)
     # From an amplitude from contact 4 pm a period for three ring-down times: the amplitude rises, and the tip touches.
     pace, allowed, start = 4e-12, 1e-12, amplitude + 1.5e-9
     one, many = (

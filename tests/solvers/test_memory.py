@@ -237,7 +237,7 @@ def test_where_dents_are_gone_the_lever_s_response_finds_what_the_march_does(
     assert quick[0, col.ERROR_HEIGHT] <= 1e-14
     # A force off by 1e-5 of itself makes that phase, and so does the energy that it takes, over that of the drive.
     assert quick[0, col.INDENTATION] == pytest.approx(slow[0, col.INDENTATION], abs=2e-14)
-    given = math.pi * work.lever[col.STIFFNESS] * work.lever[col.BASE] * slow[0, col.AMPLITUDE]
+    given = math.pi * work.lever[col.STIFFNESS] * work.lever[col.DRIVE] * slow[0, col.AMPLITUDE]
     assert quick[0, col.DISSIPATION] == pytest.approx(slow[0, col.DISSIPATION], abs=1e-5 * given)
 
 

@@ -182,7 +182,8 @@ def fall_to_setpoint(
     x, y = seen_phasor(lever, acc.cos, acc.sin)
     from_z0, steady = u[Z0], 0
     seen, flow, allowed = 0 if pace > 0.0 else 1, Flow(), MANY_PERIODS_MISS * reach_of(law, p)
-    gentle = law.memory == 0 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE
+    # A mode above the first turns by a part of a turn from each period to the next: its ringing allows no long steps.
+    gentle = law.memory == 0 and lever[col.MODES] < 2 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE
     gentle = gentle and not attraction_defies_averaging(oscillator, free_amplitude(lever))
     if seen == 0 and gentle and not begin_flow(oscillator, ROUGH_STEPS * tolerance.eta, pace, tip, flow):
         return TIME_SPENT

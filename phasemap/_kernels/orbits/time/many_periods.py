@@ -2,12 +2,14 @@
 
 A period of the drive takes (z, z') to itself and a little more, k. So N periods are a sum of N such changes along a
 smooth way, as an ordinary differential equation is an integral, and are approximated by the k of a few periods on the
-way: theory, Eq. (time-5). The lever has no motion faster than that, for its harmonics follow the force at once.
+way: theory, Eq. (time-5). A lever of one mode has no motion faster than that, for its harmonics follow the force at
+once.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +18,11 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import MOST_COORDINATES, Z0, Tip, coordinate_count, entry_of
-from phasemap._kernels.records import column, record
+from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
+from phasemap._kernels.records import record
+
+if TYPE_CHECKING:
+    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 FEWEST_IN_STEP = 6  # periods in a step: fewer are marched one by one
 STEP_SAFETY = 0.9  # of the step that would just meet the tolerance
@@ -29,54 +34,29 @@ LEAST_GROWTH = 0.2  # the same, at least
 class Flow:
     """What is carried on from step to step of many periods."""
 
+    z: float  # change of z in the period to come [m]
+    v: float  # and of z' [m]
     count: float  # periods to try next
-    change: np.ndarray = column(MOST_COORDINATES)  # of the coordinates in the period to come [m]
-
-
-@record
-class Slopes:
-    """Changes of the coordinates in a period in the stages of a step [m], and where a stage or the step ends."""
-
-    second: np.ndarray = column(MOST_COORDINATES)
-    third: np.ndarray = column(MOST_COORDINATES)
-    last: np.ndarray = column(MOST_COORDINATES)
-    end: np.ndarray = column(MOST_COORDINATES)
 
 
 @kernel
-def _fill_change(
-    oscillator: Oscillator, eta: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray, change: np.ndarray
-) -> bool:
-    """Fill in the change of the coordinates in a period from a start at the tip offset z0; False if the march fails."""
+def _change(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray) -> Numbers:
+    """Change of (z, z') in a period from there at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
-    count = coordinate_count(oscillator.lever)
-    for i in range(count):
-        y[entry_of(i)] = start[i]
-    y[Z0] = z0
+    y[Z], y[V], y[Z0] = z, v, z0
     tip.periods.marched += 1
     if march_period(oscillator, z0, eta, y, tip.acc) < 0:
-        return False
-    total = 0.0
-    for i in range(count):
-        change[i] = y[entry_of(i)] - start[i]
-        total += change[i]
-    return math.isfinite(total)
-
-
-@kernel
-def fill_coordinates(lever: np.ndarray, u: np.ndarray, to: np.ndarray) -> None:
-    """Fill in the coordinates of a state."""
-    for i in range(coordinate_count(lever)):
-        to[i] = u[entry_of(i)]
+        return math.nan, math.nan
+    return y[Z] - z, y[V] - v
 
 
 @kernel
 def begin_flow(oscillator: Oscillator, eta: float, pace: float, tip: Tip, flow: Flow) -> bool:
     """March the period to come, in which z0 falls by `pace` [m], which `flow` then knows."""
-    u, slopes = tip.u, Slopes()
+    u = tip.u
+    flow.z, flow.v = _change(oscillator, eta, tip, u[Z], u[V], u[Z0] - pace, np.empty(len(u)))
     flow.count = FEWEST_IN_STEP
-    fill_coordinates(oscillator.lever, u, slopes.end)
-    return _fill_change(oscillator, eta, tip, slopes.end, u[Z0] - pace, np.empty(len(u)), flow.change)
+    return math.isfinite(flow.z + flow.v)
 
 
 @kernel
@@ -88,38 +68,28 @@ def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, t
     The formulae for an integral are those of Bogacki and Shampine (orders 3 and 2), with weights for a sum.
     """
     lever = oscillator.lever
-    u, y, omega, n, count = tip.u, np.empty(len(tip.u)), lever[col.OMEGA], int(flow.count), coordinate_count(lever)
-    z0, slopes, at, k1 = u[Z0] - pace, Slopes(), np.empty(count), flow.change
-    k2, k3, k4, end = slopes.second, slopes.third, slopes.last, slopes.end
-    fill_coordinates(lever, u, at)
+    u, y, omega, n = tip.u, np.empty(len(tip.u)), lever[col.OMEGA], int(flow.count)
+    z, v, z0, k1z, k1v = u[Z], u[V], u[Z0] - pace, flow.z, flow.v
     while n >= FEWEST_IN_STEP:
         x = 1.0 / n
         b2, b3 = (1.0 - x) * (1.0 + 4.0 * x) / 3.0, 4.0 / 9.0 * (1.0 - x) * (1.0 - 2.0 * x)
-        b1, half, more, error = 1.0 - b2 - b3, 0.5 * n, 0.75 * n, 0.0
-        for i in range(count):
-            end[i] = at[i] + half * k1[i]
-        good = _fill_change(oscillator, eta, tip, end, z0 - half * pace, y, k2)
-        for i in range(count):
-            end[i] = at[i] + more * k2[i]
-        good = good and _fill_change(oscillator, eta, tip, end, z0 - more * pace, y, k3)
-        for i in range(count):
-            end[i] = at[i] + n * (b1 * k1[i] + b2 * k2[i] + b3 * k3[i])
-        if not (good and _fill_change(oscillator, eta, tip, end, z0 - n * pace, y, k4)):
+        b1, half, more = 1.0 - b2 - b3, 0.5 * n, 0.75 * n
+        k2z, k2v = _change(oscillator, eta, tip, z + half * k1z, v + half * k1v, z0 - half * pace, y)
+        k3z, k3v = _change(oscillator, eta, tip, z + more * k2z, v + more * k2v, z0 - more * pace, y)
+        end_z, end_v = z + n * (b1 * k1z + b2 * k2z + b3 * k3z), v + n * (b1 * k1v + b2 * k2v + b3 * k3v)
+        k4z, k4v = _change(oscillator, eta, tip, end_z, end_v, z0 - n * pace, y)
+        off_z = -5 / 72 * k1z + 1 / 12 * k2z + 1 / 9 * k3z - 1 / 8 * k4z
+        off_v = -5 / 72 * k1v + 1 / 12 * k2v + 1 / 9 * k3v - 1 / 8 * k4v
+        error = n * math.hypot(off_z, off_v / omega) / allowed
+        if not math.isfinite(error):
             return 0
-        for i in range(count):
-            off = -5 / 72 * k1[i] + 1 / 12 * k2[i] + 1 / 9 * k3[i] - 1 / 8 * k4[i]
-            error += off * off if i % 2 == 0 else (off / omega) ** 2
-        error = n * math.sqrt(error) / allowed
         share = min(MOST_GROWTH, max(LEAST_GROWTH, STEP_SAFETY * max(error, 1e-9) ** (-1.0 / 3.0)))
         if error <= 1.0:
-            for i in range(count):
-                u[entry_of(i)], k1[i] = end[i], k4[i]
-            u[Z0] -= n * pace
-            flow.count = share * n
+            u[Z], u[V], u[Z0] = end_z, end_v, u[Z0] - n * pace
+            flow.z, flow.v, flow.count = k4z, k4v, share * n
             return n
         n = int(share * n)
-    for i in range(count):
-        u[entry_of(i)] = end[i] = at[i] + k1[i]
-    u[Z0] = z0
+    u[Z], u[V], u[Z0] = z + k1z, v + k1v, z0
+    flow.z, flow.v = _change(oscillator, eta, tip, u[Z], u[V], z0 - pace, y)
     flow.count = n + 1.0
-    return 1 if _fill_change(oscillator, eta, tip, end, z0 - pace, y, k1) else 0
+    return 1 if math.isfinite(flow.z + flow.v) else 0

@@ -1,0 +1,216 @@
+"""The march in time of levers with several eigenmodes: against the independent code, and against what must hold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import Case, load
+
+import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap._kernels.engagement import holding
+from phasemap._kernels.excitation import show
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.orbits.time import march, period_map
+from phasemap._kernels.orbits.time.modes import harmonic_of_mode
+from phasemap._kernels.orbits.time.tip import (
+    Z0,
+    PeriodMap,
+    PeriodResult,
+    Periods,
+    Tip,
+    V,
+    Z,
+    coordinate_count,
+    new_state,
+)
+from phasemap.solvers.problem import work_of_material
+
+CASES = [case for case in load("beam") if len(case["quality_factor"]) > 1]
+PERIODIC = [case for case in CASES if case["periods"] == 1]
+ETA = 0.25
+
+
+def name_of(case: Case) -> str:
+    return f"{case['group']}, {case['phase']:.2f}"
+
+
+def scope_of(case: Case) -> pm.Microscope:
+    names = ("frequency_ratio", "quality_factor", "stiffness_ratio", "participation", "slope_ratio")
+    first, *higher = zip(*(case[name] for name in names), strict=True)
+    modes = tuple(pm.Eigenmode(*mode) for mode in higher)
+    frequency = case["resonance_frequency"]
+    return pm.Microscope(
+        pm.Cantilever(case["stiffness"], frequency, first[1], participation=first[3], modes=modes),
+        pm.Tip(case["tip_radius"], case["tip_modulus"], case["tip_poisson_ratio"]),
+        pm.Drive(case["free_amplitude"], case["drive_ratio"] * frequency, case["excitation"]),
+        pm.Interaction(
+            "dmt" if case["adhesion"] else "hertz",
+            case["decay_length"] if case["adhesion"] else None,
+            case["damping_exponent"],
+        ),
+        detector=case["detector"],
+    )
+
+
+def material_of(case: Case) -> pm.Material:
+    return pm.Material(case["modulus"], case["adhesion"], case["damping"], poisson_ratio=case["poisson_ratio"])
+
+
+def problem_of(case: Case, **lever: Any) -> tuple[Oscillator, float]:
+    """The oscillator of a case, and the amplitude that its detector is to see [m]."""
+    scope = scope_of(case)
+    scope = replace(scope, cantilever=replace(scope.cantilever, **lever))
+    work = work_of_material(material_of(case), scope, case["setpoint"] * scope.driven_amplitude)
+    return Oscillator(work.law, work.rows[0], work.lever), float(work.amplitudes[0])
+
+
+def settled(case: Case, eta: float = ETA, **lever: Any) -> tuple[np.ndarray, Oscillator]:
+    """Result row of the orbit that holds the setpoint, marched from a harmonic motion at the tip offset of a case."""
+    oscillator, amplitude = problem_of(case, **lever)
+    row = np.zeros(col.COLUMNS)
+    row[[col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]] = case["tip_offset"], amplitude, math.radians(case["phase"])
+    assert holding.settle(oscillator, amplitude, eta, 100_000, row) == col.GOOD
+    return row, oscillator
+
+
+def tip_on(oscillator: Oscillator, row: np.ndarray) -> Tip:
+    """A tip on the orbit of a result row, but for its harmonics."""
+    state = holding.state_on(oscillator.law, oscillator.lever, row[col.AMPLITUDE], row)
+    return Tip(state, PeriodResult(), PeriodMap(), Periods())
+
+
+@pytest.mark.parametrize("case", PERIODIC, ids=name_of)
+def test_a_settled_march_is_on_the_orbit_of_the_independent_code(case: Case) -> None:
+    row, oscillator = settled(case)
+    amplitude, phase = show(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])
+    assert amplitude == pytest.approx(case["setpoint"] * scope_of(case).driven_amplitude, rel=1e-9)
+    # Steps of this size are stated to be off by 5e-5 degree and 0.01 pm at most; here they are by less.
+    assert math.degrees(phase) == pytest.approx(case["phase"], abs=1e-6)
+    assert row[col.TIP_OFFSET] == pytest.approx(case["tip_offset"], abs=1e-16)
+    assert row[col.INDENTATION] == pytest.approx(case["indentation"], abs=1e-14)
+    assert row[col.DISSIPATION] == pytest.approx(case["dissipated"], rel=1e-6, abs=1e-27)
+    # Derivatives by differences, of which multipliers near 1 make more.
+    assert row[col.FLOQUET] == pytest.approx(case["spectral_radius"], abs=2e-5)
+    assert abs(row[col.CLOSURE]) < 1e-8
+
+
+@pytest.mark.parametrize("case", [case for case in PERIODIC if case["from_far"]][::6], ids=name_of)
+def test_a_pixel_is_marched_to_the_orbit_that_a_tip_from_far_finds(case: Case) -> None:
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="march")
+    assert pixel.status.name == "good"
+    assert pixel.phase == pytest.approx(case["phase"], abs=1e-6)
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=1e-16)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case["periods"] == 2], ids=name_of)
+def test_a_motion_that_repeats_itself_after_two_periods_is_held_in_the_mean(case: Case) -> None:
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="march")
+    assert pixel.phase_spread > 0
+    assert abs(pixel.phase - case["phase"]) < pixel.error_phase
+    assert abs(pixel.tip_offset - case["tip_offset"]) < pixel.error_height
+
+
+@pytest.mark.parametrize("case", [PERIODIC[0], PERIODIC[-1]], ids=name_of)
+def test_modes_move_at_the_drive_frequency_as_the_independent_code_says(case: Case) -> None:
+    row, oscillator = settled(case, 0.15)
+    lag = math.pi / 2 - row[col.PHASE]
+    tip = row[col.AMPLITUDE] * complex(math.cos(lag), -math.sin(lag))
+    lever, scope = oscillator.lever, scope_of(case)
+    # Modes count from where the base has them, the first with the rest of the base's motion.
+    shifts = np.array([mode.participation for mode in scope.cantilever.eigenmodes], float)
+    shifts[0] = 1 - shifts[1:].sum()
+    shifts *= scope.base_amplitude if case["excitation"] == "base" else 0.0
+    for i, (amplitude, phase) in enumerate(zip(case["mode_amplitude"], case["mode_phase"], strict=True)):
+        of_drive = harmonic_of_mode(lever, i, tip) * complex(lever[col.TURN_COS], lever[col.TURN_SIN]) - shifts[i]
+        assert 1j * of_drive == pytest.approx(amplitude * np.exp(1j * math.radians(phase)), rel=1e-8)
+
+
+@pytest.mark.parametrize("case", [PERIODIC[0], PERIODIC[-3]], ids=name_of)
+@pytest.mark.filterwarnings("ignore::phasemap.PlausibilityWarning")
+@pytest.mark.parametrize(("ratio", "stiffness"), [(7.5, math.inf), (900.0, 900.0**2)])
+def test_a_second_mode_that_is_stiff_changes_nothing(case: Case, ratio: float, stiffness: float) -> None:
+    one, oscillator = settled({**case, "excitation": "direct"}, modes=())
+    stiff = pm.Eigenmode(ratio, 100.0, stiffness if stiffness < math.inf else 1e18, 1.0, 1.0)
+    other, of_two = settled({**case, "excitation": "direct"}, modes=(stiff,))
+    # What it gives way by is its compliance.
+    give = 1 / stiffness
+    assert other[col.PHASE] == pytest.approx(one[col.PHASE], abs=1e-9 + 20 * give)
+    assert other[col.TIP_OFFSET] == pytest.approx(one[col.TIP_OFFSET], abs=1e-16 + 20 * give * one[col.AMPLITUDE])
+    assert of_two.lever[col.MODES] == 2 > oscillator.lever[col.MODES]
+
+
+@pytest.mark.parametrize("group", ["table", "liquid, three modes", "air"])
+def test_the_error_is_of_order_eight(group: str) -> None:
+    case = next(case for case in PERIODIC if case["group"] == group and case["modulus"] > 0.5e9)
+    row, oscillator = settled(case)
+    etas, ends = 0.5 * 2.0 ** (-np.arange(7) / 4), []
+    for eta in [0.06, *etas]:
+        tip = tip_on(oscillator, row)
+        for _ in range(3):
+            assert march.march_period(oscillator, tip.u[Z0], eta, tip.u, tip.acc) > 0
+        ends.append(np.array([*np.delete(tip.u, Z0), tip.acc.cos, tip.acc.sin]))
+    errors = np.abs(np.array(ends[1:]) - ends[0]).max(axis=1)
+    assert np.polyfit(np.log(etas), np.log(errors), 1)[0] == pytest.approx(8, abs=0.8)
+    assert errors[-1] < 1e-10 * row[col.AMPLITUDE]
+
+
+@pytest.mark.parametrize("modes", [2, 3, 4])
+@pytest.mark.parametrize("decay_length", [None, 1e-10])  # exact flights, and steps
+def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int, decay_length: float | None) -> None:
+    lever = pm.Cantilever(0.1, 20e3, 2.5, modes=modes)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"), pm.Interaction("dmt", decay_length))
+    work = work_of_material(pm.Material(1e9, 0.0 if decay_length is None else 1e-12), scope, 8e-9)
+    oscillator = Oscillator(work.law, work.rows[0], work.lever)
+    omega, drive = work.lever[col.OMEGA], work.lever[col.DRIVE]
+    free = drive / complex(work.lever[col.DYNAMIC_STIFFNESS], work.lever[col.DYNAMIC_LOSS])
+    state = new_state(work.law, work.lever, 0.0, free.real, -omega * free.imag, 3e-8)
+    tip = Tip(state.copy(), PeriodResult(), PeriodMap(), Periods())
+    assert march.march_period(oscillator, 3e-8, 0.1, tip.u, tip.acc) > 0
+    assert tip.u == pytest.approx(state, abs=1e-13 * abs(free))
+    assert [tip.acc.cos, -tip.acc.sin] == pytest.approx([free.real, free.imag], abs=1e-12 * abs(free))
+    # By Liouville's theorem the volume of neighbours falls by what all modes lose; differences leave 1e-7 or so.
+    assert period_map.linearise_period(oscillator, 0.1, tip)
+    n = coordinate_count(work.lever)
+    monodromy = np.eye(n) + np.array(tip.linear.motion)[: n * n].reshape(n, n).T
+    rates = np.array([0.5 * mode.frequency_ratio / mode.quality_factor for mode in lever.eigenmodes])
+    assert np.linalg.det(monodromy) == pytest.approx(math.exp(-4 * math.pi / omega * rates.sum()), rel=1e-5, abs=1e-9)
+    assert period_map.multiplier_of(tip.linear) == pytest.approx(math.exp(-2 * math.pi / omega * rates.min()), abs=1e-6)
+
+
+def test_neighbours_of_a_tapping_lever_come_nearer_as_the_modes_lose_energy() -> None:
+    case = next(case for case in PERIODIC if case["group"] == "table")
+    row, oscillator = settled(case)
+    tip = tip_on(oscillator, row)
+    assert period_map.skip(oscillator, period_map.Tolerance(ETA, 1e-16, 1e-16), 0.0, tip)
+    monodromy = np.eye(4) + np.array(tip.linear.motion)[:16].reshape(4, 4).T
+    rates = 0.5 / 2.5 + 0.5 * 7.5 / 6.0
+    assert np.linalg.det(monodromy) == pytest.approx(math.exp(-4 * math.pi * rates), rel=1e-3)
+    assert row[col.FLOQUET] == pytest.approx(np.abs(np.linalg.eigvals(monodromy)).max(), rel=1e-5)
+
+
+def test_a_contact_that_a_mode_makes_again_within_a_flight_is_found() -> None:
+    case = next(case for case in PERIODIC if case["touches"] == 2)
+    row, oscillator = settled(case)
+    tip = tip_on(oscillator, row)
+    for _ in range(60):
+        assert march.march_period(oscillator, row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
+    exact = tip.acc.cos, tip.acc.sin
+    # The same with so weak a long-range force that flights are taken in steps.
+    weak = oscillator.p.copy()
+    weak[col.LONGRANGE], weak[col.INVERSE_REACH] = 1e-30, 1e10
+    for _ in range(60):
+        assert march.march_period(oscillator._replace(p=weak), row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
+    assert (tip.acc.cos, tip.acc.sin) == pytest.approx(exact, abs=1e-9 * row[col.AMPLITUDE])
+    assert tip.u[Z] < row[col.TIP_OFFSET] or tip.u[V] != 0.0
+
+
+def test_a_surface_that_remembers_is_refused_under_a_lever_with_several_modes() -> None:
+    scope = pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0, modes=2), pm.Tip(10e-9), pm.Drive(20e-9))
+    remembering = pm.Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-7)
+    with pytest.raises(pm.InputError, match=r"modes is 2; allowed: 1 where a surface remembers"):
+        pm.solve_pixel(remembering, scope, 0.8)
