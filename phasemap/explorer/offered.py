@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import untold
 from phasemap.experiment.presets import Preset, levers, materials
-from phasemap.explorer.knobs import values_of
+from phasemap.explorer.knobs import knobs, values_of
 from phasemap.explorer.subject import Subject, subject_of
 from phasemap.scenes.measured import NEEDED, NotRecorded, scene_from
 from phasemap.scenes.scene import load_scene
@@ -123,7 +123,8 @@ def opened(path: Path, overrides: Iterable[str] = ()) -> Opened:
         except NotRecorded as error:
             assumed = [f"{key}={NEEDED[key]}" for key in error.keys]
             scene = scene_from(path, target, overrides=[*overrides, *assumed])
-            note = f"{path.name} does not say {', '.join(error.keys)}: what is shown there is assumed. "
+            missing = ", ".join(knobs()[key].label for key in error.keys)
+            note = f"{path.name} does not say {missing}: what is shown there is assumed. "
         subject = replace(subject_of(scene), name=path.stem, scene=None)
     return Opened(subject, note + "The materials are placeholders: an image does not say what it is of.")
 

@@ -453,7 +453,7 @@ def test_a_scene_file_and_a_measured_file_can_be_opened(tmp_path: Path) -> None:
     image = load_scene(STEP, ["surface.shape=[24, 32]"]).simulate()
     image[["height", "phase"]].to_netcdf(tmp_path / "measured.nc")
     name = offered.open("measured.nc", (tmp_path / "measured.nc").read_bytes())
-    assert len(offered[name].materials) == 2 and "tip.radius" in offered.describe(name)["note"]
+    assert len(offered[name].materials) == 2 and "tip radius" in offered.describe(name)["note"]
     assert SAVED["scene"](Setting.of(offered[name], {})).name == "measured_explored.zip"
     with pytest.raises(pm.FileError, match=r"cannot read notes\.txt"):
         offered.open("../notes.txt", b"hello")

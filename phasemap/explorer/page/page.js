@@ -343,11 +343,16 @@ function button(id, busy, work) {
     element.disabled = true;
     $("save").open = false;
     say(busy);
+    const ticking = setInterval(async () => {
+      const doing = await engine.doing(message()).catch(() => "");
+      if (element.disabled) say(`${busy} ${doing}`);
+    }, PATIENT);
     await attempt(async () => {
       say((await work()) ?? "");
       complain("");
     });
     element.disabled = false;
+    clearInterval(ticking);
   });
 }
 
