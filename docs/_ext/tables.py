@@ -39,7 +39,7 @@ def scenes() -> dict[str, str]:
         "cantilever": pm.Cantilever, "modes": pm.Eigenmode, "tip": pm.Tip, "drive": pm.Drive, "second": pm.Mode,
         "interaction": pm.Interaction,
         "materials": pm.Material, "accuracy": pm.Accuracy, "raster": pm.Raster, "feedback": pm.Feedback,
-        "realism": pm.Realism, "tip_change": pm.TipChange,
+        "realism": pm.Realism, "tip_change": pm.TipChange, "variation": pm.Variation,
     }  # fmt: skip
     written = {f"scene_{name}": keys(thing) for name, thing in tables.items()}
     _, _, of_surface = (inspect.getdoc(surface) or "").partition("\n\n")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.checks import number, whole
+from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap._shared.plausible import question
@@ -19,6 +20,13 @@ from phasemap.experiment.microscope import RADIUS
 
 FloatArray = NDArray[np.float64]
 
+PRESETS: dict[str, dict[str, Any]] = {
+    "typical": {
+        "temperature": 295.0, "detector_noise": 100e-15, "line_offset": 30e-12, "drift": (4e-9, 3e-9, 0.5e-9),
+    }
+}  # fmt: skip
+TYPICAL_SCAN = {"line_rate": 2.0, "bandwidth": 1e3}  # of a `Feedback` [Hz]
+IN_TIME = ("temperature", "detector_noise")  # what acts in time only
 DIGITISED = ("height", "phase", "amplitude", "amplitude_error")  # channels that an instrument records
 
 
@@ -120,6 +128,47 @@ class Realism(Shown):
             whole("bits", self.bits, 1, 32)
         whole("seed", self.seed, 0)
 
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Realism:
+        """What an instrument in an ordinary room adds.
+
+        Parameters
+        ----------
+        name : {"typical"}
+            The lever's own noise at room temperature, a detector of 100 fm/sqrt(Hz), lines offset by 30 pm, and a
+            drift of a few nanometres. Noise acts in time: with `Feedback`, for which `TYPICAL_SCAN` is an ordinary
+            one. In a scene, ``realism = "typical"`` asks for both, and for edges as wide as the tip sees them.
+        **changes : float, str or quantity
+            Arguments that are to be other ones, such as ``seed``.
+
+        Returns
+        -------
+        Realism
+
+        Raises
+        ------
+        InputError
+            If there is no such preset, or a change is out of range.
+
+        Examples
+        --------
+        >>> Realism.preset("typical", seed=3).detector_noise
+        1e-13
+        """
+        check_choice("preset", name, PRESETS)
+        return cls(**{**PRESETS[name], **changes})
+
+    @classmethod
+    def typical(cls, **changes: Any) -> Realism:
+        """What an instrument in an ordinary room adds: `preset` of the name "typical".
+
+        Examples
+        --------
+        >>> Realism.typical() == Realism.preset("typical")
+        True
+        """
+        return cls.preset("typical", **changes)
+
     def __str__(self) -> str:
         """What is on, with units; empty where nothing is."""
         on = in_words(self).removesuffix(f"seed {self.seed}").removesuffix(", ")
@@ -150,7 +199,7 @@ def check_realism(realism: object, control: Control, lines: int) -> Realism:
     if not isinstance(realism, Realism):
         raise InputError("realism", realism, "a Realism")
     if not control.in_time:
-        for name in ("temperature", "detector_noise"):
+        for name in IN_TIME:
             value = getattr(realism, name)
             if value is not None:
                 hint = "Noise acts in time: use control=pm.Feedback()."

@@ -24,6 +24,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.relaxing import check_relaxing
 from phasemap.experiment.surface_maps import check_spacing, common_shape, pixel_sides, property_map
 from phasemap.experiment.surface_variables import QUANTITIES, as_variables, maps_of
+from phasemap.experiment.variation import Variation
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -152,6 +153,7 @@ class Surface(Maps):
         *,
         pixel_size: float | Sequence[float],
         topography: ArrayLike | None = None,
+        variation: Variation | None = None,
     ) -> Surface:
         """Make a surface of a few materials.
 
@@ -165,11 +167,13 @@ class Surface(Maps):
             [m], as in `Surface`.
         topography : float or array_like, shape (ny, nx), optional
             [m], as in `Surface`.
+        variation : Variation, optional
+            How much the properties of each material vary within its domains; by default they do not.
 
         Returns
         -------
         Surface
-            It remembers the labels, so that `unique` costs nothing.
+            It remembers the labels, so that `unique` costs nothing; with a variation each pixel is a material of its own.
 
         Raises
         ------
@@ -185,13 +189,19 @@ class Surface(Maps):
         [[1000000000.0, 3000000000.0], [3000000000.0, 3000000000.0]]
         """
         distinct = None
+        if variation is not None and not isinstance(variation, Variation):
+            raise InputError("variation", variation, "a Variation, or None")
         if is_lazy(labels):
+            if variation is not None:
+                raise InputError("variation", variation, "None for labels in Dask arrays", "Take labels.compute().")
             maps = lazily_looked_up(labels, materials)
         else:
             maps, distinct = looked_up(labels, materials)
         sides, relief = pixel_sides(pixel_size), property_map("topography", topography, False)
         check_spacing({"labels": labels, "topography": topography}, sides)
         shape = np.shape(labels) if distinct is None else distinct[1].shape
+        if variation is not None:
+            maps, distinct = variation.of(maps, (shape[0], shape[1]), sides), None
         with unquestioned():  # each Material was looked at when it was made
             surface = cls(**maps, topography=relief, pixel_size=sides, shape=shape)
         object.__setattr__(surface, "_unique", distinct)

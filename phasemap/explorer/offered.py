@@ -52,12 +52,15 @@ class Offered:
     def describe(self, name: object) -> dict[str, Any]:
         """What the page needs to know of a subject: materials, what each slider begins with, and how it is scanned."""
         subject, note = self._found(name)
+        simplified = ["with sharp edges"] * subject.blurred + ["with uniform materials"] * (
+            subject.variation is not None
+        )
         return {
             "name": subject.name,
             "materials": list(subject.materials),
             "values": values_of(subject),
             "control": None if subject.plain else str(subject.options.get("control") or "") or "as the scene says",
-            "sharp": subject.blurred,
+            "simplified": " and ".join(simplified),
             "note": note,
         }
 

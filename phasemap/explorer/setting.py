@@ -15,6 +15,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import PARTS, Microscope
 from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.surface import Surface
+from phasemap.experiment.variation import Variation
 from phasemap.explorer.knobs import knobs, starred
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
@@ -100,14 +101,14 @@ class Setting:
     @property
     def surface(self) -> Surface:
         """The whole surface."""
-        return self._surface(1)
+        return self._surface(1, self.subject.variation)
 
     @property
     def shown(self) -> Surface:
         """The surface as it is solved while a slider moves: with fewer pixels if it has many."""
         return self._surface(self.subject.step)
 
-    def _surface(self, step: int) -> Surface:
+    def _surface(self, step: int, variation: Variation | None = None) -> Surface:
         """Every so manieth pixel of the surface."""
         sample = self.subject.sample_under(self.scope.tip)
         relief = sample.topography
@@ -117,6 +118,7 @@ class Setting:
             dict(enumerate(self.materials.values())),
             pixel_size=(step * dy, step * dx),
             topography=None if relief is None else relief[::step, ::step],
+            variation=variation,
         )
 
     def tables(self) -> Table:

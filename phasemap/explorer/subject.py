@@ -19,8 +19,9 @@ from phasemap.experiment.control import Engage
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
 from phasemap.experiment.surface import Surface
+from phasemap.experiment.variation import Variation
 from phasemap.scenes.scene import Scene, load_scene
-from phasemap.scenes.surface import build_surface, dilate
+from phasemap.scenes.surface import build_surface, dilate, variation_of
 from phasemap.solvers.problem import check_setpoint
 
 MOST = 8  # materials, each with three sliders
@@ -54,7 +55,12 @@ class Subject:
         """Whether engaging every pixel from far, with nothing added, is all that the scene asks for."""
         bare = type(self.options["realism"])() if self.options.get("realism") is not None else None
         engaged = isinstance(self.options.get("control", Engage()), Engage)
-        return engaged and self.options.get("realism") == bare and not self.blurred
+        return engaged and self.options.get("realism") == bare and not self.blurred and self.variation is None
+
+    @property
+    def variation(self) -> Variation | None:
+        """How much the materials vary within their domains, which they do not in the page while a slider moves."""
+        return None if self.scene is None else variation_of(self.scene.config["surface"])
 
     @property
     def blurred(self) -> bool:
@@ -171,7 +177,7 @@ def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
     """Find which material is where: the surface is made of stand-ins, which differ even where the materials do not."""
     stand_ins = {name: Material(modulus=1.0 + i) for i, name in enumerate(names)}
     every = {name: stand_ins.get(name, Material(modulus=1.0)) for name in scene.config["materials"]}
-    table = scene.config["surface"]
+    table = {key: value for key, value in scene.config["surface"].items() if key != "variation"}
     surface = dilate(table, build_surface(dict(table), every, _folder_of(scene)).surface, tip)
     labels = np.round(surface.modulus - 1.0).astype(np.int32)
     labels.setflags(write=False)

@@ -18,7 +18,7 @@ from phasemap.experiment.eigenmode import Eigenmode
 from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
-from phasemap.experiment.realism import Realism, TipChange, check_realism
+from phasemap.experiment.realism import IN_TIME, TYPICAL_SCAN, Realism, TipChange, check_realism
 from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing
 
 T = TypeVar("T")
@@ -121,6 +121,21 @@ def interaction_table(interaction: Interaction) -> Table:
     if isinstance(interaction.contact, ContactLaw):
         table["contact"] = {"law": interaction.contact.name, **table["contact"]}
     return table
+
+
+def with_typical(tables: Table) -> Table:
+    """The tables of a scene with what its preset of the realism asks for besides, where the scene does not say it."""
+    realism = table_of(tables, "realism")
+    if "preset" not in realism:
+        return tables
+    construct("[realism]", {"name": realism["preset"]}, Realism.preset)  # refuses one that is none
+    control = table_of(tables, "control") or {"kind": "feedback", **TYPICAL_SCAN}
+    if control.get("kind", "engage") != "feedback":
+        realism = {**dict.fromkeys(IN_TIME, "none"), **realism}
+    surface = tables["surface"]
+    if isinstance(surface, dict):
+        surface = {"seen_by_tip": True, **surface}
+    return {**tables, "realism": realism, "control": control, "surface": surface}
 
 
 def realism_of(table: Table, control: Control | None, lines: int | None) -> Realism:

@@ -39,6 +39,7 @@ from phasemap.scenes.objects import (
     realism_of,
     scan_of,
     table_of,
+    with_typical,
 )  # fmt: skip
 from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables
 
@@ -254,6 +255,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     from phasemap.scenes.surface import build_surface
 
     complaints = Complaints()
+    tables = complaints.of(with_typical, tables) or tables
     scan = complaints.of(scan_of, table_of(tables, "scan"))
     microscope = complaints.of(microscope_of, tables)
     accuracy = complaints.of(object_of, tables, "accuracy", Accuracy)

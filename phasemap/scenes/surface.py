@@ -3,7 +3,8 @@
 ``kind`` says where the surface comes from:
 
 * ``"labels"``: ``labels`` (a map of whole numbers), ``materials`` (names, one for each label from 0, or a table
-  ``{ 7 = "soft" }``), ``pixel_size``; a relief from ``topography``, and from ``heights`` [m], one for each label
+  ``{ 7 = "soft" }``), ``pixel_size``; a relief from ``topography``, and from ``heights`` [m], one for each label;
+  ``variation``, the arguments of `phasemap.Variation`, for materials that vary within their domains
 * the name of a generator of labels in `phasemap.generate`: its arguments, and all the above but ``labels``
 * ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``thickness``,
   ``relaxed_modulus``, ``relaxation_time``,
@@ -23,6 +24,7 @@ contact and the reach of the attraction, as `phasemap.Surface.seen_by` makes the
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.microscope import Microscope, Tip
     from phasemap.experiment.surface import Surface
+    from phasemap.experiment.variation import Variation
 
 QUANTITIES = (
     "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
@@ -122,6 +125,18 @@ def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint
     return surface.seen_by(scope, setpoint) if wanted else surface
 
 
+def variation_of(table: Mapping[str, Any]) -> Variation | None:
+    """How much the materials vary within their domains, if the ``[surface]`` table says that they do."""
+    from phasemap.experiment.variation import Variation
+    from phasemap.scenes.tables import check_keys, construct
+
+    if "variation" not in table:
+        return None
+    name, given = "[surface.variation]", table["variation"]
+    check_keys(name, given, [field.name for field in dataclasses.fields(Variation)])
+    return construct(name, given, Variation)
+
+
 def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: Files, generator: Callable[..., np.ndarray] | None
 ) -> tuple[Surface, Labels]:
@@ -130,7 +145,7 @@ def _from_labels(
     from phasemap.experiment.surface import Surface
     from phasemap.scenes.tables import check_keys, construct
 
-    own = ("materials", "pixel_size", "topography", "heights")
+    own = ("materials", "pixel_size", "topography", "heights", "variation")
     if generator is None:
         check_keys("[surface]", table, ("labels", *own), ("labels", "materials", "pixel_size"))
         given = _map("labels", table["labels"], files, table)
@@ -151,7 +166,7 @@ def _from_labels(
     if "heights" in table:
         heights = _heights(table["heights"], list(chosen), labels)
         relief["topography"] = heights + _relief(relief.get("topography", 0.0), labels.shape)
-    arguments = {"pixel_size": table["pixel_size"], **relief}
+    arguments = {"pixel_size": table["pixel_size"], **relief, "variation": variation_of(table)}
     surface = construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
     return surface, Labels(labels, called)
 
@@ -183,7 +198,7 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     from phasemap.io.read import read_image
     from phasemap.scenes.tables import check_keys
 
-    check_keys("[surface]", table, ("file", "materials", "height", "phase"), ("file", "materials"))
+    check_keys("[surface]", table, ("file", "materials", "height", "phase", "variation"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
     with untold():  # who made the scene was told
         image = read_image(files.find("file", table["file"]), height=table.get("height"), phase=table.get("phase"))
@@ -195,6 +210,7 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
         dict(enumerate(chosen)),
         topography=topography,
         pixel_size=(coordinate_step(image, "y"), coordinate_step(image, "x")),
+        variation=variation_of(table),
     )
     return surface, Labels(labels, dict(enumerate(table["materials"])))
 

@@ -107,6 +107,8 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     {'setpoint': 0.6}
     """
     written = tables = _read_toml(Path(path))
+    if isinstance(tables.get("realism"), str):
+        tables = {**tables, "realism": {"preset": tables["realism"]}}
     for override in overrides:
         tables = with_override(tables, override)
     _check_materials(tables, written)

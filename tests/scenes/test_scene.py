@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import phasemap as pm
 import phasemap.experiment.generate as generate
 from phasemap._shared.errors import FileError, InputError
 from phasemap.cli import main
@@ -19,9 +20,9 @@ from phasemap.experiment.control import Engage
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.experiment.realism import Realism
+from phasemap.experiment.realism import TYPICAL_SCAN, Realism
 from phasemap.experiment.surface import Surface
-from phasemap.scenes.scene import Scene, load_scene
+from phasemap.scenes.scene import Scene, load_scene, scene_from_json
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 HEAD = """
@@ -374,3 +375,48 @@ def test_a_measured_image_becomes_topography_and_materials() -> None:
     assert surface.pixel_size == pytest.approx((3.97339e-6 / 256, 3.97339e-6 / 512))
     assert surface.topography is not None and 3e-9 < np.ptp(np.percentile(surface.topography, [0.5, 99.5])) < 20e-9
     assert 0.3 < np.mean(surface.modulus == 3e9) < 0.5
+
+
+def test_a_scene_with_typical_realism_is_scanned_in_time_with_noise_and_edges_as_wide_as_the_tip(
+    tmp_path: Path,
+) -> None:
+    text = f'realism = "typical"\n{(SAMPLES / "step.toml").read_text()}'
+    (tmp_path / "typical.toml").write_text(text)
+    scene = load_scene(tmp_path / "typical.toml", ["surface.shape=[8, 48]", "realism.seed=3"])
+    assert scene.options["realism"] == pm.Realism.typical(seed=3)
+    assert scene.options["control"] == pm.Feedback(**TYPICAL_SCAN)
+    bare = load_scene(SAMPLES / "step.toml", ["surface.shape=[8, 48]"])
+    assert scene.surface == bare.surface.seen_by(scene.microscope, 0.7) != bare.surface
+    again = scene_from_json(scene.to_json(), tmp_path)
+    assert again.config == scene.config and again.options == scene.options
+    image = scene.simulate()
+    assert image.phase.dims == ("direction", "y", "x") and np.isfinite(image.phase).all()
+
+
+def test_what_a_scene_says_itself_holds_beside_typical_realism() -> None:
+    overrides = [
+        "realism.preset=typical",
+        "surface.seen_by_tip=false",
+        "control.kind=raster",
+        "realism.line_offset=1e-9",
+    ]
+    scene = load_scene(SAMPLES / "step.toml", overrides)
+    assert scene.options["control"] == pm.Raster()
+    expected = pm.Realism.typical(temperature=None, detector_noise=None, line_offset=1e-9)
+    assert scene.options["realism"] == expected  # for noise acts in time only
+    with pytest.raises(InputError, match=r"\[realism\] .*is 'usual'; allowed: .*typical"):
+        load_scene(SAMPLES / "step.toml", ["realism.preset=usual"])
+
+
+def test_a_scene_says_how_much_its_materials_vary() -> None:
+    overrides = ["surface.shape=[48, 64]", "surface.variation={modulus=0.3, correlation_length='20 nm'}"]
+    scene = load_scene(SAMPLES / "step.toml", overrides)
+    assert scene.built is not None and scene.built.labels is not None
+    materials = [pm.Material(**values) for values in scene.config["materials"].values()]
+    spread = pm.Variation(modulus=0.3, correlation_length=20e-9)
+    labels, relief = scene.built.labels.values, scene.surface.topography
+    assert scene.surface == pm.Surface.from_labels(
+        labels, materials, pixel_size=2e-9, topography=relief, variation=spread
+    )
+    with pytest.raises(InputError, match=r"\[surface.variation\] modulos is unknown.*Did you mean 'modulus'"):
+        load_scene(SAMPLES / "step.toml", ["surface.variation.modulos=0.3"])

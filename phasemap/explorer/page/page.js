@@ -174,7 +174,7 @@ function drawImages() {
   $("warnings").replaceChildren(...warnings.map((line) => Object.assign(document.createElement("li"), { textContent: line })));
   const notes = [];
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
-  if (!$("scan").hidden) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.sharp ? ", with sharp edges" : ""}.` : "This is the trace of the scan, until a slider moves.");
+  if (!$("scan").hidden) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.simplified ? `, ${about.simplified}` : ""}.` : "This is the trace of the scan, until a slider moves.");
   $("note").textContent = notes.join(" ");
 }
 
