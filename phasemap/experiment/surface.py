@@ -173,7 +173,7 @@ class Surface(Maps):
         Returns
         -------
         Surface
-            It remembers the labels, so that `unique` costs nothing; where it varies each pixel is a material of its own.
+            It remembers the labels, so that `unique` costs nothing; where it varies each pixel has its own material.
 
         Raises
         ------
