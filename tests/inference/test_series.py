@@ -3,6 +3,7 @@
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from documented import check
 import phasemap as pm
 from phasemap.inference.series.contrasts import medians, regions_of
 from phasemap.inference.series.settings import FREE, HELD, SHARED, scope_of, settings_of
-from phasemap.inference.series.words import _why, tell
+from phasemap.inference.series.words import _of_magnitude, _why, is_poor, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 HARD, SOFT = pm.Material(3.0e9, 0.15, 0.004), pm.Material(0.4e9, 0.02, 0.05)
@@ -233,6 +234,21 @@ def test_a_lever_that_files_do_not_say_is_assumed_aloud():
     assert scope.cantilever.stiffness > 20 and "is assumed" in told[0] and "tip radius" in told[2]
 
 
+def test_a_typical_lever_of_quite_another_frequency_is_doubted():
+    files = measure(phases(), resonance_frequency=1.44e6, drive_frequency=1.44e6)
+    told = " ".join(scope_of(files, None)[1])
+    assert "and not 1.44 MHz: say what yours has" in told
+    assert "say what yours has" not in " ".join(scope_of(measure(phases()), None)[1])
+
+
+@pytest.mark.parametrize(("chi2", "said"), [(9.0, "reproduced within its errors"), (35.0, "hardly"), (60.0, "not:")])
+def test_a_fit_is_said_to_be_within_errors_only_if_chi2_is_likely(found, chi2, said):
+    settings = settings_of(measure(phases(), phase_zero=0.0), ["a", "b", "c"], GIVEN)
+    problem = SimpleNamespace(settings=settings, errors=np.ones((4, 3)), names=["unknown"] * 7)
+    worse = found.assign(misfit=chi2)  # of 12 phases
+    assert f"The magnitude is {said}" in _of_magnitude(worse, problem, is_poor(worse, problem))
+
+
 def test_quality_factors_that_files_say_differently_and_drives_beside_resonance_are_told():
     files = measure(phases(), stiffness=20.0, quality_factor=400.0)
     files[1].attrs["quality_factor"] = 500.0
@@ -263,7 +279,7 @@ def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, u
         ({"by": "colour"}, "one of phase, height, both"),
         ({"sign": 2}, "1, -1 or None"),
         ({"labels": np.zeros((2, 2), int)}, "whole numbers of shape"),
-        ({"setpoints": [0.5, 0.6]}, "a number or 3, one a file"),
+        ({"setpoints": [0.5, 0.6]}, r"a number or 3 \[1\]"),
         ({"free_amplitudes": "unknown"}, "'shared', 'free' or numbers"),
         ({"free_amplitudes": 40.0}, "usual 50 pm"),
         ({"known": {7: HARD}}, "one of 0, 1"),

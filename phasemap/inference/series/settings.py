@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import as_list
-from phasemap._shared.checks import is_sign, number
+from phasemap._shared.checks import is_sign
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.plausible import question
 from phasemap._shared.units import say
 from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers
+from phasemap.inference.images.stack import numbers_of
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
 
@@ -37,6 +37,7 @@ ANYWHERE = 180.0 / math.sqrt(3.0)  # standard deviation of a zero that may be an
 SAME = 0.02  # by which free amplitudes are the same, and setpoints
 SAME_LEVER = 1.1  # factor within which files say the same of a lever
 OF_THE_LEVER = ("resonance_frequency", "stiffness")  # by which levers are told apart; Q changes with distance and air
+FAR = 2.0  # factor between resonances, above which a typical lever says nothing of another
 AWAY = 0.2  # half widths of the resonance beside which a drive is said to be
 NEAR_ZERO = 5.0  # by which the phase of the free lever drifts from what was recorded of it [degree]
 SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
@@ -78,6 +79,7 @@ class Settings:
     def above(self) -> Array:
         """Which files (rows) have a larger setpoint than others (columns) at the same free amplitude, shape (m, m)."""
         alike = np.abs(np.log(self.relative[:, np.newaxis] / self.relative)) < SAME
+        alike &= (self.tunes[:, np.newaxis] == self.tunes) | (self.amplitude == HELD)
         larger: Array = (alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
         return larger
 
@@ -117,9 +119,8 @@ class Settings:
 
     def ordered(self) -> tuple[Settings, NDArray[np.intp]]:
         """From the gentlest tapping to the hardest, and which file each is."""
-        drop = self.relative * (
-            1 - (self.ratios if self.setpoint == HELD else self.ratios / (1.05 * self.ratios.max()))
-        )
+        highest = 1.0 if self.setpoint == HELD else 1.05 * self.ratios.max()
+        drop = self.relative * (1 - self.ratios / highest)
         order = np.lexsort((-self.ratios, drop.round(9)))
         some = {name: getattr(self, name)[order] for name in ("ratios", "relative", "zeros", "zero_errors", "tunes")}
         return replace(self, names=tuple(self.names[i] for i in order), **some), order
@@ -148,12 +149,17 @@ def scope_of(
     drive = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
                   one.get("resonance_frequency") == resonance), None)  # fmt: skip
     nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
+    own = nearest.values["resonance_frequency"]
+    far = f", though that has {say(own, 'Hz', 3)} and not {say(resonance, 'Hz', 3)}: say what yours has"
+    far = far if abs(math.log(own / resonance)) > math.log(FAR) else ""
     values: dict[str, Any] = {"resonance_frequency": resonance}
     for name, unit in (("stiffness", " N/m"), ("quality_factor", "")):
         values[name] = float(said.get(name, nearest.values[name]))
         if name not in said:
             what = name.replace("_", " ")
-            told.append(f"The {what} is not in the files: {values[name]:g}{unit} is assumed, as of {nearest.name}.")
+            told.append(
+                f"The {what} is not in the files: {values[name]:g}{unit} is assumed, as of {nearest.name}{far}."
+            )
     told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
     if "resonance_frequency" not in said:
         told.append("The lever is taken to be driven at its resonance, which the files do not say.")
@@ -215,46 +221,38 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
 
 def _all_of(known: list[dict[str, Any]], name: str) -> Array | None:
     """A value of every file that is above 0, None where one does not say it."""
-    values = [one.get(name) for one in known]
-    if any(value is None or not float(value) > 0 for value in values):
-        return None
-    return np.array([float(value) for value in values if value is not None])
+    values = np.array([float(one.get(name) or 0.0) for one in known])
+    return values if (values > 0).all() else None
 
 
-def _given(name: str, value: Any, count: int, unit: str) -> Array:
-    allowed = f"a number or {count}, one a file"
-    values = as_list(name, value, allowed)
-    if len(values) not in (1, count):
-        raise InputError(name, value, allowed)
-    return np.array([number(name, one, unit, above=0) for one in values] * (count // len(values)))
+def _is_word(name: str, given: Any, unit: str) -> bool:
+    """Whether a word is given instead of numbers."""
+    if isinstance(given, str) and given not in (SHARED, FREE):
+        raise InputError(name, given, f"'shared', 'free' or numbers [{unit}]")
+    return isinstance(given, str)
 
 
 def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tuple[str, float, float, Array]:
     """Kind, scale [m], its factor, and free amplitudes over it."""
-    count = len(known)
-    if given is not None and not isinstance(given, str):
-        values = _given("free_amplitudes", given, count, "m")
-        for one in values.tolist():
-            question("free_amplitudes", one, "m", AMPLITUDE)
-        scale = float(np.exp(np.log(values).mean()))
-        return HELD, scale, CALIBRATED, values / scale
-    if isinstance(given, str) and given not in (SHARED, FREE):
-        raise InputError("free_amplitudes", given, "'shared', 'free' or numbers [m]")
+    word = _is_word("free_amplitudes", given, "m")
     metres, volts, drive = (
         _all_of(known, name) for name in ("free_amplitude", "free_amplitude_voltage", "drive_voltage")
     )
-    if given is None and metres is not None:
-        scale = float(np.exp(np.log(metres).mean()))
+    if given is not None and not word:
+        metres = numbers_of("free_amplitudes", given, "m", len(known), above=0)
+        for one in metres.tolist():
+            question("free_amplitudes", one, "m", AMPLITUDE)
+    elif not word and metres is not None:
         told.append("Free amplitudes as recorded, and a calibration within 5 %.")
+    if not word and metres is not None:
+        scale = float(np.exp(np.log(metres).mean()))
         return HELD, scale, CALIBRATED, metres / scale
-    relative, words = np.ones(count), "assumed to be the same in all files"
-    if given != FREE:
-        for recorded, said in ((metres, "recorded in metres"), (volts, "recorded in volts"), (drive, "of the drive")):
-            if recorded is not None:
-                relative, words = recorded / np.exp(np.log(recorded).mean()), f"with one unknown sensitivity, {said}"
-                break
-    else:
-        words = "unknown in each file"
+    relative, words = np.ones(len(known)), "assumed to be the same in all files"
+    for recorded, said in ((drive, "of the drive"), (volts, "recorded in volts"), (metres, "recorded in metres")):
+        if recorded is not None:
+            relative, words = recorded / np.exp(np.log(recorded).mean()), f"with one unknown sensitivity, {said}"
+    if given == FREE:
+        relative, words = np.ones(len(known)), "unknown in each file"
     told.append(f"Free amplitudes: {words}; {GUESS * 1e9:g} nm within a factor of {GUESS_FACTOR:g} as a first guess.")
     return (FREE if given == FREE else SHARED), GUESS, GUESS_FACTOR, relative
 
@@ -263,9 +261,8 @@ def _setpoints(
     known: list[dict[str, Any]], relative: Array, amplitude: str, scale: float, given: Any, told: list[str]
 ) -> tuple[str, bool, Array]:
     """Kind, whether in metres, and setpoints or what is recorded of them over the free amplitude."""
-    count = len(known)
     if given is not None:
-        ratios = _given("setpoints", given, count, "1")
+        ratios = numbers_of("setpoints", given, "1", len(known), above=0)
         if ratios.max() >= 1:
             raise InputError("setpoints", given, "below 1, of the free amplitude")
         return HELD, False, ratios
@@ -277,7 +274,16 @@ def _setpoints(
         return HELD, False, metres / (relative * scale)
     values = metres if metres is not None else volts
     if values is None:
-        listed = "; ".join(f"{one.get('title', 'a file')}: {_setpoint_in_words(one)}" for one in known)
+        words = (
+            ("setpoint", "1", " of the free amplitude"),
+            ("setpoint_amplitude", "m", ""),
+            ("setpoint_voltage", "V", ""),
+        )
+        listed = "; ".join(
+            f"{one.get('title', 'a file')}: "
+            + next((say(float(one[name]), unit, 3) + more for name, unit, more in words if name in one), "nothing")
+            for one in known
+        )
         allowed = "ratios to the free amplitude in all files, or voltages in all"
         raise InputError("what files say of the setpoint", Word(listed), allowed, "Give the ratios (setpoints).")
     told.append(
@@ -288,27 +294,13 @@ def _setpoints(
     return SHARED, metres is not None and same and amplitude == SHARED, values / relative
 
 
-def _setpoint_in_words(one: dict[str, Any]) -> str:
-    """What a file says of its setpoint."""
-    for name, unit in (("setpoint", "1"), ("setpoint_amplitude", "m"), ("setpoint_voltage", "V")):
-        if name in one:
-            return say(float(one[name]), unit, 3) + (" of the free amplitude" if unit == "1" else "")
-    return "nothing"
-
-
 def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str]) -> tuple[str, Any, Any]:
     """Kind, zeros and their errors [degree]."""
     count = len(known)
-    if isinstance(given, str):
-        if given not in (SHARED, FREE):
-            raise InputError("phase_zero", given, "'shared', 'free' or numbers [degree]")
+    if _is_word("phase_zero", given, "degree"):
         return given, np.zeros(count), error
     if given is not None:
-        allowed = f"a number or {count} [degree], one a file"
-        values = as_list("phase_zero", given, allowed)
-        if len(values) not in (1, count):
-            raise InputError("phase_zero", given, allowed)
-        return HELD, np.array([number("phase_zero", one, "degree") for one in values]), error
+        return HELD, numbers_of("phase_zero", given, "degree", count), error
     recorded = [one.get("phase_zero") for one in known]
     if all(one is None for one in recorded):
         told.append("The phase of the free lever is not recorded: the zero of the phase is unknown in each file.")

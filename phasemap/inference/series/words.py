@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CLEAR = 2.0  # standard errors above which a contrast has a sign
+DOUBTFUL = 0.02  # chance of a chi2 as large for as many data, below which the fit is not said to be within errors
 SURE = 0.9  # chance above which a branch, or a sign, is said without a doubt
 NOTHING = "Find regions another way (by, labels), or give a smaller phase_error if slopes and tip leave less than that."
 """Advice where there is no contrast."""
@@ -151,6 +152,12 @@ def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
         return (
             f"The magnitude is fitted, but that proves little: there are {unknown} unknowns for {data} {what}, "
             "and the prior decides what these leave open."
+        )
+    chi2 = float(ds["misfit"])
+    if chance(chi2, data) < DOUBTFUL:
+        return (
+            f"The magnitude is hardly reproduced: chi2 is {chi2:.3g} for {data} {what} and {unknown} unknowns, which "
+            f"errors as stated give once in {1 / chance(chi2, data):.2g} series."
         )
     return f"The magnitude is reproduced within its errors: {data} {what} for {unknown} unknowns."
 
