@@ -76,6 +76,8 @@ def values_of(subject: Subject) -> dict[str, Any]:
             found[one["key"]] = subject.options[name]
         elif part == "detector":
             found[one["key"]] = subject.scope.detector
+        elif part == "realism":
+            found[one["key"]] = getattr(subject.realism, name)
         else:
             found[one["key"]] = control.get(name) if part == "control" else getattr(getattr(subject.scope, part), name)
     contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)

@@ -13,6 +13,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
 from phasemap.experiment.control import Engage
 from phasemap.experiment.microscope import PARTS
+from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting, without_none
 from phasemap.io.netcdf import save
@@ -130,6 +131,7 @@ def _python_of_surface(setting: Setting) -> str:
             parts.append(f"    {part}=replace(scope.{part}, {values}),")
     changed = ["scope = replace(", "    scope,", *parts, ")"] if parts else []
     control = "" if setting.control == Engage() else f", control=pm.{setting.control!r}"
+    control += "" if setting.realism == Realism() else f", realism=pm.{setting.realism!r}"
     return "\n".join(
         [
             *(["from dataclasses import replace", ""] if parts else []),

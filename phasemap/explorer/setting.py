@@ -14,6 +14,7 @@ from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import PARTS, Microscope
 from phasemap.experiment.properties import of_one_loss
+from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.variation import Variation
 from phasemap.explorer.knobs import knobs, starred
@@ -44,6 +45,7 @@ class Setting:
     scope: Microscope
     setpoint: float
     control: Control
+    realism: Realism
     materials: Mapping[str, Material]  # of one loss, by their names in the page
     pair: tuple[str, str]  # the two materials that are compared; twice the same where there is one only
     exact: bool = False  # whether every orbit is exact, or averaged where that is within the accuracy
@@ -75,6 +77,7 @@ class Setting:
             sees = _changed(Detector(subject.scope.detector), "detector", changes.get("detector", {})).sees
             scope = replace(subject.scope, **parts, detector=sees)
             check_frequency(scope)
+            realism = _changed(subject.realism, "realism", changes.get("realism", {}))
             materials = _materials(subject, names, changes)
             _check_reach(changes, scope, list(materials.values()))
         scan = changes.get("scan", {})
@@ -84,7 +87,7 @@ class Setting:
         one_loss = of_one_loss(materials, scope)
         pair = _pair(names, message.get("pair"))
         said = tuple(dict.fromkeys(warnings or ()))
-        return cls(subject, scope, setpoint, control, _alike(one_loss), pair, exact, said, changes)
+        return cls(subject, scope, setpoint, control, realism, _alike(one_loss), pair, exact, said, changes)
 
     @property
     def solver(self) -> str:
@@ -95,8 +98,9 @@ class Setting:
     def options(self) -> dict[str, Any]:
         """What `phasemap.simulate` takes for the whole image."""
         solver = "orbit" if self.exact else self.subject.options["solver"]
-        control = {} if self.control == (self.subject.options.get("control") or Engage()) else {"control": self.control}
-        return {**self.subject.options, **control, "setpoint": self.setpoint, "solver": solver}
+        changed = {"control", "realism"} & set(self.changes or {})
+        more = {name: getattr(self, name) for name in changed}
+        return {**self.subject.options, **more, "setpoint": self.setpoint, "solver": solver}
 
     @property
     def surface(self) -> Surface:
@@ -134,6 +138,8 @@ class Setting:
             kept["surface"] = _renamed(kept["surface"], renamed)
         if "control" in kept or options.get("control") is not None:
             kept["control"] = describe(self.control)
+        if "realism" in kept or options.get("realism") is not None:
+            kept["realism"] = asdict(self.realism)
         tables = {
             **kept,
             "scan": {**kept.get("scan", {}), "setpoint": self.setpoint, "solver": options["solver"]},
@@ -180,7 +186,7 @@ def _by_table(given: object, materials: int) -> Changes:
     for key, value in given.items():
         table, _, name = str(key).rpartition(".")
         tables.setdefault(table, {})[name] = value
-    allowed = (*PARTS, "detector", "scan", "control", *(f"materials.{i}" for i in range(materials)))
+    allowed = (*PARTS, "detector", "scan", "control", "realism", *(f"materials.{i}" for i in range(materials)))
     check_keys("changes", tables, allowed)
     return tables
 
@@ -223,8 +229,9 @@ def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
 
 def _check_reach(changes: Changes, scope: Microscope, materials: list[Material]) -> None:
     """Refuse numbers far beyond their sliders: on some of them solvers work without end, and cannot be stopped."""
+    holders = {part: getattr(scope, part) for part in PARTS}
     for table, values in changes.items():
-        holder = materials[int(table[10:])] if table.startswith("materials.") else getattr(scope, table, None)
+        holder = materials[int(table[10:])] if table.startswith("materials.") else holders.get(table)
         for name in values:
             knob, value = knobs().get(starred(f"{table}.{name}")), getattr(holder, name, None)
             if knob is None or not value or knob.low / BEYOND <= abs(value) <= knob.high * BEYOND:

@@ -18,6 +18,7 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.control import Engage
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope, Tip
+from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.variation import Variation
 from phasemap.scenes.scene import Scene, load_scene
@@ -53,9 +54,14 @@ class Subject:
     @property
     def plain(self) -> bool:
         """Whether engaging every pixel from far, with nothing added, is all that the scene asks for."""
-        bare = type(self.options["realism"])() if self.options.get("realism") is not None else None
         engaged = isinstance(self.options.get("control", Engage()), Engage)
-        return engaged and self.options.get("realism") == bare and not self.blurred and self.variation is None
+        return engaged and self.realism == Realism() and not self.blurred and self.variation is None
+
+    @property
+    def realism(self) -> Realism:
+        """What the microscope adds to the image."""
+        found: Realism = self.options.get("realism") or Realism()
+        return found
 
     @property
     def variation(self) -> Variation | None:

@@ -129,8 +129,10 @@ def with_typical(tables: Table) -> Table:
     if "preset" not in realism:
         return tables
     construct("[realism]", {"name": realism["preset"]}, Realism.preset)  # refuses one that is none
-    control = table_of(tables, "control") or {"kind": "feedback", **TYPICAL_SCAN}
-    if control.get("kind", "engage") != "feedback":
+    control = table_of(tables, "control")
+    if control.get("kind", "feedback") == "feedback":
+        control = {"kind": "feedback", **TYPICAL_SCAN, **control}
+    else:
         realism = {**dict.fromkeys(IN_TIME, "none"), **realism}
     surface = tables["surface"]
     if isinstance(surface, dict):

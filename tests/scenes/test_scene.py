@@ -404,6 +404,8 @@ def test_what_a_scene_says_itself_holds_beside_typical_realism() -> None:
     assert scene.options["control"] == pm.Raster()
     expected = pm.Realism.typical(temperature=None, detector_noise=None, line_offset=1e-9)
     assert scene.options["realism"] == expected  # for noise acts in time only
+    faster = load_scene(SAMPLES / "step.toml", ["realism.preset=typical", "control.line_rate=6"])
+    assert faster.options["control"] == pm.Feedback(line_rate=6.0, bandwidth=TYPICAL_SCAN["bandwidth"])
     with pytest.raises(InputError, match=r"\[realism\] .*is 'usual'; allowed: .*typical"):
         load_scene(SAMPLES / "step.toml", ["realism.preset=usual"])
 

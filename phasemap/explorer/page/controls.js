@@ -83,10 +83,16 @@ function control(knob, i, presets) {
 
 function set(key, value) {
   if (key.endsWith(".loss")) translateLoss(key, value);
-  if (key === "control.kind" && value === "feedback") state.values["control.line_rate"] ??= 1;
+  if (key === "control.kind" && value === "feedback") beginFeedback();
   state.values[key] = value;
   refresh();
   notify();
+}
+
+/** A feedback begins as on an ordinary instrument, with noise. */
+function beginFeedback() {
+  const usual = { "control.line_rate": 2, "control.bandwidth": 1000, "realism.temperature": 295, "realism.detector_noise": 100e-15 };
+  for (const [key, value] of Object.entries(usual)) state.values[key] ??= value;
 }
 
 /** The loss of a material in another form, of the same size where that is known: alpha1 = eta R omega_c / (2 k). */

@@ -139,7 +139,7 @@ let linkTimer = 0;
 function changed() {
   clearTimeout(linkTimer);
   linkTimer = setTimeout(() => history.replaceState(null, "", toLink()), SETTLED);
-  $("scan").hidden = !about.control && (state.values["control.kind"] ?? "engage") === "engage";
+  $("scan").hidden = !about.control && state.values["control.kind"] === "engage" && !state.values["realism.line_offset"];
   picture.run();
   curves.overtake(); // they follow the next picture
   askForMap();

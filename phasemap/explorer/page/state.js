@@ -30,10 +30,16 @@ export function begin(name, { values, materials }, link = {}) {
 /** Everything as it was to begin with. */
 export const reset = () => begin(state.sample, { values: state.start, materials: state.firstNames }, { pair: state.pair, exact: state.exact });
 
-/** The values that count: of each material one loss only. */
+const OF_FEEDBACK = { "control.line_rate": undefined, "control.bandwidth": undefined, "realism.temperature": null, "realism.detector_noise": null };
+
+/** The values that count: of each material one loss only, and what acts in time where time passes. */
 function effective() {
-  const values = {};
+  const values = {}, still = state.values["control.kind"] !== "feedback";
   for (const [key, value] of Object.entries(state.values)) {
+    if (still && key in OF_FEEDBACK) {
+      if (OF_FEEDBACK[key] === null) values[key] = null;
+      continue;
+    }
     const [, i, name] = key.match(/^materials\.(\d+)\.(.*)$/) ?? [];
     if (name === "loss") continue;
     values[key] = name in LOSSES && !OF[state.values[`materials.${i}.loss`]].includes(name) ? LOSSES[name] : value;
