@@ -121,7 +121,9 @@ def test_losses_are_no_reason_where_they_do_not_give_the_phases() -> None:
 def test_equal_materials_look_alike() -> None:
     subject = subject_of(STEP, overrides=[SMALL])
     both = replace(HARD, modulus=1e9, adhesion=0.05, damping=0.01)
-    alike = Setting(subject, SCOPE, 0.7, pm.Engage(), pm.Realism(), dict.fromkeys(subject.materials, both), ("compliant", "stiff"))
+    alike = Setting(
+        subject, SCOPE, 0.7, pm.Engage(), pm.Realism(), dict.fromkeys(subject.materials, both), ("compliant", "stiff")
+    )
     assert lines_of(*shown(alike))[0].startswith("stiff and compliant look alike (0°)")
     same = {f"materials.{i}.{name}": getattr(both, name) for i in (0, 1) for name in ("modulus", "adhesion", "damping")}
     assert Setting.of(subject, {"changes": same}).shown.unique()[0].shape[0] <= 2
