@@ -14,7 +14,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.response.multipliers import largest_multiplier
+from phasemap._kernels.orbits.response.multipliers import fill_monodromy
 from phasemap._kernels.orbits.response.nodes import GAUSS_WEIGHTS, N, Nodes, contact_node, parts_of
 from phasemap._kernels.orbits.response.passes import FOUND, PassState, converge, start_passes
 from phasemap._kernels.rows.answers import Answers
@@ -95,6 +95,8 @@ def test_what_taps_take_from_the_first_harmonic_is_lost_in_the_higher_ones_of_bo
 
 @pytest.mark.parametrize("case", [TABLE[0], TABLE[1], TABLE[3]], ids=lambda case: f"{case['setpoint']}")
 def test_the_largest_multiplier_is_that_of_the_linearised_motion(case: Case) -> None:
-    radius = largest_multiplier(*by_passes(asked(LIQUID, case["modulus"], case["setpoint"])))
+    monodromy = np.zeros((4, 4))
+    fill_monodromy(*by_passes(asked(LIQUID, case["modulus"], case["setpoint"])), monodromy)
+    radius = abs(np.linalg.eigvals(monodromy)).max()
     # Kicks at nodes in place of a stiffness that stays between them: a few per cent.
     assert radius == pytest.approx(case["spectral_radius"], rel=0.05)

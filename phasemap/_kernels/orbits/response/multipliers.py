@@ -12,7 +12,6 @@ import numpy as np
 
 from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.dense import spectral_radius
 from phasemap._kernels.law import Oscillator, longrange_slope
 from phasemap._kernels.lever import mode_of, modes_of
 from phasemap._kernels.orbits.response.newton import stiffness
@@ -31,6 +30,9 @@ from phasemap._kernels.orbits.response.nodes import (
 )  # fmt: skip
 from phasemap._kernels.orbits.response.passes import PassState
 
+MOST_SQUARINGS = 20  # of a monodromy matrix
+DIVERGED = 1e60  # entry of a power of it that will not vanish
+FAINT_KICK = 1e-7  # [rad], change of the rate by a kick that does nothing
 CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, that must be lost at least
 
 
@@ -38,18 +40,44 @@ CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, th
 def is_held(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
     """Whether all multipliers of a lever of several modes are within one, and clearly so."""
     lever, slowest = oscillator.lever, -math.inf
+    size = 2 * modes_of(lever)
     for i in range(modes_of(lever)):
         slowest = max(slowest, mode_of(lever, i).decay)
-    return largest_multiplier(oscillator, f, state) < 1.0 + CLEARLY_HELD * math.expm1(2.0 * math.pi * slowest)
+    motions = np.zeros((size, size))
+    fill_monodromy(oscillator, f, state, motions)
+    return _is_within(motions, 1.0 + CLEARLY_HELD * math.expm1(2.0 * math.pi * slowest))
 
 
 @kernel
-def largest_multiplier(oscillator: Oscillator, f: Nodes, state: PassState) -> float:
-    """Largest modulus of the multipliers: theory, Eq. (stability-7)."""
+def _is_within(m: np.ndarray, bound: float) -> bool:
+    """Whether all eigenvalues of a matrix are: its powers then vanish."""
+    n = len(m)
+    power, squared = m / bound, np.empty((n, n))
+    for _ in range(MOST_SQUARINGS):
+        largest = 0.0
+        for i in range(n):
+            for j in range(n):
+                largest = max(largest, abs(power[i, j]))
+        if n * largest < 1.0:
+            return True
+        if not largest < DIVERGED:
+            break
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += power[i, k] * power[k, j]
+                squared[i, j] = total
+        power, squared = squared, power
+    return False
+
+
+@kernel
+def fill_monodromy(oscillator: Oscillator, f: Nodes, state: PassState, motions: np.ndarray) -> None:
+    """Fill in the monodromy matrix, shape (2 modes, 2 modes) and zero at first: theory, Eq. (stability-7)."""
     lever = oscillator.lever
     modes = modes_of(lever)
-    size, motions = 2 * modes, np.zeros((2 * modes, 2 * modes))
-    turns, one = np.empty((count_of(f), 3 * modes)), np.empty((4, 2 * modes))
+    turns, one = np.empty((count_of(f), 3 * modes)), np.empty((2, 2 * modes))
     for i in range(modes):
         mode = mode_of(lever, i)
         fill_mode(f, mode)
@@ -67,10 +95,9 @@ def largest_multiplier(oscillator: Oscillator, f: Nodes, state: PassState) -> fl
         mode = mode_of(lever, i)
         shrink = math.exp(2.0 * math.pi * mode.decay)
         c, s = shrink * math.cos(2.0 * math.pi * mode.turn), shrink * math.sin(2.0 * math.pi * mode.turn)
-        for k in range(size):
+        for k in range(2 * modes):
             x, y = motions[2 * i, k], motions[2 * i + 1, k]
             motions[2 * i, k], motions[2 * i + 1, k] = c * x + s * y, c * y - s * x
-    return spectral_radius(motions.reshape(size * size), size)
 
 
 @kernel
@@ -81,7 +108,7 @@ def _kick(
     """Kick small motions x cos(nu theta) + y sin(nu theta) of each mode by the surface's answer at a node.
 
     `turns` (shape (3 modes,)): growth, cosine and sine of each mode there.
-    `one` (shape (4, 2 modes)): room.
+    `one` (shape (2, 2 modes)): room.
     `motions` (shape (2 modes, 2 modes)): x and y of each mode, a motion in each column.
     """
     law, p, lever = oscillator
@@ -92,6 +119,8 @@ def _kick(
         kappa, gamma = stiffness(oscillator, max(d, 0.0), f.u[j] - state.amplitude * f.sin[j])
     else:
         kappa, gamma = longrange_slope(law, min(d, 0.0), p) / lever[STIFFNESS], 0.0
+    if width * (abs(kappa) + gamma) < FAINT_KICK:
+        return
     for i in range(modes):
         mode = mode_of(lever, i)
         c, s, grow = turns[3 * i + 1], turns[3 * i + 2], turns[3 * i]

@@ -23,7 +23,7 @@ from phasemap._kernels.records import assign, record
 SOFTEST = 10.0  # factor to begin with
 LARGEST_RATIO, LEAST_RATIO = 2.0, 1.15  # of a factor to the next
 MOST_SOFTENED = 16  # surfaces
-ON_THE_WAY = 300.0  # times the limits of what is asked for, that are enough before
+ON_THE_WAY = 3000.0  # times the limits of what is asked for, that are enough before
 
 
 @record
