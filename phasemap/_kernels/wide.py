@@ -14,7 +14,7 @@ STORAGE = FULL + 2  # <F' (dd/dtheta)^2> [J], F' the slope of the same contact w
 GRADIENT = FULL + 3  # <dF/dd> [N/m]
 DRAG = FULL + 4  # <2 alpha_s> [1]
 SIDEBANDS = FULL + 5  # what the second mode finds softer, for the first yields at sidebands: real, imaginary [N/m]
-WAVES = FULL + 7  # harmonics 2 ... 6 of z as complex amplitudes Z_n, z = Re(Z_n exp(i n theta)), real, imaginary [m]
+WAVES = FULL + 7  # harmonics 2 ... 6 as the detector sees them, Re(Z_n exp(i n theta)): Z_n, real, imaginary [m]
 WIDE = WAVES + 2 * HARMONICS
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from phasemap.solvers.problem import Work
 Array = NDArray[np.float64]
 
 NONE = np.zeros((0, 0))  # rows with nodes
+SOLVED_AGAIN = 256  # rows
 
 
 def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
@@ -50,8 +51,8 @@ def with_adhesion(
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        solved = SolvedRows(some, codes == col.AVERAGING, kept)
-        adhesion_rows(work.law, work.rows, bare, work.lever, solved, virial)
+        for part, solved in _with_nodes(some, codes, work, kept):
+            adhesion_rows(work.law, work.rows[part], bare[part], work.lever, solved, virial)
     return _as_seen(wide, rows)
 
 
@@ -75,9 +76,29 @@ def with_forces(
         frequency = scope.frequency_ratio * scope.cantilever.resonance_frequency
         second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        solved = SolvedRows(some, codes == col.AVERAGING, kept)
-        force_rows(work.law, work.rows, work.lever, second, solved, harmonics)
+        for part, solved in _with_nodes(some, codes, work, kept):
+            force_rows(work.law, work.rows[part], work.lever, second, solved, harmonics)
     return _as_seen(wide, rows)
+
+
+def _with_nodes(some: Array, codes: NDArray[np.int8], work: Work, kept: Array) -> Iterator[tuple[slice, SolvedRows]]:
+    """Wide rows of the tip, with the nodes along their orbits where these are known.
+
+    Those of a lever of several modes are solved once more, so many rows at a time, for nodes take room.
+    """
+    averaged = codes == col.AVERAGING
+    if work.lever[col.MODES] == 1:
+        yield slice(None), SolvedRows(some, averaged, kept)
+        return
+    from phasemap._kernels.orbits.kept import KEEPING_PARTS
+    from phasemap._kernels.rows.solved_again import keep_rows_again
+
+    for first in range(0, len(some), SOLVED_AGAIN):
+        part = slice(first, first + SOLVED_AGAIN)
+        nodes = np.zeros((len(some[part]), KEEPING_PARTS))
+        keep_rows_again(work.law, work.rows[part], work.lever, some[part], nodes)
+        nodes[averaged[part], KEPT_COUNT] = 0
+        yield part, SolvedRows(some[part], averaged[part], nodes)
 
 
 def widened(

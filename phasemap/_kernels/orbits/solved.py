@@ -10,6 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import modes_of
 from phasemap._kernels.orbits.around import OrbitNodes, harmonic
 from phasemap._kernels.orbits.kept import nodes_from_response
 from phasemap._kernels.orbits.response.nodes import Nodes
@@ -41,10 +42,13 @@ def nodes_of(
     If not `whole`, depths and rates in contact are what is wanted.
 
     Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
-    0 where it does not. An orbit that is averaged is harmonic.
+    0 where it does not. An orbit that is averaged is harmonic; of a lever of several modes no other one can be followed
+    from its row (`rows.solved_again`).
     """
     law, p = oscillator.law, oscillator.p
     count, entry, release = 0, 0.0, 0.0
+    if modes_of(oscillator.lever) > 1 and not averaged:
+        return 0, 0.0, 0.0
     if not averaged:
         count = tap(oscillator, row, whole, at)
         for j in range(count - 1):
@@ -62,7 +66,8 @@ def nodes_of(
 def all_nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, path: Path) -> tuple[int, float, float]:
     """The same of a whole period, by the lever's response where that will do, which takes half as long."""
     p = oscillator.p
-    if averaged or p[col.RELEASE] < 0.0 or not retrace(oscillator, row, path.nodes, path.state):
+    several = modes_of(oscillator.lever) > 1
+    if averaged or several or p[col.RELEASE] < 0.0 or not retrace(oscillator, row, path.nodes, path.state):
         return nodes_of(oscillator, row, averaged, True, path.at)
     e = row[col.TIP_OFFSET] - row[col.MEAN]
     return nodes_from_response(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)

@@ -18,6 +18,7 @@ from phasemap._kernels.law import (
     longrange_slope,
     parameters,
 )
+from phasemap._kernels.lever import detected_compliance
 from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
 from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
 from phasemap._kernels.orbits.response.nodes import Nodes
@@ -155,13 +156,10 @@ def _force_load(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.nda
 
 @kernel
 def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
-    """Fill in the harmonics of the motion: the answer of the lever to those of the force."""
+    """Fill in the harmonics of what the detector sees: the answer of the lever to those of the force."""
     for n in range(col.HARMONICS):
-        multiple = (n + 2) * lever[col.OMEGA]
-        x, y = 1.0 - multiple * multiple, 2.0 * lever[col.ALPHA0] * multiple
-        below = 1.0 / (x * x + y * y)
-        re, im = -waves[0, n], -waves[1, n]
-        row[WAVES + 2 * n], row[WAVES + 2 * n + 1] = (re * x + im * y) * below, (im * x - re * y) * below
+        seen = -detected_compliance(lever, (n + 2) * lever[col.OMEGA]) * complex(waves[0, n], waves[1, n])
+        row[WAVES + 2 * n], row[WAVES + 2 * n + 1] = seen.real, seen.imag
 
 
 @kernel
