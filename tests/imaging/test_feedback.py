@@ -511,3 +511,39 @@ def test_a_lock_in_that_is_not_chosen_fits_the_drive() -> None:
     assert bandwidth_of(pm.Feedback(), liquid) == 2e3 and bandwidth_of(pm.Feedback(), SCOPE) == 5e3
     with pytest.raises(pm.InputError, match=r"bandwidth is 5000\.0; allowed: at most 2000 Hz, a fifth of the drive"):
         check(pm.Feedback(bandwidth="5 kHz"), liquid, 64)
+
+
+# Levers as beams
+
+
+IN_AIR = pm.Cantilever(2.0, 70e3, 150.0, modes=2)
+IN_LIQUID = pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0),))
+
+
+@pytest.mark.parametrize("excitation", ["direct", "base"])
+@pytest.mark.parametrize(
+    ("lever", "solver", "error"),
+    # First-order averaging is off by a tenth of a degree; what the equation of motion has not settled is below 1e-3.
+    [(IN_AIR, "averaging", 0.1), (IN_AIR, "march", 2e-3), (IN_LIQUID, "auto", 2e-3), (IN_LIQUID, "march", 2e-3)],
+)
+def test_a_slow_scan_shows_the_orbits_of_a_lever_with_two_modes(
+    lever: pm.Cantilever, solver: str, error: float, excitation: str
+) -> None:
+    wet = lever is IN_LIQUID
+    law = pm.Interaction("hertz", None) if wet else pm.Interaction()
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9 if wet else 30e-9, excitation=excitation), law)
+    materials = [pm.Material(1e7), pm.Material(1e9)] if wet else [pm.Material(1e9, 0.03), pm.Material(3e9, 0.03)]
+    surface = pm.Surface.from_labels([[0] * 16 + [1] * 16], dict(enumerate(materials)), pixel_size=4e-9)
+    image = pm.simulate(surface, scope, 0.75, solver, pm.Feedback(line_rate=3.0))
+    ends = image.isel(y=0, x=[14, 30], direction=0)
+    still = [pm.solve_pixel(material, scope, 0.75, solver="march") for material in materials]
+    assert ends.phase.values == pytest.approx([pixel.phase for pixel in still], abs=error)
+    apart = still[1].tip_offset - still[0].tip_offset
+    assert float(ends.height.diff("x").item()) == pytest.approx(apart, abs=2e-11 if solver == "averaging" else 5e-13)
+    assert ends.amplitude.values == pytest.approx(0.75 * scope.driven_amplitude, rel=1e-5)
+
+
+def test_the_averaged_lever_is_refused_where_a_higher_mode_rings_longer() -> None:
+    ringing = replace(SCOPE, cantilever=replace(SCOPE.cantilever, modes=(pm.Eigenmode(6.27, 6000.0),)))
+    with pytest.raises(pm.InputError, match="solver is 'averaging'; allowed: 'march' or 'auto': a higher mode rings"):
+        pm.simulate(line([0, 1]), ringing, SETPOINT, "averaging", FAST)

@@ -20,7 +20,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import mode_of, modes_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.time.modes import dynamic_stiffness_of_mode
 from phasemap._kernels.records import record
 from phasemap._kernels.scanning.higher_harmonics import Shares, tip_shift
 from phasemap._kernels.scanning.loop import (
@@ -72,6 +74,22 @@ def modulus(a: complex) -> float:
 
 
 @kernel
+def inverse_inertia(lever: np.ndarray) -> complex:
+    """1/(2 (alpha0 + i omega)); of several modes i over the slope of the dynamic stiffness by the frequency.
+
+    So modes above the first follow it at once: theory, Eq. (slow-flow-3).
+    """
+    if lever[col.MODES] < 2:
+        return 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA])
+    omega, slope = lever[col.OMEGA], complex(0.0, 0.0)
+    for i in range(modes_of(lever)):
+        own, mode = dynamic_stiffness_of_mode(lever, i), mode_of(lever, i)
+        slope += 2.0 * mode.share * complex(mode.rate, omega) / (own * own)
+    stiffness = complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
+    return 1.0 / (stiffness * stiffness * slope)
+
+
+@kernel
 def slow_flow_rhs(
     sample: Sample, loop: Loop, ground: float, y: np.ndarray, memory: FlowMemory, out: np.ndarray
 ) -> None:
@@ -82,7 +100,7 @@ def slow_flow_rhs(
     """
     oscillator, reach, shares = sample
     lever = oscillator.lever
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
+    omega = lever[col.OMEGA]
     to, out[INTEGRAL], _ = scanner_command(loop, y)
     place, out[SCANNER], out[SCANNER_SPEED] = to, 0.0, 0.0
     if loop.spring != 0.0:
@@ -93,7 +111,7 @@ def slow_flow_rhs(
         # the latest error whole, and is half a period ahead: both together are in time.
         place += math.pi / omega * loop.proportional * lock_in_rates(loop, y)[0]
     away, shift = place - ground, memory.shift
-    inverse = 0.5 / complex(alpha0, omega)
+    inverse = inverse_inertia(lever)
     free = complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
     lead = complex(memory.lead_real, memory.lead_imag)
     b = complex(y[A_REAL], y[A_IMAG]) + lead

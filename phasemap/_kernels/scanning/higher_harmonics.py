@@ -5,7 +5,7 @@ percent of the indentation: a short push excites harmonics n >= 2 as well, whose
 at the time of contact and to less if that is longer. So an orbit with first harmonic P lies higher than its average by
 kappa P. For an elastic sphere 3/4 - kappa is a function of how long the contact is. The attraction, which lasts longer,
 has a kappa of its own. What both have to be multiplied by is taken from the exact orbits at the setpoint: theory, Eqs.
-(averaging-11), (slow-flow-3) and (slow-flow-4).
+(averaging-11), (slow-flow-4) and (slow-flow-5).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KAPPA_TERMS = 8  # of a polynomial that is wrong by 7e-5 at most; kappa at the s
 
 
 class Shares(NamedTuple):
-    """Factors on what the higher harmonics carry the tip by, that bring it to the exact orbits: Eq. (slow-flow-4)."""
+    """Factors on what the higher harmonics carry the tip by, that bring it to the exact orbits: Eq. (slow-flow-5)."""
 
     attraction: float
     push: float
@@ -50,7 +50,7 @@ class Shift:
 
 
 def _kappa_of_pushes(m: np.ndarray) -> np.ndarray:
-    """kappa_0 of theory, Eq. (slow-flow-3), as a function of m = (1 - c)/2."""
+    """kappa_0 of theory, Eq. (slow-flow-4), as a function of m = (1 - c)/2."""
     x, w = gauss(64)
     sine = np.sin(0.5 * np.pi * x)
     found = np.empty(len(m))
@@ -101,7 +101,7 @@ def kappa_of_pull(share: float, reach: float, amplitude: float, c: float) -> flo
 
 @kernel
 def tip_shift(oscillator: Oscillator, reach: float, amplitude: float, c: float, push: float, shares: Shares) -> float:
-    """How far [m] higher harmonics carry the tip towards the surface on a harmonic orbit of this P: (slow-flow-4)."""
+    """How far [m] higher harmonics carry the tip towards the surface on a harmonic orbit of this P: (slow-flow-5)."""
     pull = pull_of(oscillator, reach, amplitude, c)
     kappa = KAPPA_OF_SHORT_PUSH - shares.push * (KAPPA_OF_SHORT_PUSH - kappa_of_push(c))
     return kappa * (push - pull) + kappa_of_pull(shares.attraction, reach, amplitude, c) * pull
@@ -141,7 +141,7 @@ def share_rows(
 
 @kernel
 def _solve_shares(attractive: Shift, repulsive: Shift) -> Shares:
-    """Shares that shift both orbits, or the only one, to their exact tip offsets: theory, Eq. (slow-flow-4)."""
+    """Shares that shift both orbits, or the only one, to their exact tip offsets: theory, Eq. (slow-flow-5)."""
     attraction, push = TYPICAL_SHARES
     if attractive.attraction != 0.0 and repulsive.push != 0.0:
         whole = attractive.attraction * repulsive.push - attractive.push * repulsive.attraction

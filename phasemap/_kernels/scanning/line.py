@@ -155,8 +155,9 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
     _, lever, loop, _ = setup
     goal, free, y = loop.setpoint, free_amplitude(lever), tip.y
     if math.isfinite(orbit[col.TIP_OFFSET]):
-        lag = 0.5 * math.pi - (orbit[col.PHASE] - loop.phase_offset)
-        a = goal * complex(math.cos(lag), -math.sin(lag)) + loop.base_motion
+        lag = 0.5 * math.pi - orbit[col.PHASE]
+        seen = goal * complex(math.cos(lag), -math.sin(lag))
+        a = (seen - complex(loop.offset_re, loop.offset_im)) / complex(loop.factor_re, loop.factor_im)
         start_swinging(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
     else:
         status = approach_in_time(setup, row, ground, tip)

@@ -1,10 +1,10 @@
 """The feedback loop: lock-in, controller and scanner, and the noise that enters there.
 
-See theory, Eq. (slow-flow-5). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
+See theory, Eq. (slow-flow-6). Time is tau = omega_c t as everywhere in the kernels. With the complex amplitude a of z =
 Re(a exp(i omega tau)):
 
-* lock-in: a cascade of equal filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(x - b) and
-  phase = 90 degrees + arg(x - b) + its offset: what the base moves, b, is constant, and passes the filters as it is;
+* lock-in: a cascade of equal filters x_j' = r (x_(j-1) - x_j), x_0 = a; of the last one it shows R = abs(s) and phase =
+  90 degrees + arg(s), s = f x + b what the detector sees of it: a linear lever, so that f and b are constant;
 * controller: e = R - setpoint, I' = Ki e, command = -(Kp e + I + Kd e') within the scanner's range, where I waits;
 * scanner: at the scanner_command, or Z'' + (w_s/Q_s) Z' + w_s^2 (Z - command) = 0.
 
@@ -52,8 +52,10 @@ class Loop:
     thermal_noise: float  # <z^2> of the free lever [m^2]
     detector_noise: float  # n^2 [m^2 per tau]
     settled: int  # whether the feedback settled when it engaged (1 or 0)
-    base_motion: float  # b [m]; 0 where z itself is seen
-    phase_offset: float  # what brings the phase to 0 at free resonance [rad]; 0 where z itself is seen
+    factor_re: float  # f [1]; 1 where z itself is seen
+    factor_im: float
+    offset_re: float  # b [m]; 0 where z itself is seen
+    offset_im: float
     patience: float  # time after which an approach is given up
     most_push: float  # first harmonic of the force beyond the drive's, over |a|, that the averaged lever may follow
 
@@ -102,18 +104,30 @@ def state_length(loop: Loop) -> int:
 
 
 @kernel
+def seen_in_loop(loop: Loop, a: complex) -> complex:
+    """What the detector sees [m] of a complex amplitude of z."""
+    return complex(loop.factor_re, loop.factor_im) * a + complex(loop.offset_re, loop.offset_im)
+
+
+@kernel
+def last_filter(loop: Loop, y: np.ndarray) -> complex:
+    """What the detector sees [m] of the complex amplitude behind the filters."""
+    last = state_length(loop) - 2
+    return seen_in_loop(loop, complex(y[last], y[last + 1]))
+
+
+@kernel
 def amplitude_shown(loop: Loop, y: np.ndarray) -> float:
     """Amplitude [m] that the lock-in shows."""
-    last = state_length(loop) - 2
-    x, u = y[last] - loop.base_motion, y[last + 1]
-    return math.sqrt(x * x + u * u)
+    s = last_filter(loop, y)
+    return math.sqrt(s.real * s.real + s.imag * s.imag)
 
 
 @kernel
 def lock_in_output(loop: Loop, y: np.ndarray) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] that the lock-in shows."""
-    last = state_length(loop) - 2
-    return amplitude_shown(loop, y), math.atan2(y[last] - loop.base_motion, -y[last + 1]) + loop.phase_offset
+    s = last_filter(loop, y)
+    return amplitude_shown(loop, y), math.atan2(s.real, -s.imag)
 
 
 @kernel
@@ -121,11 +135,11 @@ def lock_in_rates(loop: Loop, y: np.ndarray) -> tuple[float, float]:
     """Rates of the amplitude [m per tau] and the phase [rad per tau] that the lock-in shows."""
     last = state_length(loop) - 2
     before = last - 2 if last > FILTERS else A_REAL
-    x, u = y[last], y[last + 1]
-    dx, du = loop.rate * (y[before] - x), loop.rate * (y[before + 1] - u)
-    x -= loop.base_motion
-    square = x * x + u * u
-    return (x * dx + u * du) / math.sqrt(square), (x * du - u * dx) / square
+    dx, du = loop.rate * (y[before] - y[last]), loop.rate * (y[before + 1] - y[last + 1])
+    s, rate = last_filter(loop, y), complex(loop.factor_re, loop.factor_im) * complex(dx, du)
+    square = s.real * s.real + s.imag * s.imag
+    along = s.real * rate.real + s.imag * rate.imag
+    return along / math.sqrt(square), (s.real * rate.imag - s.imag * rate.real) / square
 
 
 @kernel
@@ -159,7 +173,7 @@ def filter_constant(loop: Loop, y: np.ndarray, time: float) -> None:
 
 @kernel
 def filter_cubic(loop: Loop, y: np.ndarray, path: CubicPath, time: float, out: np.ndarray) -> None:
-    """Filters of the lock-in after a time during which a moves along a cubic: theory, Eq. (slow-flow-6).
+    """Filters of the lock-in after a time during which a moves along a cubic: theory, Eq. (slow-flow-7).
 
     One filter answers a polynomial with a polynomial. What it differs from that as the time begins decays as in
     `filter_constant`.

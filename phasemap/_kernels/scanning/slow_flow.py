@@ -1,7 +1,7 @@
 """Slow flow: the complex amplitude of the lever averaged over its period, together with the loop.
 
 What the lever does is in `averaged_lever`. Its modes decay within many periods, and its lock-in within a few: the
-filters are solved exactly along a, which is a cubic within a step (theory, Eq. (slow-flow-6)), and what is left takes
+filters are solved exactly along a, which is a cubic within a step (theory, Eq. (slow-flow-7)), and what is left takes
 long steps of the classical method of Runge and Kutta. The rate at the end of a step, which is the first of the next
 one, in place of some of the fourth gives the method of order 3 with which it is compared. Steps end where the surface
 has a corner.
@@ -20,7 +20,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.records import assign, record
-from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, modulus, slow_flow_rhs
+from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, inverse_inertia, modulus, slow_flow_rhs
 from phasemap._kernels.scanning.higher_harmonics import Shares
 from phasemap._kernels.scanning.loop import (
     A_IMAG,
@@ -166,7 +166,7 @@ def _path(loop: Loop, k: np.ndarray, stage: int, b: complex, h: float, inverse: 
 
 @kernel
 def _add_noise(lever: np.ndarray, loop: Loop, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
-    """Add noise of a time h to the amplitude a and to the first filter: theory, Eq. (slow-flow-7)."""
+    """Add noise of a time h to the amplitude a and to the first filter: theory, Eq. (slow-flow-8)."""
     alpha0, rate = lever[col.ALPHA0], loop.rate
     thermal = math.sqrt(-loop.thermal_noise * math.expm1(-2.0 * alpha0 * h))
     detector = math.sqrt(-0.5 * loop.detector_noise * rate * math.expm1(-2.0 * rate * h))
@@ -196,7 +196,7 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
     longest = NOISY_STEP / max(loop.rate, lever[col.ALPHA0]) if noisy else math.inf
     if not memory.step > 0.0:
         memory.step = 0.1 / loop.rate
-    inverse, moving = 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA]), _stepped_entries(loop)
+    inverse, moving = inverse_inertia(lever), _stepped_entries(loop)
     before, after = StepEnd(), StepEnd()
     slow_flow_rhs(sample, loop, ground, y, memory, k[0])
     _note_end(loop, y, k[0], before)

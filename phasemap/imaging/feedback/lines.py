@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.orbits.time.tip import V, Z
 from phasemap._kernels.scanning.line import Recorded, Start, scan_line
 from phasemap._kernels.scanning.loop import A_IMAG, A_REAL, Loop, Setup
-from phasemap._kernels.scanning.periods import new_periods
+from phasemap._kernels.scanning.periods import begin_periods, new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Feedback
@@ -66,11 +65,11 @@ class TipState:
         tip.loop = kept.get("loop")
         return tip
 
-    def march(self, omega: float) -> None:
-        """Go on by the equation of motion from where the averaged lever is, which is driven at this frequency."""
+    def march(self, lever: Array) -> None:
+        """Go on by the equation of motion from where the averaged lever is."""
         periods, y = new_periods(ETA), self.state.y
         periods.y[:] = y
-        periods.tip[Z], periods.tip[V] = y[A_REAL], -omega * y[A_IMAG]
+        begin_periods(lever, 0.0, complex(y[A_REAL], y[A_IMAG]), periods)
         self.engine, self.state = col.MARCH, periods
 
     def copy(self) -> TipState:
@@ -131,7 +130,7 @@ class Lines:
         before = tip.copy() if tip.engine == col.AVERAGING and self.job.solver.name == "auto" else None
         made, done = self._scan(row, tip)
         if before is not None and done in NOT_AVERAGED:
-            before.march(float(self.work.lever[col.OMEGA]))
+            before.march(self.work.lever)
             made, _ = self._scan(row, before)
             tip.engine, tip.state, tip.loop = before.engine, before.state, before.loop
         self._put(row, made, tip.engine)

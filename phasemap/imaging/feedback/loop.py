@@ -8,6 +8,8 @@ from phasemap._kernels.scanning.loop import Loop
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.control import Feedback
+from phasemap.experiment.excitation import offset_and_factor
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 
 BOLTZMANN = 1.380649e-23  # J/K, exact
@@ -72,8 +74,8 @@ def loop_of(
     tau = tau_per_second(scope)
     loop = Loop()
     loop.setpoint = amplitude
-    if scope.drive.excitation == "base":
-        loop.base_motion, loop.phase_offset = scope.base_amplitude, math.atan(2 * scope.cantilever.damping_ratio)
+    offset, factor = offset_and_factor(lever_of(scope))  # of A exp(i phase), which is i times a
+    loop.factor_re, loop.factor_im, loop.offset_re, loop.offset_im = factor.real, factor.imag, offset.imag, -offset.real
     loop.proportional, loop.integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
     loop.derivative = control.derivative_gain * tau
     # Of n equal filters in a row each is wider than all together.
@@ -85,7 +87,7 @@ def loop_of(
     loop.highest = math.inf if control.scanner_range is None else control.scanner_range / 2
     loop.lowest = -loop.highest
     loop.thermal_noise = BOLTZMANN * temperature / scope.cantilever.stiffness
-    loop.detector_noise = detector_noise**2 * tau
+    loop.detector_noise = (detector_noise / abs(factor)) ** 2 * tau  # as it is added to a
     loop.most_push = math.inf
     loop.patience = periods * 2 * math.pi / scope.frequency_ratio
     return loop

@@ -71,12 +71,18 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
 def _engine_of(job: Job, work: Work) -> int:
     """Code of the solver that moves the tip: the averaged lever, or the equation of motion.
 
-    The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not.
+    The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not. Its
+    higher modes follow the first at once, so that none may ring longer.
     """
     name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
+    first, *higher = (mode.quality_factor / mode.frequency_ratio for mode in job.scope.cantilever.eigenmodes)
+    ringing = any(one > first for one in higher)
     if name == "auto":
-        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and not hysteretic
+        slow = job.scope.cantilever.quality_factor >= LOWEST_Q and not hysteretic and not ringing
         return col.AVERAGING if slow and not job.remembers else col.MARCH
+    if name == "averaging" and ringing:
+        allowed = "'march' or 'auto': a higher mode rings longer than the first, which alone is averaged"
+        raise InputError("solver", name, allowed)
     if name == "averaging" and hysteretic:
         some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
         rows, _, _ = run(by_name("auto"), some, ENGAGED, threads=job.workers)

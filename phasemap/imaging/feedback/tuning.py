@@ -2,7 +2,7 @@
 
 The loop is made linear about every stable orbit that the materials of a scene have at the setpoint, slow flow, lock-in,
 controller and scanner together. It rings where an eigenvalue of that system comes to the imaginary axis: theory,
-Eq. (slow-flow-8).
+Eq. (slow-flow-9).
 """
 
 from __future__ import annotations
@@ -136,7 +136,9 @@ def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
                 if loop.spring
                 else -still[of.A_REAL : of.A_IMAG + 1, of.INTEGRAL]
             )
-            rising = np.linalg.solve(lever, -lifted) @ (state[of.A_REAL : of.A_IMAG + 1] - [loop.base_motion, 0.0])
+            seen = of.seen_in_loop(loop, complex(state[of.A_REAL], state[of.A_IMAG]))
+            seen *= complex(loop.factor_re, -loop.factor_im)
+            rising = np.linalg.solve(lever, -lifted) @ [seen.real, seen.imag]
             # The feedback holds an orbit that is stable and whose amplitude grows with distance.
             if (np.linalg.eigvals(lever).real < 0).all() and rising > 0:
                 kept = _moving(loop)

@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import show
-from phasemap.solvers.continuation.pieces import START, Curves
+from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.in_time import ETA
 
 
@@ -21,7 +21,8 @@ class OffOrbit:
     """
 
     def __init__(self, edge: np.ndarray) -> None:
-        self._state = np.append(edge[START], edge[col.TIP_OFFSET])
+        self._edge = edge
+        self._state: np.ndarray | None = None  # until it has moved
 
     def go(self, curves: Curves, column: int, x: float) -> tuple[int, np.ndarray]:
         """Move slowly to a value of the control, and return a status code and a full row of what a lock-in shows there.
@@ -31,12 +32,15 @@ class OffOrbit:
         from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_value
         from phasemap._kernels.engagement.in_time import carry_on, carry_to
         from phasemap._kernels.law import Oscillator
+        from phasemap._kernels.orbits.time.landing import state_in_row
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
         p, lever = curves.standing(x if column == col.PARAMETER else 0.0)
         if column == col.PARAMETER:
             target, by_amplitude = held_value(curves.path, x), curves.path.kind == HELD_AMPLITUDE
             row[col.PARAMETER] = x
+        if self._state is None:
+            self._state = state_in_row(lever, self._edge)
         move = carry_on if by_amplitude else carry_to
         status = move(Oscillator(curves.law, p, lever), target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:

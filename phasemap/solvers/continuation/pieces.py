@@ -20,7 +20,6 @@ PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 ROOM = 6000  # rows of one piece
 SAME = 1e-5  # of the amplitude: orbits as near are the same
 NEAR, NEAR_PUSH = 0.03, 0.1  # of the amplitude and the base amplitude: averaging may be off by so much
-START = [col.START_Z, col.START_V, col.START_HELD]
 MOST_PIECES = 12
 TIGHT = 0.1  # of the tolerance that pixels use
 
@@ -133,7 +132,7 @@ class Curves:
         `close`: how well its motion must have settled [m].
         """
         from phasemap._kernels.law import Oscillator
-        from phasemap._kernels.orbits.time.landing import land_free
+        from phasemap._kernels.orbits.time.landing import land_free, state_in_row
 
         waiting = list(self.pieces)
         while waiting and len(self.pieces) < MOST_PIECES:
@@ -146,7 +145,7 @@ class Curves:
                 m, z0 = (x, float(rows[last, col.TIP_OFFSET])) if swept else (0.0, x)
                 p, lever = self.standing(m)
                 check_stopped()
-                row, state = np.zeros(col.COLUMNS), rows[last, START].copy()
+                row, state = np.zeros(col.COLUMNS), state_in_row(lever, rows[last])
                 if not land_free(Oscillator(self.law, p, lever), z0, state, close, settling_periods(lever), row):
                     continue
                 known = len(self.pieces)

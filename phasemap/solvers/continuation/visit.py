@@ -220,7 +220,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
         return reached[0][0]
     from phasemap._kernels.law import Oscillator
     from phasemap._kernels.lever import free_amplitude
-    from phasemap._kernels.orbits.time.landing import land_on
+    from phasemap._kernels.orbits.time.landing import land_on, state_in_row
 
     swept = column == col.PARAMETER
     p, lever = curves.standing(x if swept else 0.0)
@@ -228,7 +228,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     lags = np.array([np.pi / 2 - row[col.PHASE] for _, row in reached])
     sizes = np.array([row[col.AMPLITUDE] for _, row in reached])
     targets = np.stack([sizes * np.cos(lags), sizes * np.sin(lags)], axis=1)
-    state = start[[col.START_Z, col.START_V, col.START_HELD]].copy()
+    state = state_in_row(lever, start)
     most = settling_periods(lever)
     free = float(free_amplitude(lever))
     which, _ = land_on(Oscillator(curves.law, p, lever), z0, state, targets, NEAR * free, most)

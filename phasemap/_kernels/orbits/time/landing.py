@@ -10,11 +10,20 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import PeriodResult
+from phasemap._kernels.orbits.time.tip import TOUCHES, Z0, PeriodResult, V, Z, fill_higher_modes, motion_size
 
 LANDING_ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
 LANDED = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
 LANDED_PERIODS = 3  # periods so close
+
+
+@kernel(light=True)
+def state_in_row(lever: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """State at drive phase 0 of a full row's orbit, whose higher modes are those of its first harmonic."""
+    u = np.zeros(motion_size(lever))
+    u[Z], u[V], u[TOUCHES], u[Z0] = row[col.START_Z], row[col.START_V], row[col.START_HELD], row[col.TIP_OFFSET]
+    fill_higher_modes(lever, row[col.MEAN], u)
+    return u
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 The rigid motion of a driven base is counted with the first mode, so that z is the sum of the displacements y_i of
 all modes, y_i'' + 2 alpha_i y_i' + w_i^2 y_i = Re(D_i exp(i omega tau)) - share_i g, g the surface's force over k.
-See theory, Eq. (time-12).
+See theory, Eq. (time-11).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.lever import mode_of, modes_of, static_compliance
 from phasemap._kernels.records import column, record
 
 
@@ -33,23 +34,17 @@ class Modes:
     loss: np.ndarray = column(col.MOST_MODES)  # what its damping takes, over what that of the first does [1]
 
 
-@kernel(light=True)
-def mode_entry(lever: np.ndarray, i: int, entry: int) -> float:
-    """An entry of mode i of the lever."""
-    return float(lever[col.MODE + col.MODE_NUMBERS * i + entry])
-
-
 @kernel
 def dynamic_stiffness_of_mode(lever: np.ndarray, i: int) -> complex:
     """w_i^2 - omega^2 + 2i alpha_i omega [1] of a mode at the drive frequency."""
-    w, omega = mode_entry(lever, i, col.FREQUENCY), lever[col.OMEGA]
-    return complex(w * w - omega * omega, 2.0 * mode_entry(lever, i, col.RATE) * omega)
+    mode, omega = mode_of(lever, i), lever[col.OMEGA]
+    return complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
 
 
 @kernel
 def drive_of_mode(lever: np.ndarray, i: int) -> complex:
     """D_i [m] of a mode: acceleration by the drive, whose force at the tip has the phase 0."""
-    pulled = complex(mode_entry(lever, i, col.PULLED), 0.0)
+    pulled = complex(lever[col.MODE + col.MODE_NUMBERS * i + col.PULLED], 0.0)
     if i == 0:
         pulled += lever[col.RIGID] * dynamic_stiffness_of_mode(lever, 0)
     return pulled * complex(lever[col.TURN_COS], -lever[col.TURN_SIN])
@@ -58,52 +53,44 @@ def drive_of_mode(lever: np.ndarray, i: int) -> complex:
 @kernel
 def fill_modes(lever: np.ndarray, modes: Modes) -> None:
     """Fill in the modes of a lever."""
-    modes.count, modes.fastest, modes.share = int(lever[col.MODES]), 1.0, 1.0
+    modes.count, modes.fastest, modes.share = modes_of(lever), 1.0, 1.0
     if modes.count < 2:
         return
     modes.share = 0.0
     for i in range(modes.count):
-        w, share = mode_entry(lever, i, col.FREQUENCY), mode_entry(lever, i, col.SHARE)
-        modes.square[i], modes.shares[i] = w * w, share
-        modes.damping[i] = 2.0 * mode_entry(lever, i, col.RATE)
-        drive = drive_of_mode(lever, i)
+        mode, drive = mode_of(lever, i), drive_of_mode(lever, i)
+        modes.square[i], modes.damping[i], modes.shares[i] = mode.square, 2.0 * mode.rate, mode.share
         modes.drive_re[i], modes.drive_im[i] = drive.real, drive.imag
-        modes.loss[i] = 0.5 * modes.damping[i] / (share * lever[col.ALPHA0]) if share > 0.0 else 0.0
-        modes.fastest = max(modes.fastest, w * w)
-        modes.share += share
+        modes.loss[i] = mode.rate / (mode.share * lever[col.ALPHA0]) if mode.share > 0.0 else 0.0
+        modes.fastest = max(modes.fastest, mode.square)
+        modes.share += mode.share
 
 
 @kernel
 def harmonic_of_mode(lever: np.ndarray, i: int, tip: complex) -> complex:
     """Complex amplitude [m] of mode i in a motion whose first harmonic at the tip has the complex amplitude `tip`."""
     force = lever[col.DRIVE] - complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]) * tip
-    return (drive_of_mode(lever, i) - mode_entry(lever, i, col.SHARE) * force) / dynamic_stiffness_of_mode(lever, i)
+    return (drive_of_mode(lever, i) - mode_of(lever, i).share * force) / dynamic_stiffness_of_mode(lever, i)
 
 
 @kernel
 def static_share(lever: np.ndarray, i: int) -> float:
     """Share of mode i in the deflection of the tip by a static force."""
-    total = own = 0.0
-    for j in range(int(lever[col.MODES])):
-        part = mode_entry(lever, j, col.SHARE) / mode_entry(lever, j, col.FREQUENCY) ** 2
-        total += part
-        if j == i:
-            own = part
-    return own / total
+    return mode_of(lever, i).share / mode_of(lever, i).square / static_compliance(lever)
 
 
 @kernel
 def air_beside_first_harmonic(lever: np.ndarray, tip: complex, air: float) -> float:
     """Energy [J] into air in the balance of the tip, from what the damping of all modes takes in a period.
 
-    `tip`: complex amplitude of the first harmonic [m]. That loses what the tip's dynamic stiffness says; theory,
-    Eq. (time-13).
+    `tip`: complex amplitude of the first harmonic [m], which loses what the dynamic stiffness says: theory,
+    Eq. (time-12).
     """
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
     air += math.pi * stiffness * lever[col.DYNAMIC_LOSS] * abs(tip) ** 2
-    for i in range(int(lever[col.MODES])):
-        share = mode_entry(lever, i, col.SHARE)
-        if share > 0.0:
+    for i in range(modes_of(lever)):
+        mode = mode_of(lever, i)
+        if mode.share > 0.0:
             own = abs(harmonic_of_mode(lever, i, tip)) ** 2
-            air -= 2.0 * math.pi * stiffness * mode_entry(lever, i, col.RATE) * omega * own / share
+            air -= 2.0 * math.pi * stiffness * mode.rate * omega * own / mode.share
     return air
