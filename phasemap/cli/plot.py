@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--sample", metavar="N", type=int, help="image of an ensemble, counted from 0")
     what.add_argument("--trace", metavar="AT", help="draw one period at this value, of a sweep made with --samples")
     parser.add_argument("--mark-irregular", action="store_true", help="mark pixels with irregular motion by dots")
+    parser.add_argument("--lag", action="store_true", help="draw the phase as the lag, 90 degrees for the free lever")
     add_colours(parser, "a map", "-30 (of the phase) or height=0,phase=-30")
     add_files(parser, "picture to write (.png, .pdf, .svg); default: FILE.png", plot=None, metavar="OUT.png")
 
@@ -61,7 +62,7 @@ def plot(arguments: argparse.Namespace) -> None:
             curve(ds, output, arguments.overwrite, quantities=names)
         else:
             wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
-            options = {"variables": wanted, "mark_irregular": arguments.mark_irregular}
+            options = {"variables": wanted, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}
             draw(ds, output, arguments.overwrite, **options, **colours_of(arguments))
     print(f"written to  {output}")
 

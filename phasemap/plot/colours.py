@@ -154,7 +154,7 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     if low >= high:
         raise InputError(f"limits of {name}", f"{low:g} to {high:g}", "vmin below vmax; give both")
     unit = _in_thousands(max(-low, high), readable(max(-low, high), units_of(variable)))
-    words = words_of(name) + (", levelled" if variable.attrs.get("levelled") else "")
+    words = str(variable.attrs.get("called", words_of(name))) + (", levelled" if variable.attrs.get("levelled") else "")
     return Scale(
         unit.label(words), 1 / unit.size, offset, low / unit.size, high / unit.size,
         asked.cmap or MAPS.get(name, OTHERS),

@@ -18,7 +18,9 @@ from phasemap.plot.materials import inversion, is_inversion
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
+from phasemap.plot.titles import microscope_in_words
 from phasemap.results.validity import describe_validity
+from phasemap.results.variables import phase_lag
 from phasemap.results.words import describe_failures, describe_irregular, describe_solvers
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ DOT: dict[str, Any] = {
 # Sizes on the page [inch].
 WIDE, STEP, LEFT, TITLE, GAP, HISTOGRAM, AXIS = 3.5, 4.31, 0.3, 0.3, 0.06, 0.5, 0.52
 LETTER = 0.075  # of the label of a colour bar [inch]
+BETWEEN = "   ·   "  # two parts of a title
 ACROSS = 4  # pictures side by side; more go below
 
 
@@ -53,6 +56,8 @@ def plot(
     vmin: Given = None,
     vmax: Given = None,
     cmap: str | Mapping[str, str] | None = None,
+    lag: bool = False,
+    ax: Axes | Sequence[Axes] | None = None,
 ) -> Figure:
     """Draw height and phase of an image side by side, or what the function for another Dataset draws.
 
@@ -83,11 +88,17 @@ def plot(
         name: ``{"height": "5 nm", "phase": 60}``. Of a contrast and a comparison likewise.
     cmap : str, or mapping of str to str, optional
         Colour maps of matplotlib, likewise.
+    lag : bool
+        Whether the phase of an image is drawn as the lag behind the drive (`phasemap.phase_lag`): 90 degrees for the
+        free lever, below 90 where the tip is repelled.
+    ax : matplotlib.axes.Axes or sequence of them, optional
+        Axes of your own figure to draw an image in, one for each variable (the phase alone on a single one), with
+        colour bar and scale bar, and without title, histogram and notes.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A notebook shows it.
+        A notebook shows it. With `ax`, the figure of these axes.
 
     Raises
     ------
@@ -123,15 +134,37 @@ def plot(
                 if value is not None:
                     raise InputError(name, str(value), "nothing where a sweep, an inversion or a series is drawn")
             return draw(ds, path, overwrite=overwrite)
-    names = ("height", "phase") if variables is None else tuple(variables)
+    own: Any = None if ax is None else [ax] if hasattr(ax, "imshow") else list(np.ravel(np.asarray(ax, object)))
+    usual = ("phase",) if own is not None and len(own) == 1 else ("height", "phase")
+    names = usual if variables is None else tuple(variables)
     _check(ds, names, mark_irregular)
     ds = _levelled(ds)
-    if variables is None and "amplitude_error" in ds:
+    if lag and "phase" in ds:
+        ds = ds.assign(phase=phase_lag(ds["phase"]).assign_attrs(units="degree", called="phase lag", free=90.0))
+    if variables is None and "amplitude_error" in ds and own is None:
         names = (*names, "amplitude_error")
     asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
-    return _page(ds, {name: scale_of(ds[name], asked[name]) for name in names}, mark_irregular).finished(
-        path, overwrite
-    )
+    scales = {name: scale_of(ds[name], asked[name]) for name in names}
+    if own is not None:
+        return _on_axes(ds, scales, own, path)
+    return _page(ds, scales, mark_irregular).finished(path, overwrite)
+
+
+def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes], path: object) -> Figure:
+    """Draw one image on axes of the user's, whose figure is left to them."""
+    if len(own) != len(scales) or not all(hasattr(axes, "imshow") for axes in own):
+        raise InputError("ax", len(own), f"{len(scales)} Axes, one for each of {', '.join(scales)}")
+    if several := [dim for dim in LEADING if dim in ds.dims]:
+        hint = f"Take one: image.isel({several[0]}=0)."
+        raise InputError("the dataset", f"several images, along {several[0]}", "one image where ax is given", hint)
+    if path is not None:
+        raise InputError("path", str(path), "None where ax is given", "Save the figure: fig.savefig(path).")
+    for axes, (name, scale) in zip(own, scales.items(), strict=True):
+        shown = _draw_image(axes, ds, name, scale)
+        axes.set(xticks=[], yticks=[], aspect="equal")
+        axes.figure.colorbar(shown, ax=axes, label=scale.label)
+    figure: Figure = own[0].figure  # type: ignore[assignment]
+    return figure
 
 
 def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Page:
@@ -147,7 +180,7 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
     notes += [(f"■ {line}", FAILED_TEXT) for line in describe_failures(ds)]
     lines = -(-len(scales) // ACROSS)
     across = -(-len(scales) // lines)
-    page = Page(LEFT + STEP * across, len(rows) * lines * step, [_title(ds)], notes=notes, left=LEFT)
+    page = Page(LEFT + STEP * across, len(rows) * lines * step, _titles(ds), notes=notes, left=LEFT)
     for row, (words, one) in enumerate(rows):
         for number, (name, scale) in enumerate(scales.items()):
             line, column = divmod(number, across)
@@ -161,8 +194,9 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
                 continue
             label = scale.label if LETTER * len(scale.label) <= tall else ""  # the histogram has it too
             bar = page.bar(_draw_image(picture, one, name, scale), [picture], label)
-            if name == "phase" and scale.low < 0 < scale.high:
-                bar.ax.axhline(0, color="white", linewidth=1.2)
+            free = one[name].attrs.get("free", 0.0)
+            if name == "phase" and scale.low < free < scale.high:
+                bar.ax.axhline(free, color="white", linewidth=1.2)
             if mark_irregular:
                 _mark(picture, one["motion"].values == 1, (WIDE, tall))
             below = page.panel(left, top + tall + GAP, WIDE, HISTOGRAM)
@@ -269,8 +303,8 @@ def _draw_histogram(axes: Axes, shown: np.ndarray, scale: Scale) -> None:
     axes.spines["left"].set_visible(False)
 
 
-def _title(ds: xr.Dataset) -> str:
-    """Setpoint, solvers and size, as far as the dataset says them."""
+def _titles(ds: xr.Dataset) -> list[str]:
+    """Setpoint, solvers and size, and the microscope, a line each, as far as the dataset says them."""
     said = []
     configuration = json.loads(ds.attrs.get("configuration", "{}"))
     if "setpoint" in configuration:
@@ -281,4 +315,5 @@ def _title(ds: xr.Dataset) -> str:
     if "line_rate" in (control := configuration.get("control", {})):
         said.append(f"line rate {control['line_rate']:g} Hz")
     said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
-    return "   ·   ".join(said)
+    scope = microscope_in_words(configuration.get("microscope", {}))
+    return [BETWEEN.join(line) for line in (said, scope) if line]

@@ -26,7 +26,6 @@ def titles(ds: xr.Dataset) -> list[str]:
     swept = about.get("sweep", "")
     material = about.get("material", {})
     scope = about.get("microscope", {})
-    lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
     lines = [
         [ds.attrs["title"]] if "title" in ds.attrs else [],
         [
@@ -34,14 +33,29 @@ def titles(ds: xr.Dataset) -> list[str]:
             *_said(material, swept, **_loss(material)),
             *_said(about, swept, setpoint=("setpoint held at {}", "1"), tip_offset=("tip offset held at {}", "m")),
         ],
-        [
-            *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),
-            *_said(lever, swept, quality_factor=("Q {}", "1")),
-            *_said(tip, swept, radius=("tip radius {}", "m")),
-            *_said(drive, swept, free_amplitude=("free amplitude {}", "m"), frequency=("driven at {}", "Hz")),
-        ],
+        microscope_in_words(scope, swept),
     ]  # fmt: skip
     return [", ".join(line) for line in lines if line]
+
+
+def microscope_in_words(scope: dict[str, Any], swept: str = "") -> list[str]:
+    """Lever, tip and drive in words, as far as they are known.
+
+    `scope`: the microscope of a ``configuration``.
+    `swept`: what is left out.
+
+    Examples
+    --------
+    >>> microscope_in_words({"cantilever": {"stiffness": 40.0}, "tip": {"radius": 1e-8}})
+    ['lever 40 N/m', 'tip radius 10 nm']
+    """
+    lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
+    return [
+        *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),
+        *_said(lever, swept, quality_factor=("Q {}", "1")),
+        *_said(tip, swept, radius=("tip radius {}", "m")),
+        *_said(drive, swept, free_amplitude=("free amplitude {}", "m"), frequency=("driven at {}", "Hz")),
+    ]
 
 
 def _loss(material: dict[str, Any]) -> dict[str, tuple[str, str]]:

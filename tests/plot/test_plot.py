@@ -296,3 +296,38 @@ def test_the_pictures_that_the_pages_show_are_those_of_the_code_beside_them(
         drawn, shown = imread(name), imread(root / "samples" / name)
         assert drawn.shape == shown.shape
         assert np.abs(_means(drawn) - _means(shown)).max() < 0.1, name  # a label that moves by a line: 0.05
+
+
+def test_the_title_says_under_which_microscope() -> None:
+    scope = '"cantilever": {"stiffness": 40.0, "resonance_frequency": 3e5, "quality_factor": 400.0}, '
+    scope += '"tip": {"radius": 1e-8}, "drive": {"free_amplitude": 4e-8}'
+    said = words(plot(image().assign_attrs(configuration=f'{{"setpoint": 0.7, "microscope": {{{scope}}}}}')))
+    parts = ("lever 40 N/m", "300 kHz", "Q 400", "tip radius 10 nm", "free amplitude 40 nm")
+    assert "   ·   ".join(parts) in said and "setpoint 0.7" in said
+
+
+def test_the_phase_can_be_drawn_as_the_lag_that_is_90_degrees_for_the_free_lever(tmp_path: Path) -> None:
+    shown = [axes for axes in plot(image(-20.0, 35.0), lag=True).axes if axes.images][1].images[0].get_array()
+    assert {round(float(value)) for value in np.unique(shown)} == {55, 110}
+    figure = plot(image(-20.0, 35.0), lag=True)
+    assert "phase lag (degrees)" in {axes.get_xlabel() for axes in figure.axes}
+    bars = [line for axes in figure.axes for line in axes.lines if line.get_color() == "white"]
+    assert [90.0, 90.0] in [list(line.get_ydata()) for line in bars]
+    image().to_netcdf(tmp_path / "image.nc")
+    assert main(["plot", str(tmp_path / "image.nc"), "--lag"]) == 0
+
+
+def test_an_image_is_drawn_on_axes_of_ones_own() -> None:
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert plot(image(), ax=right) is figure and not left.images and right.images
+    assert plot(image(), ax=[left, right]) is figure and left.images
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels.count("phase (degrees)") == 2 and labels.count("height (nm)") == 1
+    with pytest.raises(InputError, match="ax is 1; allowed: 2 Axes, one for each of height, phase"):
+        plot(image(), variables=["height", "phase"], ax=right)
+    with pytest.raises(InputError, match=r"None where ax is given\..*Save the figure"):
+        plot(image(), "picture.png", ax=right)
+    both = xr.concat([image(), image()], xr.Variable("direction", ["trace", "retrace"]))
+    with pytest.raises(InputError, match=r"several images, along direction.*Take one: image\.isel\(direction=0\)"):
+        plot(both, ax=right)
