@@ -28,6 +28,7 @@ DESIGNS = {  # setpoints, free amplitudes as a multiple of what is unknown, numb
     "both": ((0.8, 0.5, 0.8, 0.5), (1, 1, 2, 2), 2),
     "three": ((0.85, 0.7, 0.55, 0.4), (1, 1, 1, 1), 3),
     "places": ((0.85, 0.7, 0.55, 0.4), (1, 1, 1, 1), 2),
+    "tunes": ((0.85, 0.6, 0.4, 0.8, 0.5), (1, 1, 1, 1, 1), 2),
 }
 
 
@@ -39,20 +40,26 @@ def normal(rng, *shape):
             return found
 
 
+def tunes_of(design):
+    """Tune of each file; an unknown sensitivity, and in several tunes an unknown zero, is the same within one."""
+    return [0, 0, 0, 1, 1] if design == "tunes" else [0] * len(DESIGNS[design][0])
+
+
 def drawn(rng, design):
-    """Materials, a free amplitude [m] and phases [degree], shape (materials, files), that all exist."""
+    """Materials, free amplitudes [m] and phases [degree], shape (materials, files), that all exist."""
     setpoints, sizes, count = DESIGNS[design]
-    scale = np.exp(np.log(sizes).mean())
+    tunes = tunes_of(design)
     while True:
         logs = normal(rng, count, 3) * np.log(FACTORS)
         values = np.array([PRIOR.modulus, PRIOR.adhesion, PRIOR.damping]) * np.exp(logs)
-        amplitude = float(GUESS * GUESS_FACTOR ** normal(rng, 1)[0])
-        scopes = [pm.Microscope(LEVER, TIP, pm.Drive(amplitude * size / scale)) for size in sizes]
+        scale = GUESS * GUESS_FACTOR ** normal(rng, 1 + max(tunes)) / np.exp(np.log(sizes).mean())
+        amplitudes = scale[tunes] * np.array(sizes)
+        scopes = [pm.Microscope(LEVER, TIP, pm.Drive(amplitude)) for amplitude in amplitudes]
         pixels = [[pm.solve_pixel(pm.Material(*one[:2], damping=one[2]), scope, at, solver="averaging")
                    for scope, at in zip(scopes, setpoints, strict=True)] for one in values.tolist()]  # fmt: skip
         phases = np.array([[one.phase for one in row] for row in pixels])
         if np.isfinite(phases).all():
-            return values, amplitude * np.array(sizes) / scale, phases
+            return values, amplitudes, phases
 
 
 def maps(rng, design):
@@ -69,22 +76,26 @@ def main(count=40, seed=0, design="setpoints", error=1.0):
     for k in range(count):
         values, amplitudes, phases = drawn(rng, design)
         labels, sign = maps(rng, design), rng.choice([-1, 1])
-        seen = sign * phases + rng.uniform(-180, 180, len(amplitudes)) + rng.normal(0, error, phases.shape)
+        zeros, tunes = rng.uniform(-180, 180, len(amplitudes)), tunes_of(design)
+        zeros = zeros[tunes] if max(tunes) else zeros
+        seen = sign * phases + zeros + rng.normal(0, error, phases.shape)
         images = [
             xr.Dataset(
                 {"phase": (("y", "x"), seen[labels[i], i])},
                 attrs={
-                    "title": str(i), "setpoint": at, "drive_frequency": 300e3,
-                    "free_amplitude_voltage": float(amplitudes[i] / amplitudes[0]),
+                    "title": str(i), "setpoint": at, "drive_frequency": 300e3 + 200 * tunes[i],
+                    "free_amplitude_voltage": float(DESIGNS[design][1][i]),
                 },
             )
             for i, at in enumerate(DESIGNS[design][0])
         ]  # fmt: skip
-        found = pm.series(images, pm.Microscope(LEVER, TIP, pm.Drive(GUESS)), labels=labels, phase_error=error, seed=k)
+        found = pm.series(images, pm.Microscope(LEVER, TIP, pm.Drive(GUESS)), labels=labels, phase_error=error, seed=k,
+                          phase_zero="shared" if max(tunes) else None)  # fmt: skip
         own = [(float(found[f"{name}_low"][r]) < values[r, i] < float(found[f"{name}_high"][r]))
                for r in range(len(values)) for i, name in enumerate(NAMES)]  # fmt: skip
-        size = found.sel(file="0")
-        own.append(float(size.free_amplitude_low) < amplitudes[0] < float(size.free_amplitude_high))
+        for tune in sorted(set(tunes)):
+            size = found.sel(file=str(tunes.index(tune)))
+            own.append(float(size.free_amplitude_low) < amplitudes[tunes.index(tune)] < float(size.free_amplitude_high))
         inside.append(own)
         contrast = (found.measured_contrast * found.fitted_contrast)[1:].values
         clear = abs(found.measured_contrast[1:].values) > 2 * found.contrast_error[1:].values

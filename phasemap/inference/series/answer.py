@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phasemap.inference.sampling import Draws
 from phasemap.inference.series.contrasts import Labels, Medians
 from phasemap.inference.series.problem import Explained, Problem, State
-from phasemap.inference.series.settings import HELD, SAME
+from phasemap.inference.series.settings import HELD
 from phasemap.inference.series.words import tell
 from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, UNITS, codes_of
 from phasemap.results.variables import coded, describe, provenance
@@ -26,7 +26,6 @@ CURVE = np.linspace(0.2, 0.98, 53)  # setpoints of curves
 BAND = 60  # draws that have curves
 SMALL = 256  # pixels to a side of the pictures that are kept
 SIDES = ("attractive", "repulsive")
-DEGREE = {"units": "degree"}
 
 
 def dataset_of(
@@ -36,64 +35,50 @@ def dataset_of(
     """All variables and sentences."""
     import xarray as xr
 
-    state = problem.state(draws.x)
-    regions = len(problem.values)
-    ds = xr.Dataset(
-        coords={
-            "file": ("file", list(problem.settings.names)), "region": np.arange(regions), "property": list(PARAMETERS),
-        }
-    )  # fmt: skip
+    state, settings, likeliest = problem.state(draws.x), problem.settings, int(np.argmax(draws.fit))
+    names = {"file": list(settings.names), "region": np.arange(len(problem.values)), "property": list(PARAMETERS)}
+    ds = xr.Dataset(coords=names)
     _add_contrasts(ds, problem, seen, fit)
-    for name, values, unit, said in (
-        ("setpoint", state.ratios, "1", "setpoint"),
-        ("free_amplitude", state.amplitudes, "m", "free amplitude at the drive frequency"),
-        ("phase_zero", fit.zeros, "degree", "recorded phase of the free lever"),
+    _add(ds, "setpoint", "file", state.ratios, "1", "setpoint")
+    _add(ds, "free_amplitude", "file", state.amplitudes, "m", "free amplitude at the drive frequency")
+    _add(ds, "phase_zero", "file", fit.zeros, "degree", "recorded phase of the free lever")
+    for name, kind, values in (
+        ("setpoint", settings.setpoint, settings.ratios),
+        ("free_amplitude", settings.amplitude, settings.relative * settings.scale),
     ):
-        _add(ds, name, ("file",), values, unit, said)
-    held = {"setpoint": problem.settings.setpoint, "free_amplitude": problem.settings.amplitude}
-    settings = {
-        "setpoint": problem.settings.ratios,
-        "free_amplitude": problem.settings.relative * problem.settings.scale,
-    }
-    for name, values in settings.items():
-        recorded = values if held[name] == HELD else np.full(len(values), np.nan)
-        attrs = {"long_name": f"{name.replace('_', ' ')}, recorded or given", "units": ds[name].attrs["units"]}
-        ds[f"recorded_{name}"] = ("file", recorded, attrs)
-    ds["repulsive"] = (
-        ("region", "file"), fit.repulsive.mean(axis=0), {"long_name": "chance of the repulsive branch", "units": "1"}
-    )  # fmt: skip
+        recorded = values if kind == HELD else np.full(len(values), np.nan)
+        _put(ds, f"recorded_{name}", "file", recorded, f"{name.replace('_', ' ')}, recorded or given", ds[name].units)
+    _put(ds, "repulsive", ("region", "file"), fit.repulsive.mean(axis=0), "chance of the repulsive branch")
     _add_materials(ds, problem, state)
-    ds["sign_chance"] = ((), float((fit.sign > 0).mean()), {"long_name": "chance of sign 1", "units": "1"})
-    likeliest = int(np.argmax(draws.fit))
-    ds["misfit"] = ((), _misfit(problem, fit, likeliest), {"long_name": "chi2 of the likeliest draw", "units": "1"})
-    about = {"long_name": "recorded phase of the free lever by the likeliest draw", **DEGREE}
-    ds["likeliest_zero"] = ("file", fit.zeros[likeliest], about)
-    ds["likeliest_setpoint"] = ("file", state.ratios[likeliest], {"long_name": "setpoint by that draw", "units": "1"})
+    apart = (problem.values - fit.phases[likeliest] - fit.zeros[likeliest] + 180.0) % 360.0 - 180.0
+    _put(ds, "sign_chance", (), float((fit.sign > 0).mean()), "chance of sign 1")
+    _put(ds, "misfit", (), float(((apart / problem.errors) ** 2).sum()), "chi2 of the likeliest draw")
+    said = "recorded phase of the free lever by the likeliest draw"
+    _put(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
+    _put(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")
     _add_curves(ds, problem, fit.sign, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)
     _add_pictures(ds, images, labels)
     configuration = {"microscope": describe(problem.lever.scope), "files": list(problem.settings.names)}
     ds.attrs.update(provenance(configuration, "explained as a series"))
-    ds.attrs |= {
-        "amplitude": problem.settings.amplitude, "setpoints": problem.settings.setpoint, "zero": problem.settings.zero,
-        "sign": problem.settings.sign or 0,
-    }  # fmt: skip
+    ds.attrs |= {"amplitude": settings.amplitude, "setpoints": settings.setpoint, "zero": settings.zero}
+    ds.attrs["sign"] = settings.sign or 0
     tell(ds, problem, np.cov(state.logs[:, problem.unknown].reshape(len(draws.x), -1).T))
     return ds
 
 
-def _misfit(problem: Problem, fit: Explained, k: int) -> float:
-    apart = (problem.values - fit.phases[k] - fit.zeros[k] + 180.0) % 360.0 - 180.0
-    return float(((apart / problem.errors) ** 2).sum())
+def _put(ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, said: str, units: str = "1") -> None:
+    """Add a variable."""
+    ds[name] = (dims, values, {"long_name": said, "units": units})
 
 
-def _add(ds: xr.Dataset, name: str, dims: tuple[str, ...], values: Array, unit: str, said: str) -> None:
+def _add(ds: xr.Dataset, name: str, dims: str, values: Array, units: str, said: str) -> None:
     """Median and ends of the 95 % of draws."""
     low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
-    for word, what, about in (("", middle, said), ("_low", low, f"{said}, lower end of 95 %"),
-                              ("_high", high, f"{said}, upper end of 95 %")):  # fmt: skip
-        ds[name + word] = (dims, what, {"long_name": about, "units": unit})
+    _put(ds, name, dims, middle, said, units)
+    _put(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
+    _put(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
 
 
 def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explained) -> None:
@@ -109,11 +94,11 @@ def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explain
         ("measured_contrast", measured, "recorded phase relative to that of region 0", "degree"),
         ("contrast_error", np.where(np.isfinite(error), error, np.nan), "its standard error", "degree"),
     ):
-        ds[name] = (dims, values, {"long_name": said, "units": unit})
+        _put(ds, name, dims, values, said, unit)
     fitted = fit.phases - fit.phases[:, :1]
     low, middle, high = np.percentile(fitted, (ENDS[0], 50.0, ENDS[1]), axis=0)
     for name, values in (("fitted_contrast", middle), ("contrast_low", low), ("contrast_high", high)):
-        ds[name] = (dims, values, {"long_name": f"{name.replace('_', ' ')}, as recorded", **DEGREE})
+        _put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
 
 
 def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
@@ -121,7 +106,7 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     regions, unknown = len(problem.values), problem.unknown
     reference = problem.lever.model.reference
     for i, name in enumerate(PARAMETERS):
-        _add(ds, name, ("region",), reference[i] * np.exp(state.logs[:, :, i]), UNITS[name], name)
+        _add(ds, name, "region", reference[i] * np.exp(state.logs[:, :, i]), UNITS[name], name)
     codes = np.full((regions, 3), GIVEN, np.int8)
     logs = state.logs[:, unknown].reshape(len(state.logs), -1)
     covariance = np.cov(logs.T)
@@ -133,10 +118,7 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
 
 def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, likeliest: int) -> None:
     """Phases against the setpoint for each free amplitude: both branches of one draw, and contrasts of some."""
-    sizes = np.log(problem.settings.relative)
-    groups = [int(np.flatnonzero(np.abs(sizes - one) < SAME)[0]) for one in sizes]
-    firsts = sorted(set(groups))
-    curve = np.array([firsts.index(one) for one in groups])
+    firsts, curve = np.unique(np.argmax(problem.settings.alike, axis=1), return_inverse=True)
     some = np.linspace(0, len(sign) - 1, BAND).astype(int)
     regions, points = len(problem.values), len(CURVE)
     band = np.full((BAND, len(firsts), regions, points), np.nan)
@@ -153,14 +135,14 @@ def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, lik
         low, high = np.nanpercentile(np.where(enough, contrasts, 0.0), ENDS, axis=0)
     own = sign[likeliest] * _engaged(lines)
     dims = ("curve", "region", "level")
-    ds["level"] = ("level", CURVE, {"long_name": "setpoint", "units": "1"})
+    _put(ds, "level", "level", CURVE, "setpoint")
     ds["curve_of"] = ("file", curve, {"long_name": "number of the file's curve"})
-    about = {"long_name": "phase of the likeliest draw, 0 of the free lever, positive where repulsive", **DEGREE}
-    ds["branch_phase"] = (("curve", "branch_side", "region", "level"), lines, about)
+    said = "phase of the likeliest draw, 0 of the free lever, positive where repulsive"
+    _put(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, said, "degree")
     ds["branch_side"] = ("branch_side", list(SIDES))
     for name, values in (("curve_contrast", own - own[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
                          ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
-        ds[name] = (dims, values, {"long_name": f"{name.replace('_', ' ')}, as recorded", **DEGREE})
+        _put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
     ds["likeliest_sign"] = ((), int(sign[likeliest]), {"long_name": "sign of the likeliest draw"})
 
 
@@ -188,7 +170,7 @@ def _add_pictures(ds: xr.Dataset, images: Sequence[xr.Dataset], labels: Sequence
     for i, (image, mine) in enumerate(zip(images, labels, strict=True)):
         step = -(-max(mine.shape) // SMALL)
         dims = (f"y_{i}", f"x_{i}")
-        ds[f"image_{i}"] = (dims, image["phase"].values[::step, ::step], {"long_name": "recorded phase", **DEGREE})
+        _put(ds, f"image_{i}", dims, image["phase"].values[::step, ::step], "recorded phase", "degree")
         ds[f"labels_{i}"] = (dims, mine[::step, ::step].astype(np.int8), {"long_name": "region, -1 where left out"})
         for dim, name in zip(dims, ("y", "x"), strict=True):
             if name in image.coords:

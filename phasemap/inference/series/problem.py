@@ -98,13 +98,10 @@ class Problem:
         count, (regions, files) = len(state.logs), self.values.shape
         points = np.empty((count, regions, files, 5))
         points[..., :3] = state.logs[:, :, ALL]
-        points[..., 3] = np.log(state.amplitudes)[:, ALL]
-        points[..., 4] = state.ratios[:, ALL]
-        places, there = self.table.look(points.reshape(-1, 5))
-        logs, (sizes, levels) = points[..., :3], np.broadcast_arrays(
-            state.amplitudes[:, ALL], state.ratios[:, ALL], np.empty((1, regions, 1))
-        )[:2]  # fmt: skip
-        found = self.lever.phases(logs.reshape(-1, 3), sizes.ravel(), levels.ravel(), places, there)
+        points[..., 3], points[..., 4] = np.log(state.amplitudes)[:, ALL], state.ratios[:, ALL]
+        flat = points.reshape(-1, 5)
+        places, there = self.table.look(flat)
+        found = self.lever.phases(flat[:, :3], np.exp(flat[:, 3]), flat[:, 4], places, there)
         return np.degrees(found.reshape(2, count, regions, files))
 
     def likelihood(self, x: Array) -> Array:

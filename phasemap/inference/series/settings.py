@@ -76,12 +76,16 @@ class Settings:
         return 1 + int(self.tunes.max())
 
     @property
+    def alike(self) -> NDArray[np.bool_]:
+        """Which files have the same free amplitude, whatever it is, shape (m, m)."""
+        same: NDArray[np.bool_] = np.abs(np.log(self.relative[:, np.newaxis] / self.relative)) < SAME
+        same &= (self.tunes[:, np.newaxis] == self.tunes) | (self.amplitude == HELD)
+        return same
+
+    @property
     def above(self) -> Array:
         """Which files (rows) have a larger setpoint than others (columns) at the same free amplitude, shape (m, m)."""
-        alike = np.abs(np.log(self.relative[:, np.newaxis] / self.relative)) < SAME
-        alike &= (self.tunes[:, np.newaxis] == self.tunes) | (self.amplitude == HELD)
-        larger: Array = (alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
-        return larger
+        return (self.alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
 
     def at(self, scale: Array, own: Array, share: Array) -> tuple[Array, Array]:
         """Free amplitudes [m] and setpoints, shape (n, m), at standard normal numbers and a share of what is allowed.
