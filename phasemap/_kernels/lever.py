@@ -42,6 +42,15 @@ def mode_of(lever: np.ndarray, i: int) -> Mode:
 
 
 @kernel(light=True)
+def slowest_decay(lever: np.ndarray) -> float:
+    """Rate alpha_i [1] of the mode that rings longest."""
+    slowest = float(lever[col.ALPHA0])
+    for i in range(1, modes_of(lever)):
+        slowest = min(slowest, mode_of(lever, i).rate)
+    return slowest
+
+
+@kernel(light=True)
 def static_compliance(lever: np.ndarray) -> float:
     """Deflection by a force that stays, over that of the first mode alone: theory, Eq. (lever-2)."""
     total = 0.0

@@ -52,8 +52,10 @@ class InTime:
 
     def _march(self, rows_of: Any, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> np.ndarray:
         """Let a kernel of `rows.marched` fill the chosen rows; returns as `settle`."""
+        from phasemap._kernels.lever import slowest_decay
+
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
-        eta = self.eta * min(1.0, 2 * ENOUGH * float(work.lever[col.ALPHA0])) ** 0.125
+        eta = self.eta * min(1.0, 2 * ENOUGH * slowest_decay(work.lever)) ** 0.125
         some, codes, _ = answers.of(chosen)
         rows = np.ascontiguousarray(work.rows[chosen])
         amplitudes = work.amplitudes[chosen]

@@ -12,7 +12,7 @@ from cases import Case, label, load
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding, in_time
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time import march, period_map, runge_kutta
+from phasemap._kernels.orbits.time import linear_map, march, runge_kutta
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.lever import one_mode
@@ -117,10 +117,10 @@ def test_a_measured_decay_is_summed_and_its_multipliers_found(count: int, size: 
     linear, way = PeriodMap(), np.zeros(count)
     linear.count = count
     linear.motion[: count * count] = change.T.reshape(-1)
-    period_map.relaxed.py_func(linear, now, way)
+    linear_map.relaxed.py_func(linear, now, way)
     assert way == pytest.approx(np.linalg.solve(-change, now))
     largest = np.abs(np.linalg.eigvals(np.eye(count) + change)).max()
-    assert period_map.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)
+    assert linear_map.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)
 
 
 # One period.

@@ -15,7 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time import march, period_map
+from phasemap._kernels.orbits.time import linear_map, march, period_map
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.orbits.time.tip import (
     Z0,
@@ -28,7 +28,9 @@ from phasemap._kernels.orbits.time.tip import (
     coordinate_count,
     new_state,
 )
-from phasemap.solvers.problem import work_of_material
+from phasemap._kernels.rows.answers import Answers
+from phasemap.solvers.march import March
+from phasemap.solvers.problem import Work, work_of_material
 
 CASES = [case for case in load("beam") if len(case["quality_factor"]) > 1]
 PERIODIC = [case for case in CASES if case["periods"] == 1]
@@ -107,6 +109,17 @@ def test_a_pixel_is_marched_to_the_orbit_that_a_tip_from_far_finds(case: Case) -
     assert pixel.tip_offset == pytest.approx(case["tip_offset"], abs=1e-16)
 
 
+@pytest.mark.parametrize("case", [case for case in PERIODIC if case["from_far"]][::4], ids=name_of)
+def test_a_tip_that_is_lowered_in_time_finds_the_branch_of_the_independent_code(case: Case) -> None:
+    oscillator, amplitude = problem_of(case)
+    law, p, lever = oscillator
+    answers = Answers(np.full((1, col.COLUMNS), np.nan), np.zeros(1, np.int8), np.zeros(1, np.int8))
+    March().engage(Work(law, p[None], lever, np.array([amplitude])), np.arange(1), answers, 100_000)
+    assert answers.status[0] == col.GOOD
+    _, phase = show(lever, *answers.rows[0, [col.AMPLITUDE, col.PHASE]])
+    assert math.degrees(phase) == pytest.approx(case["phase"], abs=1e-6)
+
+
 @pytest.mark.parametrize("case", [case for case in CASES if case["periods"] == 2], ids=name_of)
 def test_a_motion_that_repeats_itself_after_two_periods_is_held_in_the_mean(case: Case) -> None:
     pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"], solver="march")
@@ -179,7 +192,7 @@ def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int, decay_length:
     monodromy = np.eye(n) + np.array(tip.linear.motion)[: n * n].reshape(n, n).T
     rates = np.array([0.5 * mode.frequency_ratio / mode.quality_factor for mode in lever.eigenmodes])
     assert np.linalg.det(monodromy) == pytest.approx(math.exp(-4 * math.pi / omega * rates.sum()), rel=1e-5, abs=1e-9)
-    assert period_map.multiplier_of(tip.linear) == pytest.approx(math.exp(-2 * math.pi / omega * rates.min()), abs=1e-6)
+    assert linear_map.multiplier_of(tip.linear) == pytest.approx(math.exp(-2 * math.pi / omega * rates.min()), abs=1e-6)
 
 
 def test_neighbours_of_a_tapping_lever_come_nearer_as_the_modes_lose_energy() -> None:

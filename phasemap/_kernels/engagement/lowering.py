@@ -23,8 +23,9 @@ from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
-from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, march_tip, rest, skip, slopes_of_orbit
+from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest, skip
 from phasemap._kernels.orbits.time.tip import (
     Z0,
     Tip,

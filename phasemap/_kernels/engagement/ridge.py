@@ -34,17 +34,14 @@ from phasemap._kernels.lever import drive_needed, free_amplitude, low_q, reach_o
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.period_map import (
+from phasemap._kernels.orbits.time.linear_map import (
     amplitude_slope,
     differentiate,
-    fill_change,
     fill_way_to_rest,
     length_of,
-    linearise_period,
-    neighbour_distance,
-    pass_from,
     slopes_of_orbit,
 )
+from phasemap._kernels.orbits.time.period_map import fill_change, linearise_period, neighbour_distance, pass_from
 from phasemap._kernels.orbits.time.tip import (
     Z0,
     Change,

@@ -50,7 +50,7 @@ from phasemap._kernels.engagement.lowering import (
 from phasemap._kernels.engagement.stuck import presses, sticks
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import free_amplitude, slowest_decay
 from phasemap._kernels.orbits.time.pattern import find_pattern, shorten
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, march_tip
 from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of
@@ -159,7 +159,7 @@ def renew(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
     way.sin += share * (y - way.sin)
     way.to_air += share * (total.period.air / count - way.to_air)
     way.to_surface += share * (total.period.loss / count - way.to_surface)
-    alone = lever[col.OMEGA] / (2.0 * math.pi * lever[col.ALPHA0])
+    alone = lever[col.OMEGA] / (2.0 * math.pi * slowest_decay(lever))
     lever[col.RINGING] = max(float(FEWEST_RINGING), alone * way.to_air / (way.to_air + way.to_surface))
 
 

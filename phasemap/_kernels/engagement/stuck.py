@@ -20,7 +20,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.rest import loosened, static_depth
 from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.time.period_map import Tolerance, amplitude_slope, rest, slopes_of_orbit
+from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
+from phasemap._kernels.orbits.time.period_map import Tolerance, rest
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,

@@ -12,7 +12,7 @@ from numba.extending import overload
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
+from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of, slowest_decay
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.records import assign, clear
 from phasemap._kernels.scanning.loop import (
@@ -124,7 +124,7 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
     law, lever, loop, noise = setup
     p = parameters(row)
     reach, free = reach_of(law, p), free_amplitude(lever)
-    decay, y = 1.0 / lever[col.ALPHA0], tip.y
+    decay, y = 1.0 / slowest_decay(lever), tip.y
     far = free * far_start(Oscillator(law, p, lever), reach, free, loop.setpoint)
     start_swinging(lever, ground + far, 0.0, free_phasor(lever), tip)
     lowering, tally, passed = Loop(), Tally(), 0.0
@@ -166,7 +166,7 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
     half = loop.highest
     loop.lowest, loop.highest = -math.inf, math.inf
     y[INTEGRAL] = -y[SCANNER] - loop.proportional * (amplitude_shown(loop, y) - goal)
-    span = 2.0 / lever[col.ALPHA0] + 3.0 / loop.rate
+    span = 2.0 / slowest_decay(lever) + 3.0 / loop.rate
     tally = Tally()
     calm = 0
     for _ in range(MOST_SETTLING_SPANS):

@@ -12,14 +12,8 @@ import numpy as np
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.period_map import (
-    Tolerance,
-    fill_change,
-    fill_way_to_rest,
-    length_of,
-    linearise_period,
-    pass_from,
-)
+from phasemap._kernels.orbits.time.linear_map import fill_way_to_rest, length_of
+from phasemap._kernels.orbits.time.period_map import Tolerance, fill_change, linearise_period, pass_from
 from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, Way, copy_memory, move_along
 
 FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it

@@ -9,6 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import slowest_decay
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import TOUCHES, Z0, PeriodResult, V, Z, fill_higher_modes, motion_size
 
@@ -66,7 +67,7 @@ def land_free(oscillator: Oscillator, z0: float, y: np.ndarray, close: float, mo
     """
     lever = oscillator.lever
     acc = PeriodResult()
-    ring, streak = int(1.0 / (2.0 * math.pi * lever[col.ALPHA0])) + 1, 0
+    ring, streak = int(1.0 / (2.0 * math.pi * slowest_decay(lever))) + 1, 0
     cosine, sine = math.inf, math.inf
     for period in range(most):
         if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:

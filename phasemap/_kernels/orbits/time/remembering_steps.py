@@ -17,12 +17,7 @@ from phasemap._kernels.orbits.time.edge import (
     Surface,
     dent_at,
 )
-from phasemap._kernels.orbits.time.march import (
-    CONTACT_WEIGHT,
-    contact_rate,
-    depth_reached,
-    flight_rate,
-)
+from phasemap._kernels.orbits.time.step_density import CONTACT_WEIGHT, contact_rate, depth_reached, flight_rate
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap._kernels.records import record
 

@@ -10,6 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import amplitude_seen
+from phasemap._kernels.lever import modes_of, slowest_decay
 from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode, static_share
 from phasemap._kernels.records import column, record
@@ -101,7 +102,7 @@ class Tip(NamedTuple):
 @kernel(light=True)
 def coordinate_count(lever: np.ndarray) -> int:
     """Number of coordinates of the lever's motion: two for each mode."""
-    return 2 * int(lever[col.MODES])
+    return 2 * modes_of(lever)
 
 
 @kernel(light=True)
@@ -120,7 +121,7 @@ def entry_of(i: int) -> int:
 def fill_higher_modes(lever: np.ndarray, mean: float, u: np.ndarray) -> None:
     """Fill the modes above the first in a state of harmonic motion about `mean`, at drive phase 0."""
     tip = complex(u[Z] - mean, -u[V] / lever[col.OMEGA])
-    for i in range(1, int(lever[col.MODES])):
+    for i in range(1, modes_of(lever)):
         own = harmonic_of_mode(lever, i, tip)
         u[entry_of(2 * i)] = mean * static_share(lever, i) + own.real
         u[entry_of(2 * i + 1)] = -lever[col.OMEGA] * own.imag
@@ -156,7 +157,7 @@ def new_state(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: 
 def ringing_periods(lever: np.ndarray) -> float:
     """Periods in which what disturbs a motion falls to 1/e: for the free lever, or as the lever says."""
     ringing = float(lever[col.RINGING])
-    return ringing if ringing > 0.0 else float(lever[col.OMEGA] / (2 * math.pi * lever[col.ALPHA0]))
+    return ringing if ringing > 0.0 else float(lever[col.OMEGA] / (2 * math.pi * slowest_decay(lever)))
 
 
 @kernel

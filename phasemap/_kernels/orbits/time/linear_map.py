@@ -1,0 +1,114 @@
+"""Linear map of a period about a motion: ways to rest, slopes of the periodic orbit, and the largest multiplier.
+
+See theory, Eqs. (time-3) and (time-4).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.dense import eliminate
+from phasemap._kernels.orbits.time.tip import Change, PeriodMap, Way
+
+SQUARINGS = 48  # of the map of a period, which leave an error of 1e-14 of its multiplier
+
+
+@kernel
+def differentiate(beside: Change, now: Change, size: float) -> None:
+    """Turn what a period changes `size` beside a motion into the derivative of that."""
+    for i in range(len(beside.motion)):
+        beside.motion[i] = (beside.motion[i] - now.motion[i]) / size
+    beside.amplitude = (beside.amplitude - now.amplitude) / size
+
+
+@kernel
+def relaxed(linear: PeriodMap, change: np.ndarray, way: np.ndarray) -> None:
+    """Fill in how far motion goes to rest that now changes so in a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
+    n = linear.count
+    m = np.empty((n, n + 1))
+    for i in range(n):
+        for j in range(n):
+            m[i, j] = -linear.motion[n * j + i]
+        m[i, n] = change[i]
+    solved = eliminate(m, n)
+    for i in range(n):
+        way[i] = m[i, n] if solved else math.nan
+
+
+@kernel
+def amplitude_along(linear: PeriodMap, way: np.ndarray) -> float:
+    """Change of the amplitude [m] along a way of the coordinates."""
+    total = 0.0
+    for i in range(linear.count):
+        total += linear.amplitude[i] * way[i]
+    return total
+
+
+@kernel
+def slopes_of_orbit(linear: PeriodMap, slopes: Way) -> float:
+    """Fill in how the periodic orbit moves with z0; returns dA/dz0 after the transient."""
+    slopes.z0 = 1.0
+    relaxed(linear, linear.by_z0.motion, slopes.motion)
+    return linear.by_z0.amplitude + amplitude_along(linear, slopes.motion)
+
+
+@kernel
+def amplitude_slope(linear: PeriodMap) -> float:
+    """dA/dz0 after the transient."""
+    return slopes_of_orbit(linear, Way())
+
+
+@kernel
+def multiplier_of(linear: PeriodMap) -> float:
+    """Largest modulus of the Floquet multipliers, the eigenvalues of P': by squaring it again and again.
+
+    After k squarings the 2^k-th root of its norm is off by a share of about 2^-k.
+    """
+    n, found, power = linear.count, 0.0, 1.0
+    m, square = np.empty((n, n)), np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            m[i, j] = linear.motion[n * j + i] + (1.0 if i == j else 0.0)
+    for _ in range(SQUARINGS):
+        size = 0.0
+        for i in range(n):
+            for j in range(n):
+                size += m[i, j] * m[i, j]
+        size = math.sqrt(size)
+        if not 0.0 < size < math.inf:
+            return size
+        found += power * math.log(size)
+        power *= 0.5
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += m[i, k] * m[k, j]
+                square[i, j] = total / (size * size)
+        m, square = square, m
+    return math.exp(found)
+
+
+@kernel
+def fill_way_to_rest(linear: PeriodMap, now: Change, target: float, way: Way) -> None:
+    """Way to rest; above a `target` of 0, z0 moves by what the amplitude misses after the transient, over slope."""
+    relaxed(linear, now.motion, way.motion)
+    way.z0 = 0.0
+    if target > 0.0:
+        slopes = Way()
+        slope = slopes_of_orbit(linear, slopes)
+        way.z0 = -(now.amplitude - target + amplitude_along(linear, way.motion)) / slope
+        for i in range(linear.count):
+            way.motion[i] += slopes.motion[i] * way.z0
+
+
+@kernel
+def length_of(way: Way) -> float:
+    """Length of a way [m] but for the tip offset."""
+    total = 0.0
+    for i in range(len(way.motion)):
+        total += way.motion[i] * way.motion[i]
+    return math.sqrt(total)
