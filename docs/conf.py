@@ -27,6 +27,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
+    "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "equations",
     "gallery",
@@ -54,6 +55,8 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
+copybutton_prompt_text = r">>> |\.\.\. "  # what is copied runs: without prompts and output
+copybutton_prompt_is_regexp = True
 mathjax_path = "tex-svg-full.js"  # in the site itself: see _ext/equations.py
 mathjax3_config = {"svg": {"fontCache": "global"}, "options": {"enableMenu": False}}
 

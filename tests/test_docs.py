@@ -38,3 +38,13 @@ def test_the_reference_has_every_public_name() -> None:
     listed = re.findall(r"^   (\w[\w.]*)$", (ROOT / "docs" / "reference" / "names.rst").read_text(), re.MULTILINE)
     again = {"interaction.ContactLaw", "interaction.Interaction"}  # public at the top too
     assert Counter(listed) == Counter(set(names) - again)
+
+
+def test_every_tutorial_has_a_picture_and_every_picture_that_a_page_names_is_there() -> None:
+    pages = [path for path in (ROOT / "docs").rglob("*.md") if not {"_build", "generated"} & set(path.parts)]
+    shown = {
+        path: re.findall(r"!\[[^\]]+\]\(([^)\s]+\.png)\)", path.read_text()) for path in [*pages, ROOT / "README.md"]
+    }
+    for path, pictures in shown.items():
+        assert all((path.parent / picture).is_file() for picture in pictures), path
+    assert all(shown[path] for path in (ROOT / "docs" / "tutorials").glob("*.md") if path.stem != "index")
