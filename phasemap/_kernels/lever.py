@@ -52,7 +52,7 @@ def slowest_decay(lever: np.ndarray) -> float:
 
 @kernel(light=True)
 def static_compliance(lever: np.ndarray) -> float:
-    """Deflection by a force that stays, over that of the first mode alone: theory, Eq. (lever-2)."""
+    """Deflection by a force that stays, over that of the first mode alone: theory, Eq. (lever-4)."""
     total = 0.0
     for i in range(modes_of(lever)):
         first = col.MODE + i * col.MODE_NUMBERS

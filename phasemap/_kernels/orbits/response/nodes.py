@@ -315,7 +315,7 @@ def respond(
         share = mode.share / (lever[OMEGA] * lever[OMEGA] * mode.turn)
         _add_motion(f, mode, share, round_, (mean * mode.share / mode.square, h[0], h[1]), i == 0)
         if i > 0:
-            f.missed += share * _unresolved(f, touching, longrange)
+            f.missed += share * _unresolved(f, touching, longrange, math.hypot(e_re, e_im))
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -373,11 +373,12 @@ def _add_motion(
 
 
 @kernel(fastmath=ANY_ORDER)
-def _unresolved(f: Nodes, touching: bool, longrange: bool) -> float:
+def _unresolved(f: Nodes, touching: bool, longrange: bool, again: float) -> float:
     """Integral of g exp(-lambda theta) that the nodes may miss, from what their highest polynomials find in it.
 
     Where a share x of it is found there, some x^3/1000 to x^3/30 is missed, for a mode turns by many radians in an
-    element. Running integrals miss more of it in between, which the force at the nodes averages out.
+    element. Running integrals miss more of it in between, which the force at the nodes averages out. What is missed
+    after contact is felt in the next one, as `again` of it.
     """
     rest = 0.0
     for element in range(2 + parts_of(f)):
@@ -392,7 +393,9 @@ def _unresolved(f: Nodes, touching: bool, longrange: bool) -> float:
             im += HIGHEST[1, j] * f.im[first + j]
             size += GAUSS_WEIGHTS[j] * (abs(f.re[first + j]) + abs(f.im[first + j]))
         found = abs(re) + abs(im) + abs(re_before) + abs(im_before)
-        rest += UNRESOLVED_SHARE * found * (found / size) ** 2 / f.growth[first + N // 2]
+        felt = again if element == 2 else 1.0
+        since = f.growth[ENTRY if element == 0 or element == 2 else first]
+        rest += UNRESOLVED_SHARE * felt * found * (found / size) ** 2 / since
     return rest
 
 
