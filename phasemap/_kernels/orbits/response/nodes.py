@@ -43,7 +43,9 @@ _CONTACT_S = np.sin(np.pi * (_PLACES - 0.5))  # of the nodes of a contact in n p
 _CONTACT_W = np.pi * np.cos(np.pi * (_PLACES - 0.5)) / np.repeat([1, 2, 4, 8], N * np.array([1, 2, 4, 8]))
 MOST_TURN = 6.0  # [rad] of the fastest mode in half an element
 SLOW_TURN = 2.0  # of theta, up to which sines need not take whole turns off
-UNRESOLVED_SHARE = 0.1  # of the cube of what the highest polynomials find, that nodes miss of the force on a mode
+UNRESOLVED_SHARE = (
+    0.1  # of the fourth power of what the highest polynomials find, that nodes miss of the force on a mode
+)
 SLOW_DECAY = 0.4  # over theta, up to which a series for an eighth of it will do
 
 
@@ -374,28 +376,29 @@ def _add_motion(
 
 @kernel(fastmath=ANY_ORDER)
 def _unresolved(f: Nodes, touching: bool, longrange: bool, again: float) -> float:
-    """Integral of g exp(-lambda theta) that the nodes may miss, from what their highest polynomials find in it.
+    """Integral of g exp(-i nu theta) that the nodes may miss, from what their highest polynomials find in it.
 
-    Where a share x of it is found there, some x^3/1000 to x^3/30 is missed, for a mode turns by many radians in an
+    Where a share x of it is found there, some x^4/20 or x^4/30 is missed, for a mode turns by many radians in an
     element. Running integrals miss more of it in between, which the force at the nodes averages out. What is missed
-    after contact is felt in the next one, as `again` of it.
+    after contact is felt in the next one, as `again` of it at angle 0.
     """
     rest = 0.0
     for element in range(2 + parts_of(f)):
         if not (longrange if element == 0 or element == 2 else touching):
             continue
-        first = N * element if element < 3 else LATE + (element - 3) * N
+        first = N * element if element < 3 else first_of(element - 2)
         re, im, re_before, im_before, size = 0.0, 0.0, 0.0, 0.0, 1e-300
         for j in range(N):
-            re_before += HIGHEST[0, j] * f.re[first + j]
-            im_before += HIGHEST[0, j] * f.im[first + j]
-            re += HIGHEST[1, j] * f.re[first + j]
-            im += HIGHEST[1, j] * f.im[first + j]
-            size += GAUSS_WEIGHTS[j] * (abs(f.re[first + j]) + abs(f.im[first + j]))
+            shrink = 1.0 / f.growth[first + j]
+            share_re, share_im = shrink * f.re[first + j], shrink * f.im[first + j]
+            re_before += HIGHEST[0, j] * share_re
+            im_before += HIGHEST[0, j] * share_im
+            re += HIGHEST[1, j] * share_re
+            im += HIGHEST[1, j] * share_im
+            size += GAUSS_WEIGHTS[j] * (abs(share_re) + abs(share_im))
         found = abs(re) + abs(im) + abs(re_before) + abs(im_before)
-        felt = again if element == 2 else 1.0
-        since = f.growth[ENTRY if element == 0 or element == 2 else first]
-        rest += UNRESOLVED_SHARE * felt * found * (found / size) ** 2 / since
+        felt = again * f.growth[OUT + N - 1] / f.growth[ENTRY] if element == 2 else 1.0
+        rest += UNRESOLVED_SHARE * felt * found * (found / size) ** 3
     return rest
 
 
