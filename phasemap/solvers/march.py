@@ -24,7 +24,8 @@ class March(InTime):
     """Every material in time, from an orbit that holds the setpoint or, where none is known, from far.
 
     Slow: it is what the other solvers are checked against. Near the resonance they say on which branch the tip engages,
-    and where on it the march begins; what it comes to shares nothing with them but the equation.
+    and where on it the march begins; what it comes to shares nothing with them but the equation. A lever with several
+    modes is lowered from far in time.
 
     Parameters
     ----------
@@ -39,6 +40,11 @@ class March(InTime):
         """See `phasemap.solvers.solver.Solver`."""
         from phasemap._kernels.engagement.resonance import near_resonance
 
+        if (
+            work.lever[col.MODES] > 1
+        ):  # averaging knows no harmonics of the higher modes, which may decide on the branch
+            self.engage(work, np.arange(first, last), answers, accuracy.periods)
+            return
         if not near_resonance(work.lever):
             pressed = solve_from_far(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers, self)
             self.settle(work, pressed, answers, accuracy.periods)

@@ -222,6 +222,15 @@ def test_a_contact_that_a_mode_makes_again_within_a_flight_is_found() -> None:
     assert tip.u[Z] < row[col.TIP_OFFSET] or tip.u[V] != 0.0
 
 
+def test_the_branch_of_a_soft_lever_is_that_of_a_tip_lowered_in_time() -> None:
+    # The second mode swings at the sixth harmonic: a start on the averaged orbit, without it, ends on the other branch.
+    lever = pm.Cantilever(0.383, 70e3, 151.9, modes=(pm.Eigenmode(6.12, 322.7),))
+    scope = pm.Microscope(lever, pm.Tip(17.6e-9), pm.Drive(54.2e-9, excitation="base"), pm.Interaction("dmt", 2e-10))
+    pixel = pm.solve_pixel(pm.Material(24.4e9, 0.0474, damping=0.0255), scope, 0.7916, solver="march")
+    assert pixel.branch == "attractive"
+    assert pixel.phase == pytest.approx(-37.9, abs=0.1)
+
+
 def test_a_surface_that_remembers_is_refused_under_a_lever_with_several_modes() -> None:
     scope = pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0, modes=2), pm.Tip(10e-9), pm.Drive(20e-9))
     remembering = pm.Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-7)
