@@ -41,6 +41,29 @@ def mode_of(lever: np.ndarray, i: int) -> Mode:
     return Mode(-rate / omega, math.sqrt(square - rate * rate) / omega, square, rate, lever[first + col.SHARE])
 
 
+@kernel
+def dynamic_stiffness_of_mode(lever: np.ndarray, i: int) -> complex:
+    """w_i^2 - omega^2 + 2i alpha_i omega [1] of a mode at the drive frequency."""
+    mode, omega = mode_of(lever, i), lever[col.OMEGA]
+    return complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
+
+
+@kernel
+def inverse_inertia(lever: np.ndarray) -> complex:
+    """1/(2 (alpha0 + i omega)); of several modes i over the slope of the dynamic stiffness by the frequency.
+
+    So modes above the first follow it at once: theory, Eq. (slow-flow-3).
+    """
+    if lever[col.MODES] < 2:
+        return 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA])
+    omega, slope = lever[col.OMEGA], complex(0.0, 0.0)
+    for i in range(modes_of(lever)):
+        own, mode = dynamic_stiffness_of_mode(lever, i), mode_of(lever, i)
+        slope += 2.0 * mode.share * complex(mode.rate, omega) / (own * own)
+    stiffness = complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
+    return 1.0 / (stiffness * stiffness * slope)
+
+
 @kernel(light=True)
 def slowest_decay(lever: np.ndarray) -> float:
     """Rate alpha_i [1] of the mode that rings longest."""

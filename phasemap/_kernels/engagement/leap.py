@@ -27,7 +27,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEAR, balance_depth
 from phasemap._kernels.law import Oscillator, longrange_force
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import free_amplitude, inverse_inertia
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.records import record
 
@@ -123,11 +123,11 @@ def _complex_amplitude_rate(
 ) -> tuple[complex, float, float]:
     """Time derivative of the complex amplitude, in-phase force P [m], and mean deflection with harmonics [m]."""
     lever = oscillator.lever
-    omega, size = lever[col.OMEGA], abs(a)
+    size = abs(a)
     push, drag, more = harmonics(oscillator, reach, size, (z0 - mean) / size)
     drive = lever[col.DRIVE] - complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]) * a
     return (
-        (drive - complex(push, -drag) * a / size) / (2.0 * complex(lever[col.ALPHA0], omega)),
+        (drive - complex(push, -drag) * a / size) * inverse_inertia(lever),
         push,
         more + lift * push,
     )

@@ -20,9 +20,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.lever import inverse_inertia
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.time.modes import dynamic_stiffness_of_mode
 from phasemap._kernels.records import record
 from phasemap._kernels.scanning.higher_harmonics import Shares, tip_shift
 from phasemap._kernels.scanning.loop import (
@@ -71,22 +70,6 @@ class Sample(NamedTuple):
 def modulus(a: complex) -> float:
     """|a|, for numbers that are neither huge nor tiny."""
     return math.sqrt(a.real * a.real + a.imag * a.imag)
-
-
-@kernel
-def inverse_inertia(lever: np.ndarray) -> complex:
-    """1/(2 (alpha0 + i omega)); of several modes i over the slope of the dynamic stiffness by the frequency.
-
-    So modes above the first follow it at once: theory, Eq. (slow-flow-3).
-    """
-    if lever[col.MODES] < 2:
-        return 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA])
-    omega, slope = lever[col.OMEGA], complex(0.0, 0.0)
-    for i in range(modes_of(lever)):
-        own, mode = dynamic_stiffness_of_mode(lever, i), mode_of(lever, i)
-        slope += 2.0 * mode.share * complex(mode.rate, omega) / (own * own)
-    stiffness = complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
-    return 1.0 / (stiffness * stiffness * slope)
 
 
 @kernel

@@ -18,9 +18,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import inverse_inertia, reach_of
 from phasemap._kernels.records import assign, record
-from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, inverse_inertia, modulus, slow_flow_rhs
+from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, modulus, slow_flow_rhs
 from phasemap._kernels.scanning.higher_harmonics import Shares
 from phasemap._kernels.scanning.loop import (
     A_IMAG,

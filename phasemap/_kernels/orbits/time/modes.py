@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.lever import mode_of, modes_of, static_compliance
+from phasemap._kernels.lever import dynamic_stiffness_of_mode, mode_of, modes_of, static_compliance
 from phasemap._kernels.records import column, record
 
 
@@ -32,13 +32,6 @@ class Modes:
     now: np.ndarray = column(2 * col.MOST_MODES - 2)  # displacement and velocity of each mode above the first [m]
     end: np.ndarray = column(2 * col.MOST_MODES - 2)  # the same at the end of the step tried last
     loss: np.ndarray = column(col.MOST_MODES)  # what its damping takes, over what that of the first does [1]
-
-
-@kernel
-def dynamic_stiffness_of_mode(lever: np.ndarray, i: int) -> complex:
-    """w_i^2 - omega^2 + 2i alpha_i omega [1] of a mode at the drive frequency."""
-    mode, omega = mode_of(lever, i), lever[col.OMEGA]
-    return complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
 
 
 @kernel
