@@ -11,6 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import untold
 from phasemap.experiment.presets import Preset, levers, materials
@@ -100,7 +101,8 @@ class Offered:
 def first_of(explored: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Opened:
     """What the explorer is started with: the name of a sample, or the file of a scene or of a microscope."""
     path, overrides = Path(explored), list(overrides)
-    if str(explored) in SAMPLES and not path.exists():
+    if not path.suffix and not path.exists():
+        check_choice("what is explored", str(explored), SAMPLES)
         path = folder_of_samples() / f"{explored}.toml"
     if path.suffix.lower() != ".toml":
         return opened(path, overrides)

@@ -447,6 +447,13 @@ def test_the_explorer_begins_with_the_name_of_a_sample_or_a_file(what: list[Any]
     assert (subject.name, subject.options["setpoint"]) == (name, setpoint)
 
 
+def test_a_name_that_no_sample_has_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InputError, match=r"what is explored is 'blent'; allowed: blend, .*Did you mean 'blend'"):
+        first_of("blent")
+    with pytest.raises(pm.FileError, match=r"blent\.toml"):
+        first_of("blent.toml")
+
+
 def test_a_scene_file_and_a_measured_file_can_be_opened(tmp_path: Path) -> None:
     offered = Offered()
     assert offered.open("C:\\fakepath\\mine.toml", Path(STEP).read_bytes()) == "mine"
