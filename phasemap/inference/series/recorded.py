@@ -107,18 +107,18 @@ def _complete(known: list[dict[str, Any]], names: Sequence[str], told: list[str]
         if most >= 1:
             told.append(f"{name}: the setpoint would be {most:.3g} of the recorded free amplitude, which is not used.")
             _forget(one)
-    before = [dict(one) for one in known]
-    said = list(told)
+    filled, said = [dict(one) for one in known], list[str]()
     for quantity in FREE_AMPLITUDES:
-        _fill(known, names, quantity, told)
-    if any(max(_ratios(one), default=0.0) >= 1 for one in known):
-        told[:] = said
-        for one, old in zip(known, before, strict=True):
-            one.clear()
-            one.update(old)
+        _fill(filled, names, quantity, said)
+    contradicted = any(max(_ratios(one), default=0.0) >= 1 for one in filled)
+    if contradicted:
+        said = ["Recorded setpoints, free amplitudes and drive contradict each other: no free amplitude is used."]
+    told += said
+    for one, more in zip(known, filled, strict=True):
+        if contradicted:
             _forget(one)
-        told.append("Recorded setpoints, free amplitudes and drive contradict each other: no free amplitude is used.")
-    for one in known:
+        else:
+            one.update(more)
         if "setpoint" not in one and (ratios := _ratios(one)):
             one["setpoint"] = ratios[0]
 
