@@ -45,9 +45,11 @@ def eliminate(m: np.ndarray, n: int) -> bool:
 
 
 @kernel
-def eliminate_columns(m: np.ndarray) -> bool:
-    """`eliminate` for NODES equations with column j in m[j]: each step adds a multiple of one column to the others."""
-    count = len(m)
+def eliminate_columns(m: np.ndarray, count: int) -> bool:
+    """`eliminate` for NODES equations with column j in m[j], in all `count` of them.
+
+    Each step adds a multiple of one column to the others.
+    """
     for k in range(NODES):
         column = m[k]
         best, size = k, abs(column[k])

@@ -1,9 +1,10 @@
 """Constant tables: Gauss nodes, and the elements on which an exact orbit is collocated.
 
-An element maps xi in [0, 1] to the angle theta = origin + scale * S(xi) (theory, Eq. (collocation-3)). Two families of
+An element maps xi in [0, 1] to the angle theta = origin + scale * S(xi) (theory, Eq. (collocation-3)). Three families of
 S make every function that occurs analytic in xi, so that eight Gauss nodes an element suffice:
 
 * contact: S = sin(psi), psi uniform over [-pi/2, pi/2]; d^(1/2) and d^(3/2) vanish like powers of cos(psi);
+* straight: S = xi, where higher modes ring on in flight;
 * graded: S = sinh(x), x uniform from 0; the long-range force has its pole next to the point where grading starts,
   and elements grow geometrically away from it. A mirrored copy runs towards that point.
 
@@ -21,26 +22,22 @@ import numpy as np
 Map = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 NODES = 8
-CONTACT_COUNTS = np.array([2, 3, 4, 6, 8, 12, 16])  # elements that a contact may be split into
+CONTACT_COUNTS = np.array([2, 3, 4, 6, 8, 12, 16, 24])  # elements that a contact may be split into
 GRADED_WIDTHS = np.array([1.2, 0.8, 0.5])  # of a graded element in x, by level of refinement
 GRADED_REACH = 14.0  # graded elements run to x = 14: lengths over five decades
 
 # Rows of an element, NODES numbers each.
 T_S = 0  # S at the nodes
 T_END1 = 1  # weights that integrate once to the element's end
-T_END2 = 2  # weights that integrate twice
-T_SUM1 = 3  # row sums of M1
-T_BARY = 4  # barycentric weights in S
-T_NUMBERS = 5  # numbers of the element, in the columns below
-T_M1 = 6  # NODES rows: integration once from the element's start to the nodes
-T_M2 = 14  # NODES rows: integration twice
-T_ROWS = 22
+T_BARY = 2  # barycentric weights in S
+T_NUMBERS = 3  # numbers of the element, in the columns below
+T_UPTO = 4  # NODES rows: row k integrates the polynomial of node k from the element's start to the nodes
+T_ROWS = 12
 
 T_FIRST = 0  # S at xi = 0
 T_LAST = 1  # S at xi = 1
-T_TOTAL = 2  # sum of T_END1
-T_BARY_FIRST = 3  # barycentric weights of both ends
-T_BARY_LAST = 4
+T_BARY_FIRST = 2  # barycentric weights of both ends
+T_BARY_LAST = 3
 
 
 def gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -82,6 +79,10 @@ def _incoming(e: int, width: float) -> Map:
     return lambda y: (-np.sinh(width * (e + 1 - y)), width * np.cosh(width * (e + 1 - y)))
 
 
+def _straight(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return y, np.ones_like(y)
+
+
 def _element(mapped: Map, low: float, high: float) -> np.ndarray:
     """Rows of the part of an element between two values of xi."""
     s, t = mapped(low + (high - low) * _ELEMENT_X)
@@ -89,11 +90,11 @@ def _element(mapped: Map, low: float, high: float) -> np.ndarray:
     ends = mapped(np.array([low, high]))[0]
     row = np.zeros((T_ROWS, NODES))
     m1 = _MATRIX * t
-    row[T_S], row[T_END1], row[T_END2], row[T_SUM1] = s, _ELEMENT_WEIGHT * t, (_ELEMENT_WEIGHT * t) @ m1, m1.sum(axis=1)
+    row[T_S], row[T_END1] = s, _ELEMENT_WEIGHT * t
     bary = barycentric(np.concatenate([ends[:1], s, ends[1:]]) / (ends[1] - ends[0]))
     row[T_BARY] = bary[1:-1]
-    row[T_NUMBERS, :5] = *ends, row[T_END1].sum(), bary[0], bary[-1]
-    row[T_M1 : T_M1 + NODES], row[T_M2 : T_M2 + NODES] = m1, m1 @ m1
+    row[T_NUMBERS, :4] = *ends, bary[0], bary[-1]
+    row[T_UPTO : T_UPTO + NODES] = m1.T
     return row
 
 
@@ -109,6 +110,7 @@ def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         most = math.ceil(GRADED_REACH / width)
         graded_start.append((len(maps), len(maps) + most))
         maps += [_outgoing(e, width) for e in range(most)] + [_incoming(e, width) for e in range(most)]
+    maps.append(_straight)
     whole = [_element(mapped, 0.0, 1.0) for mapped in maps]
     halves = [_element(mapped, *part) for mapped in maps for part in ((0.0, 0.5), (0.5, 1.0))]
     return np.array(whole + halves), np.array(contact_start), np.array(graded_start), len(whole)
@@ -122,4 +124,5 @@ def _into_halves() -> np.ndarray:
 
 
 TABLES, CONTACT_START, GRADED_START, HALVES = _build()
+STRAIGHT = HALVES - 1
 INTO_HALVES = _into_halves()

@@ -32,16 +32,18 @@ def lever_of(scope: Microscope) -> Array:
     lever[[col.OMEGA, col.ALPHA0, col.STIFFNESS, col.RIGID]] = omega, first, scope.cantilever.stiffness, rigid
     lever[col.MODES] = len(modes)
     lever[col.MODE :] = np.stack([w, rate, share, pulled, weights], axis=1).reshape(-1)
-    answer = 1 / (w**2 - omega**2 + 2j * rate * omega)
-    kappa = 1 / (share @ answer)
-    drive = kappa * (pulled @ answer + rigid)
-    lever[[col.DYNAMIC_STIFFNESS, col.DYNAMIC_LOSS]] = kappa.real, kappa.imag
+    # Written so that with one mode all is a polynomial of omega, or constant, to the last bit.
+    stiff = w**2 - omega**2 + 2j * rate * omega
+    others = share[1:] * stiff[0] / (share[0] * stiff[1:])  # compliance over that of the first mode
+    kappa = stiff[0] / share[0] / (1 + others.sum())
+    drive = pulled[0] / share[0] + (pulled[1:] - pulled[0] / share[0] * share[1:]) @ (kappa / stiff[1:]) + kappa * rigid
+    factor = (weights[0] + weights[1:] @ others) / (1 + others.sum())
     turn = drive / abs(drive)
+    lever[[col.DYNAMIC_STIFFNESS, col.DYNAMIC_LOSS]] = kappa.real, kappa.imag
     lever[[col.DRIVE, col.TURN_COS, col.TURN_SIN]] = abs(drive), turn.real, turn.imag
     resonant = weights @ (pulled / (w**2 - 1 + 2j * rate) - moved)
     ahead = abs(resonant) / resonant
-    factor = (weights * share) @ answer * kappa
-    offset = ahead * (weights @ (pulled * answer - moved) - factor * drive / kappa) if based else 0j
+    offset = ahead * (((weights - factor) * pulled) @ (1 / stiff) - weights @ moved - factor * rigid) if based else 0j
     factor *= -1j * ahead * turn
     seen = offset.real, offset.imag, factor.real, factor.imag
     lever[[col.OFFSET_RE, col.OFFSET_IM, col.FACTOR_RE, col.FACTOR_IM]] = seen

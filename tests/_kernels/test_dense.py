@@ -13,7 +13,7 @@ def test_columns_are_solved_for_as_numpy_does_also_where_rows_have_to_be_exchang
     matrix, right = generator.normal(size=(NODES, NODES)), generator.normal(size=(NODES, 7))
     matrix[0, 0] = matrix[3, 3] = 0.0
     columns = np.concatenate([matrix.T, right.T])
-    assert eliminate_columns.py_func(columns)
+    assert eliminate_columns.py_func(columns, len(columns))
     # Both round 8 steps; what that does to a solution is bounded by the condition of the matrix.
     bound = 8 * NODES * np.finfo(float).eps * np.linalg.cond(matrix)
     np.testing.assert_allclose(columns[NODES:].T, np.linalg.solve(matrix, right), atol=bound, rtol=bound)
@@ -22,4 +22,4 @@ def test_columns_are_solved_for_as_numpy_does_also_where_rows_have_to_be_exchang
 def test_a_singular_system_has_no_solution() -> None:
     columns = np.ones((NODES + 1, NODES))
     columns[2] = 0.0
-    assert not eliminate_columns.py_func(columns)
+    assert not eliminate_columns.py_func(columns, len(columns))

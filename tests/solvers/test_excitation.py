@@ -85,15 +85,18 @@ def test_kernels_see_what_arrays_see(scope: pm.Microscope) -> None:
     lever = lever_of(scope)
     amplitude, phase = 7e-9, 0.6
     expected = show(lever, amplitude, phase)
-    push = lever[col.BASE] * math.sin(phase) - amplitude * (1 - lever[col.OMEGA] ** 2)
+    push = lever[col.DRIVE] * math.sin(phase) - amplitude * lever[col.DYNAMIC_STIFFNESS]
+    drag = amplitude * lever[col.DYNAMIC_LOSS] - lever[col.DRIVE] * math.cos(phase)
     for at in (kernel.show, kernel.show.py_func):
         assert at(lever, amplitude, phase) == pytest.approx([float(x) for x in expected], rel=1e-14)
     for at in (kernel.seen_amplitude, kernel.seen_amplitude.py_func):
-        assert at(lever, amplitude, push) == pytest.approx(float(expected[0]), rel=1e-14)
+        assert at(lever, amplitude, push, drag) == pytest.approx(float(expected[0]), rel=1e-14)
     # Central differences are off by the square of their step.
     step = 1e-5
-    ends = [kernel.seen_amplitude(lever, amplitude * (1 + s), push * (1 - 2 * s)) for s in (step, -step)]
-    rate = kernel.seen_rate(lever, amplitude, push, amplitude, -2 * push)
+    ends = [
+        kernel.seen_amplitude(lever, amplitude * (1 + s), push * (1 - 2 * s), drag * (1 + s)) for s in (step, -step)
+    ]
+    rate = kernel.seen_rate(lever, (amplitude, push, drag), (amplitude, -2 * push, drag))
     assert rate == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-8)
 
 

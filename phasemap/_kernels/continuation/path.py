@@ -19,8 +19,6 @@ from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.collocation.closing import (
     curve_derivative,
     solve_step,
-    solve_swept_step,
-    swept_curve_derivative,
 )
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements, move_elements
@@ -30,11 +28,10 @@ from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
     EQUATIONS_KEPT,
     EQUATIONS_OTHER,
-    HOLD_PLANE,
     Equation,
-    Held,
     Orbit,
     head_of,
+    hold_parameter,
     linearise_orbit,
     no_drift,
 )
@@ -145,7 +142,9 @@ def held_value(path: Path, m: float) -> float:
 
 @kernel
 def held_equation(path: Path, m: float) -> Equation:
-    """Equation of what is held, linearised at m."""
+    """Equation of what is held, linearised at m: of a fixed path, m itself."""
+    if path.kind == FIXED_PATH:
+        return hold_parameter()
     value = held_value(path, m)
     rate = (held_value(path, m + DRIFT_STEP) - held_value(path, m - DRIFT_STEP)) / (2.0 * DRIFT_STEP)
     if path.kind == HELD_AMPLITUDE:
@@ -219,7 +218,6 @@ def solve_on(
     """
     law, tables, head = path.law, path.tables, head_of(orbit)
     r_z, r_a, r_m = row
-    plane = Held(HOLD_PLANE, r_z, r_a, head.tip_offset, head.amplitude)
     across = Equation(r_z, r_a, r_m, r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter)
     p, lever = standing_at(path, head.parameter)
     level = head.level
@@ -233,11 +231,7 @@ def solve_on(
             Oscillator(law, p, lever), tables, orbit, drift
         ):
             return col.NOT_CONVERGED, steps, orbit, spare
-        if path.kind == FIXED_PATH:
-            solved = solve_step(lever, orbit, plane)
-        else:
-            solved = solve_swept_step(lever, orbit, drift, (held_equation(path, m), across))
-        if not solved:
+        if not solve_step(lever, orbit, drift, (held_equation(path, m), across)):
             return col.NOT_CONVERGED, steps + 1, orbit, spare
         status, change = take_step(tables, lever, orbit, tolerance, coarse)
         size = contact_size(head_of(orbit), reach_of(law, p))
@@ -270,8 +264,4 @@ def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> boo
         Oscillator(path.law, p, lever), path.tables, orbit, drift
     ):
         return False
-    if path.kind == FIXED_PATH:
-        r_z, r_a, _ = row
-        return curve_derivative(lever, orbit, r_z, r_a)
-    held = held_equation(path, m), Equation(row[0], row[1], row[2], 0.0)
-    return swept_curve_derivative(lever, orbit, drift, held)
+    return curve_derivative(lever, orbit, drift, (held_equation(path, m), Equation(row[0], row[1], row[2], 0.0)))

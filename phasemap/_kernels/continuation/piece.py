@@ -41,7 +41,14 @@ from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, begin_harmonic, observe, settled, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import (
+    MOST_NEWTON_STEPS,
+    NewtonLimits,
+    begin_harmonic,
+    observe,
+    settled,
+    solve_orbit,
+)
 from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_KEPT,
@@ -52,9 +59,11 @@ from phasemap._kernels.orbits.collocation.system import (
     RZ,
     Orbit,
     head_of,
+    hold_amplitude,
+    hold_offset,
+    hold_parameter,
     new_orbit,
-    the_amplitude,
-    the_offset,
+    no_drift,
 )
 from phasemap._kernels.records import assign, clear
 
@@ -96,7 +105,7 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     observe(Oscillator(law, p, lever), tables, orbit, row[: col.COLUMNS])
     of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
     row[col.SEEN] = seen_amplitude(lever, *of)
-    if curve_derivative(lever, orbit, 0.0, 1.0):
+    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(), hold_amplitude(orbit))):
         rate = seen_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
         row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
     complete_row(Oscillator(law, p, lever), tables, orbit, row)
@@ -151,7 +160,7 @@ def turn_between(
     There x is stationary and exact to rounding; the other coordinate is as exact as s. Where a step from the start
     fails, for a long one round a sharp turn may, the shorter one that did not is the next to start from.
     """
-    begun, base, room, at = Point(), new_orbit(), new_orbit(), 0.0
+    begun, base, room, at = Point(), new_orbit(path.lever), new_orbit(path.lever), 0.0
     assign(begun, start.point)
     copy_orbit(start.orbit, base)
     head_of(base).level = level
@@ -231,7 +240,12 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Po
     count : int
         Rows made, in the order of the curve.
     """
-    saved, one, top, tops = new_orbit(), new_orbit(), new_orbit(), (new_orbit(), new_orbit())
+    saved, one, top, tops = (
+        new_orbit(path.lever),
+        new_orbit(path.lever),
+        new_orbit(path.lever),
+        (new_orbit(path.lever), new_orbit(path.lever)),
+    )
     turned, entries = (Point(), Point()), np.zeros(2, np.int64)
     origin, before, after, step = Point(), Point(), Point(), FIRST_ARC_STEP
     assign(origin, point)
@@ -298,9 +312,9 @@ def exact_orbit_at(
     p, lever = standing_at(path, m)
     if not guess[col.G_A] > 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
         return False, orbit, spare
-    held = the_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else the_amplitude()
+    held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
     status, _, orbit, spare = solve_orbit(
-        Oscillator(law, p, lever), tables, orbit, spare, held, 0, tolerance, MOST_NEWTON_STEPS
+        Oscillator(law, p, lever), tables, orbit, spare, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False)
     )
     return status == col.GOOD and head_of(orbit).amplitude > 0.0, orbit, spare
 

@@ -10,8 +10,8 @@ from phasemap._kernels.continuation.path import Path
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
-from phasemap._kernels.orbits.collocation.system import HOLD_ARC, Held, Orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.system import Equation, Orbit
 
 
 @kernel(shared=True)
@@ -22,9 +22,11 @@ def start_far(path: Path, orbit: Orbit, spare: Orbit, amplitude: float, level: i
     guess = np.array(
         [free * far_start(Oscillator(law, p, lever), reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0]
     )
-    held = Held(HOLD_ARC, 1.0, -1.0, guess[col.G_Z0], free)
+    held = Equation(1.0, -1.0, 0.0, guess[col.G_Z0] - free)
     if not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
         return col.NOT_CONVERGED, orbit, spare
     tolerance = 1e-3 * path.reach
-    status, _, orbit, spare = solve_orbit(Oscillator(law, p, lever), tables, orbit, spare, held, level, tolerance, 30)
+    status, _, orbit, spare = solve_orbit(
+        Oscillator(law, p, lever), tables, orbit, spare, held, NewtonLimits(level, tolerance, 30, True)
+    )
     return status, orbit, spare

@@ -23,7 +23,6 @@ from phasemap._kernels.continuation.path import (
     ENTRY_S,
     ENTRY_SEEN,
     ENTRY_Z0,
-    FIXED_PATH,
     Path,
     Point,
     answer_entry,
@@ -41,13 +40,12 @@ from phasemap._kernels.continuation.path import (
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step, solve_swept_step
+from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
-from phasemap._kernels.orbits.collocation.newton import floquet
+from phasemap._kernels.orbits.collocation.newton import determinant_of_return, floquet
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
-    HOLD_PLANE,
     RA,
     RIGHT,
     RM,
@@ -56,7 +54,6 @@ from phasemap._kernels.orbits.collocation.system import (
     RZ,
     Equation,
     Head,
-    Held,
     Orbit,
     element_of,
     head_of,
@@ -97,6 +94,12 @@ def copy_orbit(source: Orbit, to: Orbit) -> None:
     assign(head_of(to), head_of(source))
     copy_rows(source.chained, to.chained)
     copy_rows(source.system, to.system)
+    for e in range(head_of(source).count + 1):
+        for i in range(source.modes.shape[1]):
+            copy_rows(source.modes[e, i], to.modes[e, i])
+        copy_rows(source.chain[e], to.chain[e])
+        if e < head_of(source).count:
+            copy_rows(source.forces[e], to.forces[e])
 
 
 @kernel
@@ -127,14 +130,10 @@ def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: t
     """Move an orbit whose equations are known along the curve's tangent, to row (z0, A, m) = row target."""
     m = head_of(orbit).parameter
     lever = standing_at(path, m)[1]
-    if path.kind == FIXED_PATH:
-        if not solve_step(lever, orbit, Held(HOLD_PLANE, row[0], row[1], target[0], target[1])):
-            return False
-    else:
-        right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
-        held = held_equation(path, m), Equation(row[0], row[1], row[2], right)
-        if not solve_swept_step(lever, orbit, drift_at(path, m), held):
-            return False
+    right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
+    held = held_equation(path, m), Equation(row[0], row[1], row[2], right)
+    if not solve_step(lever, orbit, drift_at(path, m), held):
+        return False
     apply_step(path.tables, lever, orbit, 1.0)
     return True
 
@@ -151,9 +150,9 @@ def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     dz, da, dm = right[RZ], right[RA], right[RM]
     t_u, t_v = scaled_direction(path, reach, point, dz, da, dm)
     length = math.hypot(t_u, t_v)
-    m = head.transfer
-    point.floquet = floquet(m)
-    point.determinant = 1.0 - m[0] - m[3] + m[0] * m[3] - m[1] * m[2]
+    states = 2 * orbit.modes.shape[1]
+    point.floquet = floquet(head.transfer, states)
+    point.determinant = determinant_of_return(head.transfer, states)
     point.tangent_u, point.tangent_v = t_u / length, t_v / length
     point.rate[ENTRY_Z0], point.rate[ENTRY_A], point.rate[ENTRY_M] = dz / length, da / length, dm / length
     point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
@@ -322,7 +321,7 @@ def find_crossing(
     good, orbit, spare = settle_on_crossing(path, wanted, last, after, orbit, spare)
     if good:
         return True, orbit, spare
-    low, high, room, begin_orbit = Point(), Point(), new_orbit(), new_orbit()
+    low, high, room, begin_orbit = Point(), Point(), new_orbit(path.lever), new_orbit(path.lever)
     assign(low, before)
     assign(high, after)
     copy_orbit(start.orbit, begin_orbit)

@@ -42,8 +42,13 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import bend_by_adhesion, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, linearise_and_fill_row, solve_orbit
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of, the_amplitude
+from phasemap._kernels.orbits.collocation.newton import (
+    NewtonLimits,
+    begin_harmonic,
+    linearise_and_fill_row,
+    solve_orbit,
+)
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, hold_amplitude
 from phasemap._kernels.records import assign, clear
 
 MOST_APPROACH_POINTS = 1500
@@ -192,7 +197,12 @@ def find_tapping_orbit(path: Path, wanted: Wanted, z0: float, level: int, rooms:
         if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
         status, _, orbit, spare = solve_orbit(
-            Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), level, wanted.tolerance, 20
+            Oscillator(law, p, lever),
+            tables,
+            orbit,
+            spare,
+            hold_amplitude(orbit),
+            NewtonLimits(level, wanted.tolerance, 20, False),
         )
         if status != col.GOOD or not head_of(orbit).push > 0.0:
             continue
@@ -290,7 +300,12 @@ def _farthest_repulsive(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, 
         if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, found, guess, 0):
             continue
         status, _, found, spare = solve_orbit(
-            Oscillator(law, p, lever), tables, found, spare, the_amplitude(), 0, wanted.tolerance, 12
+            Oscillator(law, p, lever),
+            tables,
+            found,
+            spare,
+            hold_amplitude(found),
+            NewtonLimits(0, wanted.tolerance, 12, False),
         )
         if status == col.GOOD and linearise_and_fill_row(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
             if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
@@ -326,7 +341,7 @@ def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
     if not certain or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
         return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
     status, _, orbit, spare = solve_orbit(
-        Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), 0, tolerance, 12
+        Oscillator(law, p, lever), tables, orbit, spare, hold_amplitude(orbit), NewtonLimits(0, tolerance, 12, False)
     )
     point = Point()
     point.tangent_v = -1.0

@@ -16,13 +16,13 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import bend_by_adhesion, lowest_tip_offset
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, floquet, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, floquet, solve_orbit
 from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     head_of,
+    hold_offset,
     linearise_orbit,
     no_drift,
-    the_offset,
 )
 
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
@@ -127,12 +127,17 @@ def held_there(
     if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, tables, orbit, guess, level):
         return False, orbit, spare
     status, _, orbit, spare = solve_orbit(
-        oscillator, tables, orbit, spare, the_offset(z0), level, LANDING_PRECISION * guess[col.G_A], 20
+        oscillator,
+        tables,
+        orbit,
+        spare,
+        hold_offset(z0),
+        NewtonLimits(level, LANDING_PRECISION * guess[col.G_A], 20, False),
     )
     good = (
         status == col.GOOD and head_of(orbit).amplitude > 0.0 and linearise_orbit(oscillator, tables, orbit, no_drift())
     )
-    return good and floquet(head_of(orbit).transfer) < 1.0, orbit, spare
+    return good and floquet(head_of(orbit).transfer, 2 * orbit.modes.shape[1]) < 1.0, orbit, spare
 
 
 @kernel

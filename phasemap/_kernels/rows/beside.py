@@ -11,9 +11,9 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import new_orbit, the_amplitude
+from phasemap._kernels.orbits.collocation.system import hold_amplitude, new_orbit
 
 MOST_BESIDE_STEPS = 15
 SAME_ORBIT = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
@@ -25,7 +25,7 @@ def rows_beside(
     done: np.ndarray,
 ) -> None:  # fmt: skip
     """Replace each result row by that of the exact orbit beside it; `done` says where there is one."""
-    orbit, spare = new_orbit(), new_orbit()
+    orbit, spare = new_orbit(lever), new_orbit(lever)
     guess, row = np.zeros(col.GUESS), np.zeros(col.COLUMNS)
     for i in range(len(rows)):
         p, amplitude, near = parameters(rows[i]), amplitudes[i], out[i]
@@ -42,10 +42,8 @@ def rows_beside(
                 tables,
                 orbit,
                 spare,
-                the_amplitude(),
-                level,
-                tolerance,
-                MOST_BESIDE_STEPS,
+                hold_amplitude(orbit),
+                NewtonLimits(level, tolerance, MOST_BESIDE_STEPS, False),
             )
             if status == col.GOOD:
                 status, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)

@@ -24,9 +24,14 @@ from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, linearise_and_fill_row, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import (
+    NewtonLimits,
+    begin_harmonic,
+    linearise_and_fill_row,
+    solve_orbit,
+)
 from phasemap._kernels.orbits.collocation.polish import tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, head_of, new_orbit, the_amplitude
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, head_of, hold_amplitude, new_orbit
 from phasemap._kernels.records import assign, clear
 
 MOST_ORBITS = 40
@@ -45,7 +50,7 @@ def add_along_curve(
     The way is followed on coarser elements than the orbits have. It is left where the tip stays in contact, or hardly
     moves any more.
     """
-    orbit, spare, saved = new_orbit(), new_orbit(), new_orbit()
+    orbit, spare, saved = new_orbit(path.lever), new_orbit(path.lever), new_orbit(path.lever)
     index = ENTRY_A if hold == HOLD_AMPLITUDE else ENTRY_Z0
     wanted = Wanted(index, value, tolerance)
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
@@ -56,7 +61,7 @@ def add_along_curve(
     point.tangent_u = -1.0
     if status != col.GOOD or not mark_point(path, orbit, point):
         return col.NOT_CONVERGED, 0
-    step, count, one = FIRST_ARC_STEP, 0, new_orbit()
+    step, count, one = FIRST_ARC_STEP, 0, new_orbit(lever)
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
@@ -105,14 +110,19 @@ def add_from_averaged(
     An averaged orbit of another amplitude is followed to this one, along its own piece of the curve.
     """
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
-    orbit, spare, saved, one = new_orbit(), new_orbit(), new_orbit(), new_orbit()
+    orbit, spare, saved, one = new_orbit(lever), new_orbit(lever), new_orbit(lever), new_orbit(lever)
     point, wanted = Point(), Wanted(ENTRY_A, amplitude, tolerance)
     for i in range(len(guesses)):
         guess = guesses[i]
         if count == len(rows) or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
         status, _, orbit, spare = solve_orbit(
-            Oscillator(law, p, lever), tables, orbit, spare, the_amplitude(), level, tolerance, 30
+            Oscillator(law, p, lever),
+            tables,
+            orbit,
+            spare,
+            hold_amplitude(orbit),
+            NewtonLimits(level, tolerance, 30, False),
         )
         if status != col.GOOD or not head_of(orbit).amplitude > 0.0:
             continue

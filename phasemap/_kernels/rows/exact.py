@@ -24,9 +24,9 @@ from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import low_q
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import head_of, new_orbit, the_amplitude
+from phasemap._kernels.orbits.collocation.system import head_of, hold_amplitude, new_orbit
 from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.rows.answers import Answers
 
@@ -45,7 +45,9 @@ def _orbit_near(
             if not begin_harmonic(oscillator, tables, orbit, guess, level):
                 break
         start = head_of(orbit).tip_offset
-        done, _, orbit, spare = solve_orbit(oscillator, tables, orbit, spare, the_amplitude(), level, tolerance, 12)
+        done, _, orbit, spare = solve_orbit(
+            oscillator, tables, orbit, spare, hold_amplitude(orbit), NewtonLimits(level, tolerance, 12, False)
+        )
         if done != col.GOOD:
             continue  # finer elements change less from pass to pass
         done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
@@ -124,7 +126,7 @@ def exact_rows(
 ) -> None:
     """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
-    rooms = Rooms(new_orbit(), new_orbit(), new_orbit(), new_orbit())
+    rooms = Rooms(new_orbit(lever), new_orbit(lever), new_orbit(lever), new_orbit(lever))
     guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(first, last):
         if status[i] != col.PENDING:

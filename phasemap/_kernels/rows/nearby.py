@@ -14,9 +14,9 @@ from phasemap._kernels.continuation.step import relay_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import is_thrown_back
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import head_of, new_orbit, the_amplitude
+from phasemap._kernels.orbits.collocation.system import head_of, hold_amplitude, new_orbit
 
 MOST_NEARBY_STEPS = 12  # of Newton's method from a guess
 
@@ -46,7 +46,7 @@ def nearby_rows(
     group : int
         So many rows, one after another, are close to each other: each may start from the one before.
     """
-    orbit, spare = new_orbit(), new_orbit()
+    orbit, spare = new_orbit(lever), new_orbit(lever)
     guess = np.zeros(col.HARMONIC_ORBIT)
     for i in range(len(rows)):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
@@ -69,7 +69,12 @@ def nearby_rows(
                 if not begin_harmonic(oscillator, tables, orbit, guess, 0):
                     continue
             done, _, orbit, spare = solve_orbit(
-                oscillator, tables, orbit, spare, the_amplitude(), 0, tolerance, MOST_NEARBY_STEPS
+                oscillator,
+                tables,
+                orbit,
+                spare,
+                hold_amplitude(orbit),
+                NewtonLimits(0, tolerance, MOST_NEARBY_STEPS, False),
             )
             if done == col.GOOD:
                 done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)

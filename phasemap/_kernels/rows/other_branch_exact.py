@@ -11,9 +11,9 @@ from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import new_orbit, the_amplitude
+from phasemap._kernels.orbits.collocation.system import hold_amplitude, new_orbit
 from phasemap._kernels.rows.answers import Answers
 
 MOST_OTHER_BRANCH_STEPS = 15
@@ -31,7 +31,7 @@ def exact_near_rows(
     are tried too.
     """
     out, status, solver = answers
-    orbit, spare, guess = new_orbit(), new_orbit(), np.zeros(col.HARMONIC_ORBIT)
+    orbit, spare, guess = new_orbit(lever), new_orbit(lever), np.zeros(col.HARMONIC_ORBIT)
     waiting = 0
     for i in range(first, last):
         p, left = parameters(rows[i]), False
@@ -52,10 +52,8 @@ def exact_near_rows(
                     tables,
                     orbit,
                     spare,
-                    the_amplitude(),
-                    0,
-                    tolerance,
-                    MOST_OTHER_BRANCH_STEPS,
+                    hold_amplitude(orbit),
+                    NewtonLimits(0, tolerance, MOST_OTHER_BRANCH_STEPS, False),
                 )
                 if done == col.GOOD:
                     done, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)

@@ -82,7 +82,7 @@ class Curves:
         from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 
         free = free_amplitude(self.standing(0.0)[1])
-        orbit, spare = new_orbit(), new_orbit()
+        orbit, spare = new_orbit(self.path.lever), new_orbit(self.path.lever)
         status, orbit, spare = start_far(self.path, orbit, spare, 0.9999 * free, 0)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
             status, orbit, spare = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
@@ -194,7 +194,9 @@ class Curves:
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        good, orbit, spare = exact_orbit_at(self.path, guess, m, hold, self._tolerance(m), new_orbit(), new_orbit())
+        good, orbit, spare = exact_orbit_at(
+            self.path, guess, m, hold, self._tolerance(m), new_orbit(self.path.lever), new_orbit(self.path.lever)
+        )
         return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
 
     def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
@@ -203,7 +205,7 @@ class Curves:
         from phasemap._kernels.continuation.step import copy_orbit
         from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 
-        start = new_orbit()
+        start = new_orbit(self.path.lever)
         copy_orbit(orbit, start)
         tolerance = self._tolerance(float(head_of(orbit).parameter))
         asked = Asked(self.index, self.wanted, self.box, tolerance)

@@ -2,38 +2,55 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from phasemap._kernels.arrays import copy_rows
-from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, ROW
-from phasemap._kernels.compilation import kernel
+from phasemap._kernels.columns import (
+    DRIVE,
+    DYNAMIC_LOSS,
+    DYNAMIC_STIFFNESS,
+    FREQUENCY,
+    MODE,
+    MODE_NUMBERS,
+    MODES,
+    OMEGA,
+    RATE,
+    ROW,
+    SHARE,
+)
+from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate
 from phasemap._kernels.lever import drive_needed
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_OTHER,
-    HOLD_AMPLITUDE,
-    ONE,
+    GROWTH,
+    MOTION,
+    MOTION_BY_M,
+    MOTION_RATE,
+    MOTION_RATE_BY_M,
+    PLACES,
     RA,
     RIGHT,
     RM,
     RP,
     RS,
     RZ,
-    SEVEN,
-    U0,
-    W0,
+    STATE,
+    TURN_COSINE,
+    TURN_SINE,
     Equation,
     Head,
-    Held,
     Orbit,
+    add_answer,
+    add_times,
+    close_ring,
     element_of,
     head_of,
-    no_drift,
+    left_alone,
+    turning_rates,
 )
-from phasemap._kernels.quadrature import NODES, T_M1, T_M2, T_SUM1
+from phasemap._kernels.quadrature import NODES
 
 
 @kernel
@@ -45,119 +62,130 @@ def _drive(lever: np.ndarray, head: Head) -> float:
 
 
 @kernel(shared=True)
-def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> None:
-    """Put the chained equations into the system, and the drive's, linearised, into its row 4."""
-    base = lever[DRIVE]
-    head = head_of(orbit)
-    copy_rows(orbit.chained, orbit.system)
-    orbit.system[4:] = 0.0
-    row = orbit.system[4]
-    amplitude, push, drag = head.amplitude, head.push, head.drag
-    x, y = drive_needed(lever, amplitude, push, drag)
-    row[RP] = 2 * x / base
-    row[RS] = -2 * y / base
-    row[RA] = (2 * x * lever[DYNAMIC_STIFFNESS] + 2 * y * lever[DYNAMIC_LOSS]) / base
-    row[RIGHT] = (base * base - x * x - y * y + 2 * x * push - 2 * y * drag) / base
+def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
+    """Add the drive's equation, linearised, to the chained ones; returns the row of the next equation."""
+    head, system, base = head_of(orbit), orbit.system, lever[DRIVE]
+    states = 2 * int(lever[MODES])
+    row = states + 2
+    copy_rows(orbit.chained, system)
+    system[row:] = 0.0
+    x, y = drive_needed(lever, head.amplitude, head.push, head.drag)
+    system[row, RP], system[row, RS] = 2 * x / base, -2 * y / base
+    system[row, RA] = 2 * (x * lever[DYNAMIC_STIFFNESS] + y * lever[DYNAMIC_LOSS]) / base
+    system[row, RIGHT] = (x * x + y * y) / base + base
     if len(drift) > 0:
-        row[RM] = (_drive(drift[0][ROW:], head) - _drive(drift[1][ROW:], head)) / (2.0 * DRIFT_STEP)
+        system[row, RM] = (_drive(drift[0][ROW:], head) - _drive(drift[1][ROW:], head)) / (2.0 * DRIFT_STEP)
+    return row + 1
 
 
 @kernel
-def solve_step(lever: np.ndarray, orbit: Orbit, held: Held) -> bool:
-    """Add the drive's equation and what is held, and solve for (w, w', P, S, z0, change of A); True if solvable."""
-    _with_drive(lever, orbit, no_drift())
-    row = orbit.system[5]
-    row[RZ], row[RA] = held.normal_z, held.normal_a
-    if held.hold != HOLD_AMPLITUDE:
-        change = held.through_a - head_of(orbit).amplitude
-        row[RIGHT] = held.normal_z * held.through_z + held.normal_a * change
-    return eliminate(orbit.system[:6], 6)
+def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
+    """Solve the chained equations with the drive's and two that hold, for the unknowns after a step; True if solvable.
 
-
-@kernel(shared=True)
-def curve_derivative(lever: np.ndarray, orbit: Orbit, r_z: float, r_a: float) -> bool:
-    """Leave the derivative along the curve of orbits in the system's last column, with r_z dz0 + r_A dA = 1."""
-    _with_drive(lever, orbit, no_drift())
-    orbit.system[:6, RIGHT] = 0.0
-    orbit.system[5, RZ] = r_z
-    orbit.system[5, RA] = r_a
-    orbit.system[5, RIGHT] = 1.0
-    return eliminate(orbit.system[:6], 6)
-
-
-@kernel
-def solve_swept_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
-    """Solve for the step where m may change too, and two equations hold; True if solvable."""
-    head = head_of(orbit)
-    _with_drive(lever, orbit, drift)
+    Where no parameter moves, the second of them is `hold_parameter`.
+    """
+    head, system = head_of(orbit), orbit.system
+    row = _with_drive(lever, orbit, drift)
     for i in range(2):
-        row, one = orbit.system[5 + i], held[i]
-        row[RZ], row[RA], row[RM] = one.normal_z, one.normal_a, one.normal_m
-        row[RIGHT] = one.equals - one.normal_a * head.amplitude - one.normal_m * head.parameter
-    return eliminate(orbit.system[:SEVEN], SEVEN)
+        one = held[i]
+        system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
+        system[row + i, RIGHT] = one.equals - one.normal_m * head.parameter
+    return eliminate(system, len(system))
 
 
 @kernel
-def swept_curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
-    """Leave the derivative where m may change too: the first equation stays, the second changes by one."""
-    _with_drive(lever, orbit, drift)
-    orbit.system[:SEVEN, RIGHT] = 0.0
+def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
+    """Leave the derivative along the curve in the last column: the first equation stays, the second changes by one."""
+    system = orbit.system
+    row = _with_drive(lever, orbit, drift)
+    system[:, RIGHT] = 0.0
     for i in range(2):
-        row, one = orbit.system[5 + i], held[i]
-        row[RZ], row[RA], row[RM] = one.normal_z, one.normal_a, one.normal_m
-    orbit.system[SEVEN - 1, RIGHT] = 1.0
-    return eliminate(orbit.system[:SEVEN], SEVEN)
+        one = held[i]
+        system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
+    system[row + 1, RIGHT] = 1.0
+    return eliminate(system, len(system))
 
 
-@kernel
+@kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
 def apply_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) -> float:
     """Move the orbit by `share` of the step just solved; return the largest change of the depth [m] over the nodes."""
-    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
-    head = head_of(orbit)
-    count = head.count
-    x = orbit.system[:SEVEN, RIGHT]
-    gain, shift, change = x[RA], x[RZ] - head.tip_offset, x[RM]
-    # The chain knows the orbit as if A had stayed: w + gain cos(theta), with these starts and forces.
-    c, s = math.cos(element_of(orbit, 0).edge), math.sin(element_of(orbit, 0).edge)
-    w0, u0 = x[W0] + gain * c, x[U0] - gain * s
-    push, drag, z0 = x[RP] + gain * (1 - omega**2), x[RS] - gain * 2 * alpha0 * omega, x[RZ]
-    largest = 0.0
-    a = np.empty(NODES)
-    for e in range(count):
+    count = int(lever[MODES])
+    head, forces, chain = head_of(orbit), orbit.forces, orbit.chain
+    x = orbit.system[:, RIGHT]
+    last = len(x)
+    gain, shift = x[RA] - head.amplitude, x[RZ] - head.tip_offset
+    largest, states, f, old = 0.0, np.empty(2 * count), np.empty(NODES), np.empty(NODES)
+    for e in range(head.count):
         one = element_of(orbit, e)
-        at_w, at_u = one.chain_w, one.chain_u
-        start_w = at_w[W0] * w0 + at_w[U0] * u0 + at_w[RP] * push + at_w[RS] * drag + at_w[RZ] * z0 + at_w[ONE]
-        start_w += at_w[RM] * change
-        start_u = at_u[W0] * w0 + at_u[U0] * u0 + at_u[RP] * push + at_u[RS] * drag + at_u[RZ] * z0 + at_u[ONE]
-        start_u += at_u[RM] * change
-        h = one.scale
-        table = tables[one.table]
+        for r in range(2 * count):
+            states[r] = chain[e, r, last]
+            for q in range(last):
+                states[r] += chain[e, r, q] * x[q]
+        by = forces[e, last]
         for j in range(NODES):
-            a[j] = (
-                one.local[j] * start_w + one.local[NODES * U0 + j] * start_u + one.local[NODES * RP + j] * push
-                + one.local[NODES * RS + j] * drag + one.local[NODES * RZ + j] * z0 + one.local[NODES * ONE + j]
-                + one.local[NODES * RM + j] * change
-            )  # fmt: skip
+            f[j] = x[RP] * one.cos[j] + x[RS] * one.sin[j] - by[j]
+        for q in range(STATE + 2 * count):
+            by, much = forces[e, q], x[q] if q < STATE else states[q - STATE]
+            add_times(-much, by, f)
         for j in range(NODES):
-            sum_w, sum_u = 0.0, 0.0
-            for k in range(NODES):
-                sum_w += table[T_M2 + j, k] * a[k]
-                sum_u += table[T_M1 + j, k] * a[k]
-            step_w = start_w + h * (start_u * table[T_SUM1, j] + h * sum_w) - one.w[j]
-            step_u = start_u + h * sum_u + gain * one.sin[j] - one.u[j]
-            largest = max(largest, abs(step_w - shift))
-            one.w[j] += share * (step_w - gain * one.cos[j])
-            one.u[j] += share * step_u
-            one.bend[j] = a[j] + gain * one.cos[j]
-        c, s = math.cos(one.edge), math.sin(one.edge)
-        one.edge_w += share * (start_w - gain * c - one.edge_w)
-        one.edge_u += share * (start_u + gain * s - one.edge_u)
-    element_of(orbit, count).edge_w = element_of(orbit, 0).edge_w
-    element_of(orbit, count).edge_u = element_of(orbit, 0).edge_u
+            old[j] = one.w[j]
+        move_modes(tables[one.table], lever, orbit, e, states, f, x[RM], share)
+        for j in range(NODES):
+            largest = max(largest, abs((one.w[j] - old[j]) / share + gain * one.cos[j] - shift))
+    close_ring(orbit)
     head.equations = EQUATIONS_OTHER
     head.push += share * (x[RP] - head.push)
     head.drag += share * (x[RS] - head.drag)
     head.tip_offset += share * shift
     head.amplitude += share * gain
-    head.parameter += share * change
+    head.parameter += share * x[RM]
     return largest
+
+
+@kernel(fastmath=ANY_ORDER)
+def move_modes(
+    table: np.ndarray,
+    lever: np.ndarray,
+    orbit: Orbit,
+    e: int,
+    states: np.ndarray,
+    f: np.ndarray,
+    m: float,
+    share: float,
+) -> None:
+    """Move each mode in an element by `share` of the way to the motion from these states at its start, under a force f."""
+    one, modes, omega = element_of(orbit, e), orbit.modes, lever[OMEGA]
+    one.edge_w, one.edge_u = 0.0, 0.0
+    for j in range(NODES):
+        one.w[j], one.u[j], one.bend[j] = 0.0, 0.0, 0.0
+    for i in range(int(lever[MODES])):
+        at, w0, u0 = MODE + MODE_NUMBERS * i, states[2 * i], states[2 * i + 1]
+        a, nu = turning_rates(lever, i)
+        for j in range(PLACES):
+            modes[e, i, MOTION, j] *= 1.0 - share
+            modes[e, i, MOTION_RATE, j] *= 1.0 - share
+        modes[e, i, MOTION, NODES] += share * w0
+        modes[e, i, MOTION_RATE, NODES] += share * u0
+        grow, cosine, sine, inverse = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE], 1.0 / nu
+        w, u = modes[e, i, MOTION], modes[e, i, MOTION_RATE]
+        for j in range(NODES):
+            ww, wu, uw, uu = left_alone(a, nu, inverse, grow[j], cosine[j], sine[j])
+            w[j] += share * (ww * w0 + wu * u0)
+            u[j] += share * (uw * w0 + uu * u0)
+        if m != 0.0:
+            for j in range(NODES):
+                w[j] += share * m * modes[e, i, MOTION_BY_M, j]
+                u[j] += share * m * modes[e, i, MOTION_RATE_BY_M, j]
+        add_answer(lever, orbit, e, table, i, share, f, (MOTION, MOTION_RATE))
+        scale = 1.0 / (omega * omega)
+        of_f, of_u, of_w = (
+            scale * lever[at + SHARE],
+            2.0 * scale * lever[at + RATE] * omega,
+            scale * lever[at + FREQUENCY] ** 2,
+        )
+        for j in range(NODES):
+            one.w[j] += w[j]
+            one.u[j] += u[j]
+            one.bend[j] += of_f * f[j] - of_u * u[j] - of_w * w[j]
+        one.edge_w += modes[e, i, MOTION, NODES]
+        one.edge_u += modes[e, i, MOTION_RATE, NODES]

@@ -52,6 +52,25 @@ def interpolate(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple
     return w / below, u / below
 
 
+@kernel(fastmath=ANY_ORDER)
+def interpolation_shares(tables: np.ndarray, orbit: Orbit, e: int, theta: float, shares: np.ndarray) -> None:
+    """Fill the shares of the nodes of element e, of its start and of its end in what is interpolated at an angle."""
+    one, table = element_of(orbit, e), tables[element_of(orbit, e).table]
+    x = (theta - one.origin) / one.scale
+    total = 0.0
+    for k in range(NODES + 2):
+        at = table[T_S, k] if k < NODES else table[T_NUMBERS, T_FIRST if k == NODES else T_LAST]
+        weight = table[T_BARY, k] if k < NODES else table[T_NUMBERS, T_BARY_FIRST if k == NODES else T_BARY_LAST]
+        if x == at:
+            for j in range(NODES + 2):
+                shares[j] = 1.0 if j == k else 0.0
+            return
+        shares[k] = weight / (x - at)
+        total += shares[k]
+    for k in range(NODES + 2):
+        shares[k] /= total
+
+
 @kernel
 def depth_at(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return d and d' (by the angle) at an angle inside element e."""

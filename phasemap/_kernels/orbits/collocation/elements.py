@@ -6,18 +6,33 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
+from phasemap._kernels.columns import (
+    DAMPING,
+    FREQUENCY,
+    LONGRANGE,
+    MODE,
+    MODE_NUMBERS,
+    MODES,
+    OMEGA,
+    RELEASE,
+    SHARE,
+    STIFFNESS,
+)
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate, interpolation_shares
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     IN_CONTACT,
     IN_NECK,
+    MOTION,
+    MOTION_RATE,
     OUT_OF_CONTACT,
+    PLACES,
     Element,
     Orbit,
+    close_ring,
     element_of,
     head_of,
 )
@@ -28,6 +43,7 @@ from phasemap._kernels.quadrature import (
     GRADED_START,
     GRADED_WIDTHS,
     NODES,
+    STRAIGHT,
     T_FIRST,
     T_LAST,
     T_NUMBERS,
@@ -36,6 +52,7 @@ from phasemap._kernels.quadrature import (
 from phasemap._kernels.records import assign
 
 MOST_SLIP = 1e-3  # of half a contact: series to the second order leave less than a billionth of it
+LONGEST_RINGING = 3.0  # [rad] of a higher mode's oscillation that an element of the widest kind may span
 LONGEST_OSCILLATION = 5.0  # [rad] of the contact's own oscillation that an element may span
 
 
@@ -60,14 +77,45 @@ def append_element(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: 
 
 
 @kernel
+def _straight(tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, longest: float) -> bool:
+    """Elements of one length, none longer than `longest`."""
+    count, ok = math.ceil(length / longest), True
+    for i in range(count):
+        ok = append_element(tables, orbit, STRAIGHT, side, start + length * i / count, length / count) and ok
+    return ok
+
+
+@kernel
 def _half(
+    tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int,
+    longest: float,
+) -> bool:  # fmt: skip
+    """Elements over `length` away from `start` (or towards it): graded ones, then straight ones where those are too long.
+
+    The smallest is about as long as `scale`.
+    """
+    graded = length
+    if longest < length:
+        graded = min(length, longest / (1.0 - math.exp(-GRADED_WIDTHS[head_of(orbit).level]))) if scale > 0.0 else 0.0
+    rest, ok = length - graded, True
+    if incoming == 1 and rest > 0.0:
+        ok = _straight(tables, orbit, side, start - length, rest, longest) and ok
+    if graded > 0.0:
+        ok = _graded(tables, orbit, side, start, graded, scale, incoming) and ok
+    if incoming == 0 and rest > 0.0:
+        ok = _straight(tables, orbit, side, start + graded, rest, longest) and ok
+    return ok
+
+
+@kernel
+def _graded(
     tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int
 ) -> bool:
     """Graded elements over `length` away from `start` (or towards it), the smallest about as long as `scale`."""
     level = head_of(orbit).level
     width = GRADED_WIDTHS[level]
     most = int(GRADED_REACH / width)
-    count = 2
+    count = 1  # where nothing pulls, the motion is known
     if scale > 0.0:
         count = min(max(2, math.ceil(math.asinh(length / scale) / width)), most)
     delta = length / math.sinh(count * width)
@@ -80,11 +128,29 @@ def _half(
 
 
 @kernel
+def fastest_turn(lever: np.ndarray, slope: float) -> float:
+    """Rate [1] of the fastest oscillation of a lever on a stiffness [N/m], or more."""
+    at = MODE + MODE_NUMBERS * (int(lever[MODES]) - 1)
+    squared, share = lever[at + FREQUENCY] ** 2, 0.0
+    for i in range(int(lever[MODES])):
+        share += lever[MODE + MODE_NUMBERS * i + SHARE]
+    return math.sqrt(squared + share * abs(slope) / lever[STIFFNESS])
+
+
+@kernel
+def longest_flight(lever: np.ndarray, level: int) -> float:
+    """Longest element [rad] out of contact: higher modes ring on in it."""
+    if lever[MODES] == 1.0:
+        return math.inf
+    return LONGEST_RINGING * GRADED_WIDTHS[level] * lever[OMEGA] / fastest_turn(lever, 0.0)
+
+
+@kernel
 def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
     law, p, lever = oscillator
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
-    rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
+    rate = fastest_turn(lever, contact_slope(law, deepest, p))
     if p[DAMPING] != 0.0:
         rate += damping(law, deepest, p)
     return _pick((2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
@@ -98,7 +164,7 @@ def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, l
     """
     law, p, lever = oscillator
     deepest = nearest + 2.0 * amplitude
-    rate = math.sqrt(1.0 + abs(contact_slope(law, deepest, p)) / lever[STIFFNESS])
+    rate = fastest_turn(lever, contact_slope(law, deepest, p))
     if p[DAMPING] != 0.0:
         rate += damping(law, deepest, p)
     turn = TWO_PI * rate / lever[OMEGA]
@@ -111,7 +177,7 @@ def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, l
 def _neck_count(oscillator: Oscillator, half: float, level: int) -> int:
     """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
     law, p, lever = oscillator
-    rate = math.sqrt(1.0 + abs(contact_slope(law, 0.5 * p[RELEASE], p)) / lever[STIFFNESS])
+    rate = fastest_turn(lever, contact_slope(law, 0.5 * p[RELEASE], p))
     return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
 
 
@@ -140,7 +206,7 @@ def _span(tables: np.ndarray, orbit: Orbit, side: int, start: float, end: float,
 def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int) -> bool:
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
     law, p = oscillator.law, oscillator.p
-    head = head_of(orbit)
+    head, longest = head_of(orbit), longest_flight(oscillator.lever, level)
     amplitude = head_of(source).amplitude
     assign(head, head_of(source))
     contacts = head.contacts
@@ -156,8 +222,8 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUT_OF_CONTACT else 0.0)) / amplitude)
         if side == OUT_OF_CONTACT and p[LONGRANGE] == 0.0:
             scale = 0.0
-        return _half(tables, orbit, side, theta, math.pi, scale, 0) and _half(
-            tables, orbit, side, theta + TWO_PI, math.pi, scale, 1
+        return _half(tables, orbit, side, theta, math.pi, scale, 0, longest) and _half(
+            tables, orbit, side, theta + TWO_PI, math.pi, scale, 1, longest
         )
     ok = True
     for i in range(contacts):
@@ -176,32 +242,42 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
             slope = amplitude * abs(math.sin(at))
             root = math.sqrt(slope * slope + 2.0 * amplitude * reach)
             scale = 0.0 if p[LONGRANGE] == 0.0 else 2.0 * reach / (slope + root)
-            ok = _half(tables, orbit, OUT_OF_CONTACT, at, gap, scale, incoming) and ok
+            ok = _half(tables, orbit, OUT_OF_CONTACT, at, gap, scale, incoming, longest) and ok
     return ok
 
 
 @kernel(shared=True, vectors=True)
 def interpolate_motion(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
-    """Interpolate w and w' of `source` to the nodes and edges of `orbit`."""
+    """Interpolate the motion of `source` to the nodes and edges of `orbit`."""
     last, count = head_of(source).count, head_of(orbit).count
+    several = orbit.modes.shape[1] > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
     begin, at = element_of(source, 0).edge, 0
+    shares = np.empty(PLACES + 1)
     for e in range(count):
-        for k in range(NODES + 1):
-            theta = element_of(orbit, e).edge if k == 0 else element_of(orbit, e).theta[k - 1]
+        one = element_of(orbit, e)
+        for k in range(PLACES):
+            theta = one.edge if k == NODES else one.theta[k]
             theta -= math.floor((theta - begin) / TWO_PI) * TWO_PI
             if theta < element_of(source, at).edge:
                 at = 0
             while at < last - 1 and theta > element_of(source, at + 1).edge:
                 at += 1
             w, u = interpolate(tables, source, at, theta)
-            if k == 0:
-                element_of(orbit, e).edge_w, element_of(orbit, e).edge_u = w, u
+            if k == NODES:
+                one.edge_w, one.edge_u = w, u
             else:
-                element_of(orbit, e).w[k - 1], element_of(orbit, e).u[k - 1] = w, u
-    element_of(orbit, count).edge_w, element_of(orbit, count).edge_u = (
-        element_of(orbit, 0).edge_w,
-        element_of(orbit, 0).edge_u,
-    )
+                one.w[k], one.u[k] = w, u
+            if several:
+                interpolation_shares(tables, source, at, theta, shares)
+                for i in range(orbit.modes.shape[1]):
+                    for row in (MOTION, MOTION_RATE):
+                        x = shares[PLACES] * source.modes[at + 1, i, row, NODES]
+                        for j in range(PLACES):
+                            x += shares[j] * source.modes[at, i, row, j]
+                        orbit.modes[e, i, row, k] = x
+            else:
+                orbit.modes[e, 0, MOTION, k], orbit.modes[e, 0, MOTION_RATE, k] = w, u
+    close_ring(orbit)
 
 
 @kernel(light=True)
@@ -218,12 +294,12 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     """After a step that hardly moved the contact, move its elements along with it, by series about where they were.
 
     As `lay_elements` and `interpolate_motion` do, without looking for contacts again. False, and nothing done, where
-    there is no single contact, or where it moved by more than MOST_SLIP of its half length: then the series would not
+    the lever has several modes, there is no single contact, or where it moved by more than MOST_SLIP of its half length: then the series would not
     be exact enough.
     """
     head = head_of(orbit)
     count = head.count
-    if head.contacts != 1 or p[RELEASE] != 0.0:
+    if head.contacts != 1 or p[RELEASE] != 0.0 or orbit.modes.shape[1] > 1:
         return False
     inner = 0
     while inner < count and element_of(orbit, inner).side == IN_CONTACT:
@@ -260,6 +336,7 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
             one.cos[j], one.sin[j] = c - c * less - s * sine, s - s * less + c * sine
             one.w[j] += t * (one.u[j] + 0.5 * t * bend)
             one.u[j] += t * bend
+            orbit.modes[e, 0, MOTION, j], orbit.modes[e, 0, MOTION_RATE, j] = one.w[j], one.u[j]
         t = origin + scale * table[T_NUMBERS, T_FIRST]
         place.edge += t
         place.edge_w += t * (place.edge_u + 0.5 * t * one.bend[0])

@@ -31,10 +31,11 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     element_of,
     head_of,
+    hold_amplitude,
+    hold_parameter,
     linearise_orbit,
     no_drift,
     room_for,
-    the_amplitude,
 )
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 from phasemap._kernels.records import assign
@@ -64,7 +65,7 @@ def estimate_errors(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sp
     assign(kept, head)
     halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
     chained = linearise_orbit(oscillator, tables, halves, no_drift())
-    if not chained or not solve_step(lever, halves, the_amplitude()):
+    if not chained or not solve_step(lever, halves, no_drift(), (hold_amplitude(halves), hold_parameter())):
         return
     solved = halves.system[:, RIGHT]
     phase = phase_of(lever, head.amplitude, solved[RP], solved[RS])
@@ -90,7 +91,7 @@ def _same(orbit: Orbit, places: Orbit) -> bool:
 def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
     """The orbit on elements cut in two, which lie where those of `places` do."""
     count = head_of(orbit).count
-    halves = room_for(2 * count)
+    halves = room_for(2 * count, orbit.modes.shape[1])
     assign(head_of(halves), head_of(orbit))
     head_of(halves).count = 0
     w, u = np.empty(NODES + 2), np.empty(NODES + 2)

@@ -17,10 +17,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
-from phasemap._kernels.lever import mode_of, reach_of
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.elements import lay_elements
-from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
-from phasemap._kernels.orbits.response.nodes import first_harmonic, periods_before
+from phasemap._kernels.orbits.collocation.newton import share_motion
+from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of, turning_rates
+from phasemap._kernels.orbits.response.nodes import periods_before
 from phasemap._kernels.quadrature import NODES
 from phasemap._kernels.records import record
 
@@ -49,17 +50,30 @@ class Hit:
 @kernel
 def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
     """Return w and w' at an angle after a kick of first harmonic one, less mean and first harmonic."""
-    omega, alpha0 = lever[col.OMEGA], lever[col.ALPHA0]
-    a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
-    e_re, e_im = periods_before(a, nu)
-    grow = math.exp(a * angle)
-    c, s = grow * math.cos(nu * angle), grow * math.sin(nu * angle)
-    re, im = c * (e_re + 1.0) - s * e_im, c * e_im + s * (e_re + 1.0)
-    share = -math.pi / (omega * omega * nu)
-    h_re, h_im = first_harmonic(omega, mode_of(lever, 0), 1.0, 0.0)
-    cosine, sine = math.cos(angle), math.sin(angle)
-    w = share * im + 0.5 + h_re * cosine - h_im * sine
-    return w, share * (a * im + nu * re) - h_re * sine - h_im * cosine
+    omega, cosine, sine = lever[col.OMEGA], math.cos(angle), math.sin(angle)
+    w, u = 0.0, 0.0
+    for i in range(int(lever[col.MODES])):
+        at = col.MODE + col.MODE_NUMBERS * i
+        squared, rate, yields = lever[at + col.FREQUENCY] ** 2, lever[at + col.RATE], lever[at + col.SHARE]
+        a, nu = turning_rates(lever, i)
+        e_re, e_im = periods_before(a, nu)
+        grow = math.exp(a * angle)
+        c, s = grow * math.cos(nu * angle), grow * math.sin(nu * angle)
+        re, im = c * (e_re + 1.0) - s * e_im, c * e_im + s * (e_re + 1.0)
+        share = -yields * math.pi / (omega * omega * nu)
+        first = yields / complex(squared - omega * omega, 2.0 * rate * omega)
+        w += share * im + 0.5 * yields / squared + first.real * cosine - first.imag * sine
+        u += share * (a * im + nu * re) - first.real * sine - first.imag * cosine
+    return w, u
+
+
+@kernel
+def kick_share(lever: np.ndarray) -> float:
+    """Acceleration of the tip by a force over k [1], over that by one mode alone."""
+    share = 0.0
+    for i in range(int(lever[col.MODES])):
+        share += lever[col.MODE + col.MODE_NUMBERS * i + col.SHARE]
+    return share
 
 
 @kernel
@@ -70,7 +84,7 @@ def bounce(oscillator: Oscillator, turn: float, hit: Hit) -> bool:
     """
     law, p, lever = oscillator
     omega = lever[col.OMEGA]
-    share = 1.0 / (lever[col.STIFFNESS] * omega * omega)
+    share = kick_share(lever) / (lever[col.STIFFNESS] * omega * omega)
     speed = hit.speed
     d, v, t, loss = 0.0, speed, 0.0, 0.0
     a = -share * contact_force(law, 0.0, p) - turn
@@ -102,7 +116,7 @@ def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: Hit) -> floa
     hit.speed = speed
     if not bounce(oscillator, turn, hit):
         return math.nan
-    squared, outside = lever[col.OMEGA] ** 2, 0.0
+    squared, outside = lever[col.OMEGA] ** 2 / kick_share(lever), 0.0
     if p[col.LONGRANGE] != 0.0:
         outside = reach_of(law, p) * longrange_force(law, 0.0, p) / (lever[col.STIFFNESS] * squared * speed)
     return 2.0 * squared / math.pi * (speed - turn * hit.half + outside)
@@ -112,7 +126,7 @@ def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: Hit) -> floa
 def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: Hit) -> bool:
     """Fill the hit with the contact whose force has a first harmonic `kick`; False if it lasts too long."""
     lever = oscillator.lever
-    low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick / lever[col.OMEGA] ** 2, 0.0
+    low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick * kick_share(lever) / lever[col.OMEGA] ** 2, 0.0
     for _ in range(MOST_SPEEDS):
         f_high = kick_at(oscillator, high, turn, hit) - kick
         if not f_high < 0.0:
@@ -192,4 +206,5 @@ def begin_impact(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, ampli
             one.w[j], one.u[j] = mean + w, u
         w, u = motion_of(lever, amplitude, e, hit, one.edge)
         one.edge_w, one.edge_u = mean + w, u
+    share_motion(lever, orbit)
     return laid

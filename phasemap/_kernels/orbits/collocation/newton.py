@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.dense import factor, spectral_radius
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import drive_needed, reach_of
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
@@ -15,17 +17,21 @@ from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contac
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
-    HOLD_ARC,
+    MOTION,
+    MOTION_RATE,
+    PLACES,
     RA,
     RIGHT,
     RP,
     RS,
     RZ,
+    Equation,
     Head,
-    Held,
     Orbit,
     element_of,
     head_of,
+    hold_amplitude,
+    hold_parameter,
     linearise_orbit,
     no_drift,
     surface_force,
@@ -36,6 +42,15 @@ from phasemap._kernels.quadrature import NODES, T_END1
 MOST_NEWTON_STEPS = 30
 COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
+
+
+class NewtonLimits(NamedTuple):
+    """How finely and how exactly an orbit is solved for."""
+
+    level: int  # of refinement of its elements
+    tolerance: float  # last change [m]: the error left is its square over the size of the contact
+    most_steps: int
+    coarse: bool  # whether it is one on the way along a curve, less exact
 
 
 @kernel
@@ -66,7 +81,25 @@ def begin_harmonic(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, gue
         for j in range(NODES):
             one.w[j], one.u[j] = mean, 0.0
         one.edge_w, one.edge_u = mean, 0.0
+    share_motion(oscillator.lever, orbit)
     return ok
+
+
+@kernel
+def share_motion(lever: np.ndarray, orbit: Orbit) -> None:
+    """Give the motion at nodes and edges to the modes, by how much each yields to a steady force."""
+    whole, count = 0.0, int(lever[col.MODES])
+    for i in range(count):
+        at = col.MODE + col.MODE_NUMBERS * i
+        whole += lever[at + col.SHARE] / lever[at + col.FREQUENCY] ** 2
+    for e in range(head_of(orbit).count + 1):
+        one = element_of(orbit, e)
+        for i in range(count):
+            at = col.MODE + col.MODE_NUMBERS * i
+            part = lever[at + col.SHARE] / lever[at + col.FREQUENCY] ** 2 / whole
+            for k in range(PLACES):
+                w, u = (one.edge_w, one.edge_u) if k == NODES else (one.w[k], one.u[k])
+                orbit.modes[e, i, MOTION, k], orbit.modes[e, i, MOTION_RATE, k] = part * w, part * u
 
 
 @kernel
@@ -102,11 +135,12 @@ def settled(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
 def take_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
     """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
     head = head_of(orbit)
-    change = abs(orbit.system[RZ, RIGHT] - head.tip_offset) + abs(orbit.system[RA, RIGHT])
+    gain = abs(orbit.system[RA, RIGHT] - head.amplitude)
+    change = abs(orbit.system[RZ, RIGHT] - head.tip_offset) + gain
     limit = 0.5 * head.amplitude
     share = 1.0 if change <= limit else limit / change
     turned = abs(orbit.system[RP, RIGHT] - head.push) + abs(orbit.system[RS, RIGHT] - head.drag)
-    change = max(apply_step(tables, lever, orbit, share), abs(orbit.system[RA, RIGHT]))
+    change = max(apply_step(tables, lever, orbit, share), gain)
     head.change, head.turn = change, turned
     if not change < 1e3 * head.amplitude:
         return col.NOT_CONVERGED, change
@@ -121,22 +155,18 @@ def solve_orbit(
     tables: np.ndarray,
     orbit: Orbit,
     spare: Orbit,
-    held: Held,
-    level: int,
-    tolerance: float,
-    most: int,
+    held: Equation,
+    limits: NewtonLimits,
 ) -> tuple[int, int, Orbit, Orbit]:
-    """Iterate to a periodic orbit; return status, steps, the orbit and the spare room.
-
-    `tolerance` [m] is for the last change: the error left is its square over the size of the contact.
-    """
+    """Iterate to a periodic orbit at which an equation holds; return status, steps, the orbit and the spare room."""
     law, p, lever = oscillator
+    level, tolerance, most, coarse = limits
     reach, still = reach_of(law, p), allowed_displacement(oscillator, level)
     for step in range(most):
         linear = head_of(orbit).equations == EQUATIONS_CURRENT or linearise_orbit(oscillator, tables, orbit, no_drift())
-        if not linear or not solve_step(lever, orbit, held):
+        if not linear or not solve_step(lever, orbit, no_drift(), (held, hold_parameter())):
             return col.NOT_CONVERGED, step, orbit, spare
-        status, change = take_step(tables, lever, orbit, tolerance, held.hold == HOLD_ARC)
+        status, change = take_step(tables, lever, orbit, tolerance, coarse)
         if status != col.PENDING:
             return status, step + (status == col.GOOD), orbit, spare
         if change < still * contact_size(head_of(orbit), reach):
@@ -149,8 +179,10 @@ def solve_orbit(
 
 
 @kernel
-def floquet(transfer: np.ndarray) -> float:
-    """Return the largest modulus of the multipliers: theory, Eq. (stability-3)."""
+def floquet(transfer: np.ndarray, states: int) -> float:
+    """Return the largest modulus of the multipliers of a monodromy matrix: theory, Eq. (stability-3)."""
+    if states > 2:
+        return spectral_radius(transfer, states)
     half = 0.5 * (transfer[0] + transfer[3])
     product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
     root = half * half - product
@@ -159,14 +191,31 @@ def floquet(transfer: np.ndarray) -> float:
     return abs(half) + math.sqrt(root)
 
 
+@kernel
+def determinant_of_return(transfer: np.ndarray, states: int) -> float:
+    """Determinant of one less the monodromy matrix: it changes sign where a multiplier passes one."""
+    if states == 2:
+        trace, product = transfer[0] + transfer[3], transfer[0] * transfer[3] - transfer[1] * transfer[2]
+        return 1.0 - trace + product
+    m, order, found = np.empty((states, states)), np.empty(states, np.int64), 1.0
+    for i in range(states):
+        for j in range(states):
+            m[i, j] = (1.0 if i == j else 0.0) - transfer[states * i + j]
+    if not factor(m, states, order):
+        return 0.0
+    for i in range(states):
+        found *= m[i, i] if order[i] == i else -m[i, i]
+    return found
+
+
 @kernel(shared=True, vectors=True)
 def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
     law, p, lever = oscillator
-    omega, alpha0, stiffness = lever[col.OMEGA], lever[col.ALPHA0], lever[col.STIFFNESS]
+    omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
     head = head_of(orbit)
     amplitude, z0 = head.amplitude, head.tip_offset
-    mean, deepest, air, surface, virial, push, drive = 0.0, -1e300, 0.0, 0.0, 0.0, 0.0, 0.0
+    mean, deepest, surface, virial, drive = 0.0, -1e300, 0.0, 0.0, 0.0
     loop = 0.0  # what a law with hysteresis keeps
     # Of the node before: the tip may be deepest between the last and the first.
     last = element_of(orbit, head.count - 1)
@@ -186,12 +235,11 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
             deepest = max(deepest, d, between - z0)
             theta0, w0, u0 = one.theta[j], one.w[j], one.u[j]
             mean += weight * one.w[j]
-            air += weight * 2.0 * alpha0 * v * v / omega
             surface += weight * gv * v * v / omega
             loop += weight * (g - gv * v) * v / omega
             drive += weight * (x * c - y * s) * v / omega
             virial -= weight * g * z
-            push += weight * g * c
+    air = math.pi * lever[col.DYNAMIC_LOSS] * amplitude * amplitude + lost_by_harmonics(tables, lever, orbit)
     if p[col.RELEASE] != 0.0:
         surface += loop
     row[:] = math.nan
@@ -202,9 +250,24 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
     row[col.INDENTATION] = deepest
     row[col.DISSIPATION] = stiffness * surface
     row[col.VIRIAL] = stiffness * virial / (2 * math.pi)
-    row[col.FLOQUET] = floquet(head.transfer)
+    row[col.FLOQUET] = floquet(head.transfer, 2 * int(lever[col.MODES]))
     row[col.STIFFENING] = head.push / amplitude
     row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
+
+
+@kernel
+def lost_by_harmonics(tables: np.ndarray, lever: np.ndarray, orbit: Orbit) -> float:
+    """Energy [m^2] over k that the modes lose in a period by their motion beyond the first harmonic."""
+    lost = 0.0
+    for i in range(int(lever[col.MODES])):
+        at = col.MODE + col.MODE_NUMBERS * i
+        by = 2.0 * lever[at + col.RATE] * lever[col.OMEGA] / lever[at + col.SHARE]
+        for e in range(head_of(orbit).count):
+            one = element_of(orbit, e)
+            for j in range(NODES):
+                weight = one.scale * tables[one.table, T_END1, j]
+                lost += by * weight * orbit.modes[e, i, MOTION_RATE, j] ** 2
+    return lost
 
 
 @kernel
@@ -212,7 +275,7 @@ def fill_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.n
     """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
     lever = oscillator.lever
     observe(oscillator, tables, orbit, row)
-    if curve_derivative(lever, orbit, 0.0, 1.0):
+    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(), hold_amplitude(orbit))):
         row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
 

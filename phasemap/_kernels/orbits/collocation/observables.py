@@ -9,6 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import detected_compliance
 from phasemap._kernels.orbits.collocation.contacts import interpolate
 from phasemap._kernels.orbits.collocation.system import (
     IN_CONTACT,
@@ -62,12 +63,12 @@ def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: 
     row[col.PEAK_FORCE], row[col.LEAST_FORCE] = peak, least
     row[col.CONTACT_TIME] = contact / (2.0 * math.pi)
     for n in range(col.HARMONICS):  # the lever's answer to the harmonics of the force, which is short and well resolved
-        multiple = (n + 2) * omega
-        answer = stiffness * math.hypot(1.0 - multiple**2, 2.0 * lever[col.ALPHA0] * multiple)
-        row[col.HARMONIC + n] = math.hypot(in_phase[n], across[n]) / (math.pi * answer)
+        answer = abs(detected_compliance(lever, (n + 2) * omega)) / stiffness
+        row[col.HARMONIC + n] = math.hypot(in_phase[n], across[n]) / math.pi * answer
     m = head.transfer
-    row[col.TRACE] = m[0] + m[3]
-    row[col.PRODUCT] = m[0] * m[3] - m[1] * m[2]
+    if lever[col.MODES] == 1.0:
+        row[col.TRACE] = m[0] + m[3]
+        row[col.PRODUCT] = m[0] * m[3] - m[1] * m[2]
     z, v, _, side = state_at(oscillator, tables, orbit, row[col.PHASE] - 0.5 * math.pi)
     row[col.START_Z], row[col.START_V], row[col.START_HELD] = z, v, 0.0 if side == OUT_OF_CONTACT else 1.0
 

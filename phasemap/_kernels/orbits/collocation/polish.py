@@ -10,8 +10,8 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
-from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, fill_row, solve_orbit
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of, the_amplitude
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, NewtonLimits, fill_row, solve_orbit
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, hold_amplitude
 
 LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
@@ -50,7 +50,12 @@ def refine_orbit(
         interpolate_motion(tables, orbit, spare)
         orbit, spare = spare, orbit
         fine, _, orbit, spare = solve_orbit(
-            oscillator, tables, orbit, spare, the_amplitude(), level, tolerance, MOST_NEWTON_STEPS
+            oscillator,
+            tables,
+            orbit,
+            spare,
+            hold_amplitude(orbit),
+            NewtonLimits(level, tolerance, MOST_NEWTON_STEPS, False),
         )
         if fine != col.GOOD:
             break

@@ -1,15 +1,18 @@
 """The equations of a periodic orbit, linearised: Gauss collocation on elements split at the contact points.
 
-With the time origin at the first harmonic, z = A cos(theta) + w(theta), theta = omega tau, and
+With the time origin at the first harmonic of the tip, z = A cos(theta) + sum w_i(theta), theta = omega tau, and for each
+mode of the lever
 
-    omega^2 w'' + 2 alpha0 omega w' + w + g(d, zdot) = P cos(theta) + S sin(theta),     g = F/k + 2 alpha_s zdot,
+    omega^2 w_i'' + 2 alpha_i omega w_i' + w_i^2 w_i = c_i (P cos(theta) + S sin(theta) - g),     g = F/k + 2 alpha_s zdot,
 
-where (P, S) are the first harmonic of g, so that w has none; the drive closes the system,
-(P + A (1 - omega^2))^2 + (2 alpha0 omega A - S)^2 = u0^2 (theory, Eqs. (collocation-1), (collocation-2) and
-(averaging-4)). Unknown are w, P, S and z0 (or A). The equation is
-linearised about the present orbit, each element is solved for w'' at its Gauss nodes as an affine function of the
-state at its start and of (P, S, z0), and the elements are chained round the period. The product of their transfer
-matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
+where (P, S) are the first harmonic of g, so that no w_i has one; the dynamic stiffness kappa at the tip and the drive
+close the system, |kappa A + P - i S| = u0 (theory, Eqs. (collocation-1), (collocation-2), (averaging-4), (lever-4)).
+Unknown are the motion of each mode at the start of the period, P, S and z0 (or A).
+
+Unknown in an element is the force at its Gauss nodes: the motion there follows from the mode's state at the element's
+start and the force by the lever's response to a kick. The force is linearised about the present orbit, so that it is
+an affine function of these states and of (P, S, z0, A), and the elements are chained round the period. The product of
+their transfer matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
 
 Anything else that the orbit depends on may be unknown too: the law's parameters and the lever are then functions of
 one number m (see `phasemap._kernels.continuation.path`), and a column of the equations says what a change of m does.
@@ -22,7 +25,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, DAMPING, DRIVE, LONGRANGE, OMEGA, RELEASE, ROW, STIFFNESS
+from phasemap._kernels.columns import (
+    DAMPING,
+    DRIVE,
+    FREQUENCY,
+    LONGRANGE,
+    MODE,
+    MODE_NUMBERS,
+    MODES,
+    MOST_MODES,
+    OMEGA,
+    RATE,
+    RELEASE,
+    ROW,
+    SHARE,
+    STIFFNESS,
+)
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate_columns
 from phasemap._kernels.law import (
@@ -36,7 +54,7 @@ from phasemap._kernels.law import (
     longrange_slope,
     parameters,
 )
-from phasemap._kernels.quadrature import NODES, T_END1, T_END2, T_M1, T_M2, T_NUMBERS, T_SUM1, T_TOTAL
+from phasemap._kernels.quadrature import NODES, T_END1, T_UPTO
 from phasemap._kernels.records import column, record, rows_of, words_of
 
 MOST_ELEMENTS = 96
@@ -45,8 +63,6 @@ MOST_CONTACTS = 8
 # What is held while solving.
 HOLD_AMPLITUDE = 0
 HOLD_OFFSET = 1
-HOLD_ARC = 2  # a plane, on the way along a curve: less exactly
-HOLD_PLANE = 3
 
 # Where the tip is.
 OUT_OF_CONTACT = 0
@@ -58,35 +74,32 @@ EQUATIONS_OTHER = 0  # of another orbit
 EQUATIONS_CURRENT = 1  # of the orbit as it stands
 EQUATIONS_KEPT = 2  # of where the orbit was before a last small step
 
-# Columns of the chained equations and of the system, and the order of the seven numbers of which w and w' are affine
-# functions: w and w' at the start of the period, P, S and z0, the number one, the change of m.
-W0 = 0
-U0 = 1
-RP = 2
-RS = 3
-RZ = 4
-ONE = 5  # in an affine function
-RA = 5  # the change of A, in the equations
-RM = 6
-RIGHT = 7  # the right-hand side
-SEVEN = 7
-EIGHT = 8
-ELEMENT_COLUMNS = NODES + SEVEN  # columns of an element's matrix with its right-hand sides
+# Unknowns, and columns of the equations: P, S, z0, A, the change of m, and from STATE on w_i and w_i' of each mode at the
+# start of the period, or of an element; the last column is the number one of an affine function, or the right-hand side.
+RP = 0
+RS = 1
+RZ = 2
+RA = 3
+RM = 4
+STATE = 5
+RIGHT = -1
+
+# Of the motion of each mode over an element: |exp(lambda theta)| from its start to its nodes and its end, with cosine and
+# sine of its turn; w_i and w_i' at its nodes, and at its start; what these change by with m, the force as it is.
+GROWTH = 0
+TURN_COSINE = 1
+TURN_SINE = 2
+MOTION = 3
+MOTION_RATE = 4
+MOTION_BY_M = 5
+MOTION_RATE_BY_M = 6
+MODE_ROWS = 7
+PLACES = NODES + 1
 
 
 # Where a parameter m moves, `drift`, shape (2, ROW + len(lever)), has the law's parameters and the lever at
 # m + DRIFT_STEP and m - DRIFT_STEP; elsewhere it has no rows.
 DRIFT_STEP = 1e-5
-
-
-class Held(NamedTuple):
-    """Line in the plane of tip offset and amplitude that is held while solving: normal (z0, A) = normal through."""
-
-    hold: int  # HOLD_AMPLITUDE (with the amplitude that the orbit has), HOLD_OFFSET, HOLD_ARC or HOLD_PLANE
-    normal_z: float
-    normal_a: float
-    through_z: float  # [m]
-    through_a: float
 
 
 class Equation(NamedTuple):
@@ -100,7 +113,7 @@ class Equation(NamedTuple):
 
 @record
 class Element:
-    """An element of an orbit: its place, the motion at its nodes, and how that depends on the seven numbers."""
+    """An element of an orbit: its place, and the motion at its nodes."""
 
     table: int  # number in `phasemap._kernels.quadrature.TABLES`
     side: int  # OUT_OF_CONTACT, IN_CONTACT or IN_NECK
@@ -115,9 +128,6 @@ class Element:
     w: np.ndarray = column(NODES)  # motion beyond the first harmonic [m]
     u: np.ndarray = column(NODES)  # w' [m]
     bend: np.ndarray = column(NODES)  # w'' [m] after a full step
-    local: np.ndarray = column(SEVEN * NODES)  # w'' of (w, w') at its start, (P, S, z0), one, the change of m
-    chain_w: np.ndarray = column(SEVEN)  # w and w' at its start of the seven at the start of the period
-    chain_u: np.ndarray = column(SEVEN)
 
 
 @record
@@ -129,6 +139,7 @@ class Head:
     tip_offset: float  # z0 [m]
     amplitude: float  # A [m]
     parameter: float  # m
+    swept: int  # 1 where m moves
     count: int  # of elements
     contacts: int  # in a period; PERMANENT where the tip never leaves contact
     level: int  # of refinement
@@ -137,7 +148,7 @@ class Head:
     turn: float  # and P and S [m]
     nearest_angle: float  # where an orbit without a border is nearest to one [rad]
     nearest_depth: float  # d there [m]
-    transfer: np.ndarray = column(4)  # monodromy matrix
+    transfer: np.ndarray = column(4 * MOST_MODES * MOST_MODES)  # monodromy matrix, row by row
     contact_start: np.ndarray = column(MOST_CONTACTS + 1)  # angles [rad] where d rises and falls through 0
     contact_end: np.ndarray = column(MOST_CONTACTS + 1)
     neck_end: np.ndarray = column(MOST_CONTACTS + 1)  # and where the neck breaks
@@ -148,8 +159,13 @@ class Orbit(NamedTuple):
 
     elements: np.ndarray  # a row of words for each, and one for the end of the last; see `element_of`
     head: np.ndarray  # shape (1, words); see `head_of`
-    chained: np.ndarray  # shape (4, EIGHT); the chained equations
-    system: np.ndarray  # shape (SEVEN, EIGHT); the same, solved with the drive's equation and what is held
+    modes: np.ndarray  # shape (elements + 1, modes, MODE_ROWS, PLACES); motion of each mode
+    forces: (
+        np.ndarray
+    )  # shape (elements, unknowns + 1, NODES); g at its nodes by the unknowns, with the states at its start
+    chain: np.ndarray  # shape (elements + 1, states, unknowns + 1); states at its start by the unknowns
+    chained: np.ndarray  # shape (states + 2, unknowns + 1); the chained equations
+    system: np.ndarray  # shape (unknowns, unknowns + 1); the same with those of the drive and of what is held, solved
 
 
 ELEMENT_WORDS = words_of(Element)
@@ -159,32 +175,42 @@ head_of = rows_of(Head, Orbit, "head")
 
 
 @kernel(light=True)
-def room_for(elements: int) -> Orbit:
-    """Return an orbit's room for so many elements."""
+def room_for(elements: int, modes: int) -> Orbit:
+    """Return an orbit's room for so many elements, and modes of the lever."""
+    unknowns = STATE + 2 * modes
     return Orbit(
         np.zeros((elements + 1, ELEMENT_WORDS)),
         np.zeros((1, HEAD_WORDS)),
-        np.zeros((4, EIGHT)),
-        np.zeros((SEVEN, EIGHT)),
+        np.zeros((elements + 1, modes, MODE_ROWS, PLACES)),
+        np.empty((elements, unknowns + 1, NODES)),
+        np.empty((elements + 1, 2 * modes, unknowns + 1)),
+        np.zeros((2 * modes + 2, unknowns + 1)),
+        np.zeros((unknowns, unknowns + 1)),
     )
 
 
 @kernel(light=True)
-def new_orbit() -> Orbit:
-    """Return an orbit's room."""
-    return room_for(MOST_ELEMENTS)
+def new_orbit(lever: np.ndarray) -> Orbit:
+    """Return an orbit's room for this lever."""
+    return room_for(MOST_ELEMENTS, int(lever[MODES]))
 
 
-@kernel(light=True)
-def the_amplitude() -> Held:
-    """Hold the amplitude that the orbit has."""
-    return Held(HOLD_AMPLITUDE, 0.0, 1.0, 0.0, 0.0)
+@kernel
+def hold_amplitude(orbit: Orbit) -> Equation:
+    """The equation that holds the amplitude that an orbit has."""
+    return Equation(0.0, 1.0, 0.0, head_of(orbit).amplitude)
 
 
-@kernel(light=True)
-def the_offset(z0: float) -> Held:
-    """Hold a tip offset."""
-    return Held(HOLD_OFFSET, 1.0, 0.0, z0, 0.0)
+@kernel
+def hold_offset(z0: float) -> Equation:
+    """The equation that holds a tip offset [m]."""
+    return Equation(1.0, 0.0, 0.0, z0)
+
+
+@kernel
+def hold_parameter() -> Equation:
+    """The equation of a path on which no parameter m moves, which is 0 then."""
+    return Equation(0.0, 0.0, 1.0, 0.0)
 
 
 @kernel
@@ -227,56 +253,241 @@ def surface_force(
 
 
 @kernel
-def _residual(
-    law: Law, standing: np.ndarray, side: int, d: float, w: float, u: float, acceleration: float, speed: float
-) -> float:
-    """Left side of the equation of motion at a node: omega^2 w'' + 2 alpha0 omega w' + w + g; `speed` = dz/d(theta)."""
-    lever = standing[ROW:]
-    omega = lever[OMEGA]
-    g = surface_force(law, parameters(standing), 1.0 / lever[STIFFNESS], side, d, omega * speed)[0]
-    return omega * omega * acceleration + 2.0 * lever[ALPHA0] * omega * u + w + g
+def close_ring(orbit: Orbit) -> None:
+    """Let the end of the last element move as the start of the first does."""
+    head, modes = head_of(orbit), orbit.modes
+    first, last = element_of(orbit, 0), element_of(orbit, head.count)
+    last.edge_w, last.edge_u = first.edge_w, first.edge_u
+    for i in range(modes.shape[1]):
+        modes[head.count, i, MOTION, NODES] = modes[0, i, MOTION, NODES]
+        modes[head.count, i, MOTION_RATE, NODES] = modes[0, i, MOTION_RATE, NODES]
+
+
+@kernel(fastmath=ANY_ORDER)
+def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
+    """Fill how each mode moves over element e when it is left alone: it turns by exp(lambda theta), lambda = a + i nu.
+
+    By Taylor's series at an eighth of the angle, doubled three times, in vectors: to rounding up to 4 rad.
+    """
+    one, modes = element_of(orbit, e), orbit.modes
+    last = element_of(orbit, e + 1).edge - one.edge
+    for i in range(int(lever[MODES])):
+        a, nu = turning_rates(lever, i)
+        grow, c, s = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+        for j in range(PLACES):
+            grow[j] = 0.125 * (one.theta[j] - one.edge if j < NODES else last)
+        for j in range(PLACES):
+            x = nu * grow[j]
+            q = x * x
+            sine = x * (1 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 + q * (
+                -1 / 39916800 + q * (1 / 6227020800 - q / 1307674368000)))))))  # fmt: skip
+            less = q * (-1 / 2 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * (
+                -1 / 3628800 + q * (1 / 479001600 + q * (-1 / 87178291200 + q / 20922789888000)))))))  # fmt: skip
+            sine, less = 2.0 * sine * (1.0 + less), 2.0 * less * (2.0 + less)
+            sine, less = 2.0 * sine * (1.0 + less), 2.0 * less * (2.0 + less)
+            s[j], c[j] = 2.0 * sine * (1.0 + less), 1.0 + 2.0 * less * (2.0 + less)
+            x = a * grow[j]
+            x = 1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040 + x * (
+                1 / 40320 + x * (1 / 362880 + x * (1 / 3628800 + x / 39916800))))))))))  # fmt: skip
+            x *= x
+            x *= x
+            grow[j] = x * x
+
+
+@kernel(inline=True)
+def turning_rates(lever: np.ndarray, i: int) -> tuple[float, float]:
+    """(a, nu): a mode left alone moves as exp((a + i nu) theta)."""
+    at = MODE + MODE_NUMBERS * i
+    rate, w, inverse = lever[at + RATE], lever[at + FREQUENCY], 1.0 / lever[OMEGA]
+    return -rate * inverse, math.sqrt(w * w - rate * rate) * inverse
+
+
+@kernel(inline=True)
+def left_alone(
+    a: float, nu: float, inverse: float, growth: float, cosine: float, sine: float
+) -> tuple[float, float, float, float]:
+    """Transfer (w by w, w by w', w' by w, w' by w') of a mode that is left alone while it turns; `inverse` is 1 / nu."""
+    c, s = growth * cosine, growth * sine * inverse
+    return c - a * s, s, -(a * a + nu * nu) * s, c + a * s
+
+
+@record
+class Kicks:
+    """Sums of kicks up to the nodes of an element, turned back to its start."""
+
+    re: np.ndarray = column(NODES)
+    im: np.ndarray = column(NODES)
+
+
+@kernel(fastmath=ANY_ORDER)
+def add_answer(
+    lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, i: int, part: float, f: np.ndarray, to: tuple[int, int]
+) -> None:
+    """Add to two rows of mode i what a force, `part` of f at the nodes of element e, makes of its motion and its rate."""
+    one, omega, modes, kicks = element_of(orbit, e), lever[OMEGA], orbit.modes, Kicks()
+    a, nu = turning_rates(lever, i)
+    grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+    w, u = modes[e, i, to[0]], modes[e, i, to[1]]
+    share = part * one.scale * lever[MODE + MODE_NUMBERS * i + SHARE] / (omega * omega * nu)
+    re, im = kicks.re, kicks.im
+    for j in range(NODES):
+        re[j], im[j] = 0.0, 0.0
+    for k in range(NODES):
+        kick, upto = share * f[k] / grow[k], table[T_UPTO + k]
+        of_re, of_im = kick * cosine[k], -kick * sine[k]
+        for j in range(NODES):
+            re[j] += upto[j] * of_re
+            im[j] += upto[j] * of_im
+    for j in range(NODES):
+        c, s = grow[j] * cosine[j], grow[j] * sine[j]
+        more = c * im[j] + s * re[j]
+        w[j] += more
+        u[j] += a * more + nu * (c * re[j] - s * im[j])
 
 
 @kernel
-def _element(
-    oscillator: Oscillator, tables: np.ndarray, one: Element, head: Head, drift: np.ndarray, m: np.ndarray
-) -> bool:
-    """Fill `local` of an element: theory, Eq. (collocation-4); m is scratch, shape (ELEMENT_COLUMNS, NODES)."""
+def _add_drift(
+    oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, table: np.ndarray, by_m: np.ndarray
+) -> None:
+    """Fill what a change of m does to the motion over an element, the force as it is: to each mode like a force.
+
+    by_m[i] (shape (modes, NODES)) becomes the force on mode i.
+    """
     law, p, lever = oscillator
-    omega, inverse_k = lever[OMEGA], 1.0 / lever[STIFFNESS]
-    viscous = 2.0 * lever[ALPHA0]
-    z0, amplitude = head.tip_offset, head.amplitude
-    h, side = one.scale, one.side
-    table = tables[one.table]
+    head, one, modes, f = head_of(orbit), element_of(orbit, e), orbit.modes, np.empty(NODES)
+    omega, scale = lever[OMEGA], 1.0 / (2.0 * DRIFT_STEP)
+    up, down = drift[0, ROW:], drift[1, ROW:]
+    for j in range(NODES):
+        c, s = one.cos[j], one.sin[j]
+        d, turn = head.amplitude * c + one.w[j] - head.tip_offset, one.u[j] - head.amplitude * s
+        g = surface_force(law, p, 1.0 / lever[STIFFNESS], one.side, d, omega * turn)[0]
+        f[j] = head.push * c + head.drag * s - g
+    for i in range(int(lever[MODES])):
+        at = MODE + MODE_NUMBERS * i
+        of_u = 2.0 * scale * (up[at + RATE] * up[OMEGA] - down[at + RATE] * down[OMEGA])
+        of_w = scale * (up[at + FREQUENCY] ** 2 - down[at + FREQUENCY] ** 2)
+        of_bend = scale * (up[OMEGA] ** 2 - down[OMEGA] ** 2)
+        of_force = scale * (up[at + SHARE] - down[at + SHARE])
+        for k in range(NODES):
+            w, u = modes[e, i, MOTION, k], modes[e, i, MOTION_RATE, k]
+            bend = lever[at + SHARE] * f[k] - 2.0 * lever[at + RATE] * omega * u - lever[at + FREQUENCY] ** 2 * w
+            bend /= omega * omega
+            by_m[i, k] = (of_force * f[k] - of_u * u - of_w * w - of_bend * bend) / lever[at + SHARE]
+            modes[e, i, MOTION_BY_M, k], modes[e, i, MOTION_RATE_BY_M, k] = 0.0, 0.0
+        add_answer(lever, orbit, e, table, i, 1.0, by_m[i], (MOTION_BY_M, MOTION_RATE_BY_M))
+
+
+@record
+class Slopes:
+    """Change of the force over k with w and w' at the nodes of an element."""
+
+    of_w: np.ndarray = column(NODES)
+    of_u: np.ndarray = column(NODES)
+
+
+@kernel
+def _drift_of_force(
+    oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, slopes: Slopes, by_m: np.ndarray
+) -> None:
+    """Fill what a change of m does to the force at the nodes of an element, itself and by the motion."""
+    law, lever, head, one = oscillator.law, oscillator.lever, head_of(orbit), element_of(orbit, e)
+    up, down = drift[0, ROW:], drift[1, ROW:]
+    for j in range(NODES):
+        d = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
+        turn = one.u[j] - head.amplitude * one.sin[j]
+        more = surface_force(law, parameters(drift[0]), 1.0 / up[STIFFNESS], one.side, d, up[OMEGA] * turn)[0]
+        more -= surface_force(law, parameters(drift[1]), 1.0 / down[STIFFNESS], one.side, d, down[OMEGA] * turn)[0]
+        by_m[j] = more / (2.0 * DRIFT_STEP)
+        for i in range(int(lever[MODES])):
+            by_m[j] += slopes.of_w[j] * orbit.modes[e, i, MOTION_BY_M, j]
+            by_m[j] += slopes.of_u[j] * orbit.modes[e, i, MOTION_RATE_BY_M, j]
+
+
+@kernel(fastmath=ANY_ORDER, inline=True)
+def add_times(factor: float, x: np.ndarray, to: np.ndarray) -> None:
+    """Add a multiple of the numbers at the nodes; written out, and all read before any is written: in vectors."""
+    a, b, c, d, e, f, g, h = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]
+    to[0], to[1], to[2], to[3], to[4], to[5], to[6], to[7] = (
+        to[0] + factor * a, to[1] + factor * b, to[2] + factor * c, to[3] + factor * d,
+        to[4] + factor * e, to[5] + factor * f, to[6] + factor * g, to[7] + factor * h,
+    )  # fmt: skip
+
+
+@kernel(fastmath=ANY_ORDER)
+def _feel_kicks(
+    lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, i: int, slopes: Slopes, m: np.ndarray
+) -> None:
+    """Add to m[k], or set it by the first mode, what the force at node k does to the forces at all nodes by mode i.
+
+    A mode answers a kick of one with Im exp(lambda theta) / (omega^2 nu): theory, Eq. (collocation-4).
+    """
+    one, omega, modes, to = element_of(orbit, e), lever[OMEGA], orbit.modes, Slopes()
+    a, nu = turning_rates(lever, i)
+    grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+    p, q = to.of_w, to.of_u
+    for j in range(NODES):
+        by_w, by_u = grow[j] * (slopes.of_w[j] + a * slopes.of_u[j]), grow[j] * nu * slopes.of_u[j]
+        p[j], q[j] = by_w * sine[j] + by_u * cosine[j], by_u * sine[j] - by_w * cosine[j]
+    p0, p1, p2, p3, p4, p5, p6, p7 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
+    q0, q1, q2, q3, q4, q5, q6, q7 = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
+    share = one.scale * lever[MODE + MODE_NUMBERS * i + SHARE] / (omega * omega * nu)
+    for k in range(NODES):
+        back, x, t = share / grow[k], m[k], table[T_UPTO + k]
+        c, s, old = back * cosine[k], back * sine[k], 1.0 if i > 0 else 0.0
+        x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7] = (
+            old * x[0] + t[0] * (c * p0 + s * q0), old * x[1] + t[1] * (c * p1 + s * q1),
+            old * x[2] + t[2] * (c * p2 + s * q2), old * x[3] + t[3] * (c * p3 + s * q3),
+            old * x[4] + t[4] * (c * p4 + s * q4), old * x[5] + t[5] * (c * p5 + s * q5),
+            old * x[6] + t[6] * (c * p6 + s * q6), old * x[7] + t[7] * (c * p7 + s * q7),
+        )  # fmt: skip
+
+
+@kernel(fastmath=ANY_ORDER)
+def _force_in_element(
+    oscillator: Oscillator, orbit: Orbit, e: int, table: np.ndarray, drift: np.ndarray, m: np.ndarray
+) -> bool:
+    """Fill the force at the nodes of an element as an affine function: theory, Eq. (collocation-5).
+
+    m is scratch, shape (NODES + unknowns + 1, NODES), with column j of the equations in m[j].
+    """
+    law, p, lever = oscillator
+    head, one, modes, forces = head_of(orbit), element_of(orbit, e), orbit.modes, orbit.forces
+    omega, inverse_k, count = lever[OMEGA], 1.0 / lever[STIFFNESS], int(lever[MODES])
+    z0, amplitude, side, unknowns = head.tip_offset, head.amplitude, one.side, STATE + 2 * count
+    slopes = Slopes()
+    of_w, of_u = slopes.of_w, slopes.of_u
     for j in range(NODES):
         c, s = one.cos[j], one.sin[j]
         d = amplitude * c + one.w[j] - z0
-        v = omega * (one.u[j] - amplitude * s)
-        g, gd, gv = surface_force(law, p, inverse_k, side, d, v)
-        d = depth_on_side(p, side, d)
-        first = h * omega * (viscous + gv)
-        second = h * h * (1.0 + gd)
-        for k in range(NODES):
-            m[k, j] = first * table[T_M1 + j, k] + second * table[T_M2 + j, k]
-        m[j, j] += omega * omega
-        m[NODES + W0, j] = -(1.0 + gd)
-        m[NODES + U0, j] = -(1.0 + gd) * h * table[T_SUM1, j] - omega * (viscous + gv)
-        m[NODES + RP, j] = c
-        m[NODES + RS, j] = s
-        m[NODES + RZ, j] = gd
-        m[NODES + ONE, j] = -(g - gd * d - gv * v) - gd * amplitude * c + gv * omega * amplitude * s
-        if len(drift) > 0:
-            w, u = one.w[j], one.u[j]
-            force = head.push * c + head.drag * s
-            acceleration = (force - viscous * omega * u - w - g) / (omega * omega)
-            up = _residual(law, drift[0], side, d, w, u, acceleration, u - amplitude * s)
-            down = _residual(law, drift[1], side, d, w, u, acceleration, u - amplitude * s)
-            m[NODES + RM, j] = (down - up) / (2.0 * DRIFT_STEP)
-    if not eliminate_columns(m):
-        return False
-    for q in range(SEVEN):
+        turn = one.u[j] - amplitude * s
+        g, gd, gv = surface_force(law, p, inverse_k, side, d, omega * turn)
+        d, gu = depth_on_side(p, side, d), omega * gv
+        of_w[j], of_u[j] = gd, gu
+        m[NODES + RP, j], m[NODES + RS, j] = 0.0, 0.0
+        m[NODES + RZ, j], m[NODES + RA, j] = -gd, gd * c - gu * s
+        m[NODES + RM, j] = g - gd * d - gu * turn
+    for i in range(count):
+        _feel_kicks(lever, orbit, e, table, i, slopes, m)
+    for k in range(NODES):
+        add_times(one.cos[k], m[k], m[NODES + RP])
+        add_times(one.sin[k], m[k], m[NODES + RS])
+    for j in range(NODES):
+        m[j, j] += 1.0
+    for i in range(count):
+        a, nu = turning_rates(lever, i)
+        grow, cosine, sine, inverse = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE], 1.0 / nu
+        by_w0, by_u0 = m[NODES + STATE + 2 * i], m[NODES + STATE + 2 * i + 1]
         for j in range(NODES):
-            one.local[NODES * q + j] = m[NODES + q, j]
+            ww, wu, uw, uu = left_alone(a, nu, inverse, grow[j], cosine[j], sine[j])
+            by_w0[j], by_u0[j] = of_w[j] * ww + of_u[j] * uw, of_w[j] * wu + of_u[j] * uu
+    if len(drift) > 0:
+        _drift_of_force(oscillator, orbit, e, drift, slopes, m[NODES + unknowns])
+    if not eliminate_columns(m, NODES + unknowns + (1 if len(drift) > 0 else 0)):
+        return False
+    for q in range(unknowns + 1):
+        row = unknowns if q == RM else RM if q == unknowns else q  # what m moves stands last: mostly there is none
+        for j in range(NODES):
+            forces[e, q, j] = m[NODES + row, j]
     return True
 
 
@@ -307,74 +518,139 @@ def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: floa
     return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
 
 
+@kernel
+def _jump_at_start(oscillator: Oscillator, orbit: Orbit, e: int, integrals: np.ndarray) -> None:
+    """Let the force of an element begin where the contact does: its start lies a little beside it."""
+    lever, one, chain, count = oscillator.lever, element_of(orbit, e), orbit.chain, int(oscillator.lever[MODES])
+    before = element_of(orbit, e - 1 if e > 0 else head_of(orbit).count - 1).side
+    if one.side == before:
+        return
+    rate = jump_rate(oscillator, before, one, head_of(orbit).amplitude)
+    if rate == 0.0:
+        return
+    c, s, border = math.cos(one.edge), math.sin(one.edge), border_between(oscillator.p, before, one.side)
+    last = STATE + 2 * count
+    for q in range(last + 1):
+        depth = -1.0 if q == RZ else c if q == RA else -border if q == last else 0.0
+        for i in range(count):
+            depth += chain[e, 2 * i, q]
+        for i in range(count):
+            chain[e, 2 * i + 1, q] -= rate * lever[MODE + MODE_NUMBERS * i + SHARE] * depth
+        kick = rate * lever[OMEGA] ** 2 * depth
+        integrals[0, q] += kick * c
+        integrals[1, q] += kick * s
+
+
+@record
+class Transfers:
+    """Transfers of the modes over an element, left alone, see `left_alone`."""
+
+    ww: np.ndarray = column(MOST_MODES)
+    wu: np.ndarray = column(MOST_MODES)
+    uw: np.ndarray = column(MOST_MODES)
+    uu: np.ndarray = column(MOST_MODES)
+
+
+@kernel(fastmath=ANY_ORDER)
+def _carry_over(
+    lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, scratch: tuple[np.ndarray, np.ndarray, np.ndarray],
+    integrals: np.ndarray,
+) -> None:  # fmt: skip
+    """States at the end of an element by the unknowns, from those at its start; adds what its force does to (P, S).
+
+    `scratch`: what a change of m does like a force (see `_add_drift`), and room of shape (states, NODES) and (NODES,).
+    """
+    one, modes, forces = element_of(orbit, e), orbit.modes, orbit.forces[e]
+    before, after, (by_m, to, felt) = orbit.chain[e], orbit.chain[e + 1], scratch
+    omega, count, h, weights = lever[OMEGA], int(lever[MODES]), one.scale, table[T_END1]
+    last = STATE + 2 * count
+    for i in range(count):
+        a, nu = turning_rates(lever, i)
+        grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+        share = h * lever[MODE + MODE_NUMBERS * i + SHARE] / (omega * omega * nu) * grow[NODES]
+        c, s, to_w, to_u = cosine[NODES], sine[NODES], to[2 * i], to[2 * i + 1]
+        for k in range(NODES):
+            weight = share * weights[k] / grow[k]
+            to_w[k] = weight * (s * cosine[k] - c * sine[k])
+            to_u[k] = a * to_w[k] + weight * nu * (c * cosine[k] + s * sine[k])
+    alone = Transfers()
+    for i in range(count):
+        a, nu = turning_rates(lever, i)
+        (
+            alone.ww[i], alone.wu[i], alone.uw[i], alone.uu[i]
+        ) = left_alone(
+            a, nu, 1.0 / nu, modes[e, i, GROWTH, NODES], modes[e, i, TURN_COSINE, NODES], modes[e, i, TURN_SINE, NODES]
+        )  # fmt: skip
+    for q in range(last + 1):
+        if q == RM and head_of(orbit).swept == 0:
+            for r in range(2 * count):
+                after[r, q] = 0.0
+            continue
+        own = 1.0 if q < STATE or q == last else 0.0
+        for k in range(NODES):
+            felt[k] = own * forces[q, k]
+        for r in range(2 * count):
+            add_times(before[r, q], forces[STATE + r], felt)
+        of_cos, of_sin = 0.0, 0.0
+        for k in range(NODES):
+            kick = h * weights[k] * felt[k]
+            of_cos += kick * one.cos[k]
+            of_sin += kick * one.sin[k]
+            felt[k] = -felt[k]
+        integrals[0, q] += of_cos
+        integrals[1, q] += of_sin
+        if q == RP or q == RS:
+            for k in range(NODES):
+                felt[k] += one.cos[k] if q == RP else one.sin[k]
+        for i in range(count):
+            w, u, to_w, to_u = before[2 * i, q], before[2 * i + 1, q], to[2 * i], to[2 * i + 1]
+            more_w, more_u = alone.ww[i] * w + alone.wu[i] * u, alone.uw[i] * w + alone.uu[i] * u
+            for k in range(NODES):
+                more_w += to_w[k] * felt[k]
+                more_u += to_u[k] * felt[k]
+            if q == RM:
+                for k in range(NODES):
+                    more_w += to[2 * i, k] * by_m[i, k]
+                    more_u += to[2 * i + 1, k] * by_m[i, k]
+            after[2 * i, q], after[2 * i + 1, q] = more_w, more_u
+
+
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
 def linearise_orbit(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills `chained` and the monodromy matrix."""
-    p, lever = oscillator.p, oscillator.lever
-    omega, alpha0 = lever[OMEGA], lever[ALPHA0]
-    head, chained = head_of(orbit), orbit.chained
-    count = head.count
-    amplitude = head.amplitude
-    chained[:] = 0.0
-    along_cos, along_sin = chained[2], chained[3]
-    start = element_of(orbit, 0)
-    for q in range(SEVEN):
-        start.chain_w[q] = 1.0 if q == W0 else 0.0
-        start.chain_u[q] = 1.0 if q == U0 else 0.0
-    m = np.zeros((ELEMENT_COLUMNS, NODES))
-    for e in range(count):
-        one = element_of(orbit, e)
-        if not _element(oscillator, tables, one, head, drift, m):
-            return False
-        at_w, at_u = one.chain_w, one.chain_u
-        before = element_of(orbit, e - 1 if e > 0 else count - 1).side
-        if one.side != before:
-            rate = jump_rate(oscillator, before, one, amplitude)
-            if rate != 0.0:
-                c, s = math.cos(one.edge), math.sin(one.edge)
-                border = border_between(p, before, one.side)
-                for q in range(SEVEN):
-                    depth = at_w[q]
-                    if q == RZ:
-                        depth -= 1.0
-                    elif q == ONE:
-                        depth += amplitude * c - border
-                    at_u[q] -= rate * depth
-                    along_cos[q] -= rate * depth * c
-                    along_sin[q] -= rate * depth * s
-        h = one.scale
-        table = tables[one.table]
-        following = element_of(orbit, e + 1)
-        for q in range(SEVEN):
-            state_w, state_u = at_w[q], at_u[q]
-            add = 1.0 if q >= RP else 0.0
-            sum_w, sum_u, sum_c, sum_s = 0.0, 0.0, 0.0, 0.0
-            for j in range(NODES):
-                a = one.local[j] * state_w + one.local[NODES * U0 + j] * state_u + add * one.local[NODES * q + j]
-                to_u = table[T_END1, j] * a
-                sum_w += table[T_END2, j] * a
-                sum_u += to_u
-                sum_c += to_u * one.cos[j]
-                sum_s += to_u * one.sin[j]
-            following.chain_w[q] = state_w + h * table[T_NUMBERS, T_TOTAL] * state_u + h * h * sum_w
-            following.chain_u[q] = state_u + h * sum_u
-            along_cos[q] += h * sum_c
-            along_sin[q] += h * sum_s
-    last = element_of(orbit, count)
-    for q in range(SEVEN):
-        chained[0, q], chained[1, q] = last.chain_w[q], last.chain_u[q]
-    head.transfer[0], head.transfer[1] = last.chain_w[W0], last.chain_w[U0]
-    head.transfer[2], head.transfer[3] = last.chain_u[W0], last.chain_u[U0]
-    # A moves like this: z = A cos + w stays the same if w loses what A cos gains.
-    c, s = math.cos(element_of(orbit, 0).edge), math.sin(element_of(orbit, 0).edge)
-    for i in range(4):
-        row = chained[i]
-        row[RIGHT] = -row[ONE]
-        row[RA] = c * row[W0] - s * row[U0] + (1 - omega**2) * row[RP] - 2 * alpha0 * omega * row[RS]
-    chained[0, RA] -= c
-    chained[1, RA] += s
-    chained[2, RA] += math.pi
-    chained[0, W0] -= 1.0
-    chained[1, U0] -= 1.0
+    lever = oscillator.lever
+    head, chain, chained, states = head_of(orbit), orbit.chain, orbit.chained, 2 * int(lever[MODES])
+    last = STATE + states
+    integrals, by_m = np.zeros((2, last + 1)), np.zeros((states // 2, NODES))
+    m = np.zeros((NODES + last + 1, NODES))
+    to, felt = np.empty((states, NODES)), np.empty(NODES)
+    head.swept = 1 if len(drift) > 0 else 0
+    for r in range(states):
+        for q in range(last + 1):
+            chain[0, r, q] = 1.0 if q == STATE + r else 0.0
+    for e in range(head.count):
+        table = tables[element_of(orbit, e).table]
+        fill_turns(lever, orbit, e)
+        if len(drift) > 0:
+            _add_drift(oscillator, orbit, e, drift, table, by_m)
+        if element_of(orbit, e).side == OUT_OF_CONTACT and oscillator.p[LONGRANGE] == 0.0:
+            orbit.forces[e] = 0.0
+        else:
+            if not _force_in_element(oscillator, orbit, e, table, drift, m):
+                return False
+        _jump_at_start(oscillator, orbit, e, integrals)
+        _carry_over(lever, orbit, e, table, (by_m, to, felt), integrals)
+    for r in range(states):
+        for q in range(last + 1):
+            chained[r, q] = chain[head.count, r, q]
+        for q in range(states):
+            head.transfer[r * states + q] = chained[r, STATE + q]
+        chained[r, STATE + r] -= 1.0
+    for r in range(2):
+        for q in range(last + 1):
+            chained[states + r, q] = integrals[r, q] / math.pi
+        chained[states + r, RP + r] -= 1.0
+    for r in range(states + 2):
+        chained[r, last] = -chained[r, last]
     head.equations = EQUATIONS_CURRENT
     return True
