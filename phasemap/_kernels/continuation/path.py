@@ -31,7 +31,6 @@ from phasemap._kernels.orbits.collocation.system import (
     Equation,
     Orbit,
     head_of,
-    hold_parameter,
     linearise_orbit,
     no_drift,
 )
@@ -144,7 +143,7 @@ def held_value(path: Path, m: float) -> float:
 def held_equation(path: Path, m: float) -> Equation:
     """Equation of what is held, linearised at m: of a fixed path, m itself."""
     if path.kind == FIXED_PATH:
-        return hold_parameter()
+        return Equation(0.0, 0.0, 1.0, 0.0)
     value = held_value(path, m)
     rate = (held_value(path, m + DRIFT_STEP) - held_value(path, m - DRIFT_STEP)) / (2.0 * DRIFT_STEP)
     if path.kind == HELD_AMPLITUDE:

@@ -35,6 +35,7 @@ from phasemap._kernels.continuation.step import (
     find_crossing,
     mark_point,
     next_point,
+    relay_orbit,
     same_piece,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
@@ -71,6 +72,8 @@ MOST_PIECE_POINTS = 4000
 FOLD_LEVEL = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
 FOLD_FLAT, FOLD_ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
 MOST_FOLD_STEPS = 40
+FOLD_PLACE = 1e-10  # of its natural length, by which x still changes between the ends: the place of the fold is known
+NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
 # How a piece ends.
 PIECE_LEFT = 0
 PIECE_CLOSED = 1
@@ -105,7 +108,7 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     observe(Oscillator(law, p, lever), tables, orbit, row[: col.COLUMNS])
     of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
     row[col.SEEN] = seen_amplitude(lever, *of)
-    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(), hold_amplitude(orbit))):
+    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         rate = seen_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
         row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
     complete_row(Oscillator(law, p, lever), tables, orbit, row)
@@ -118,10 +121,16 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
 @kernel
 def make_exact(path: Path, orbit: Orbit, spare: Orbit, point: Point, tolerance: float) -> tuple[bool, Orbit, Orbit]:
     """Make the orbit of a point on the way exact, in the plane across the curve."""
-    lever = standing_at(path, head_of(orbit).parameter)[1]
-    if head_of(orbit).equations == EQUATIONS_KEPT and settled(lever, orbit, tolerance):
+    lever, reach = standing_at(path, head_of(orbit).parameter)[1], reach_on(path, orbit)
+    along = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
+    turning = abs(point.rate[control_entry(path)]) < NEAR_FOLD * along
+    if head_of(orbit).equations == EQUATIONS_KEPT and settled(lever, orbit, tolerance) and not turning:
         return True, orbit, spare
-    row = tangent_row(path, reach_on(path, orbit), point)
+    if turning and relay_orbit(
+        path, orbit, spare
+    ):  # elements beside the contact do not say on which side of a fold it is
+        orbit, spare = spare, orbit
+    row = tangent_row(path, reach, point)
     status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
     return status == col.GOOD and mark_point(path, orbit, point), orbit, spare
 
@@ -166,6 +175,9 @@ def turn_between(
     head_of(base).level = level
     low, high, f_low, f_high = 0.0, after.length, begun.rate[entry], after.rate[entry]
     most, last = max(abs(f_low), abs(f_high)), 0
+    natural = 0.2 * begun.value[ENTRY_A]
+    if entry == control_entry(path):
+        natural = scales(path, reach_on(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
         share = f_low / (f_low - f_high)
         step = low + (high - low) * min(max(share, 0.02), 0.98)
@@ -180,8 +192,8 @@ def turn_between(
             return False, orbit, spare
         point.length = at + reached
         f = point.rate[entry]
-        if abs(f) <= FOLD_FLAT * most or high - low < 1e-12:
-            return abs(f) <= FOLD_ROUGH * most, orbit, spare
+        if abs(f) <= FOLD_FLAT * most or abs(f) * (high - low) <= FOLD_PLACE * natural:
+            return True, orbit, spare
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
             if reached < step:

@@ -65,7 +65,7 @@ def estimate_errors(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sp
     assign(kept, head)
     halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
     chained = linearise_orbit(oscillator, tables, halves, no_drift())
-    if not chained or not solve_step(lever, halves, no_drift(), (hold_amplitude(halves), hold_parameter())):
+    if not chained or not solve_step(lever, halves, no_drift(), (hold_amplitude(halves), hold_parameter(halves))):
         return
     solved = halves.system[:, RIGHT]
     phase = phase_of(lever, head.amplitude, solved[RP], solved[RS])

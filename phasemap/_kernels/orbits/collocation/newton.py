@@ -164,7 +164,7 @@ def solve_orbit(
     reach, still = reach_of(law, p), allowed_displacement(oscillator, level)
     for step in range(most):
         linear = head_of(orbit).equations == EQUATIONS_CURRENT or linearise_orbit(oscillator, tables, orbit, no_drift())
-        if not linear or not solve_step(lever, orbit, no_drift(), (held, hold_parameter())):
+        if not linear or not solve_step(lever, orbit, no_drift(), (held, hold_parameter(orbit))):
             return col.NOT_CONVERGED, step, orbit, spare
         status, change = take_step(tables, lever, orbit, tolerance, coarse)
         if status != col.PENDING:
@@ -275,7 +275,7 @@ def fill_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.n
     """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
     lever = oscillator.lever
     observe(oscillator, tables, orbit, row)
-    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(), hold_amplitude(orbit))):
+    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
 

@@ -208,9 +208,9 @@ def hold_offset(z0: float) -> Equation:
 
 
 @kernel
-def hold_parameter() -> Equation:
-    """The equation of a path on which no parameter m moves, which is 0 then."""
-    return Equation(0.0, 0.0, 1.0, 0.0)
+def hold_parameter(orbit: Orbit) -> Equation:
+    """The equation that holds the parameter m where an orbit has it."""
+    return Equation(0.0, 0.0, 1.0, head_of(orbit).parameter)
 
 
 @kernel
