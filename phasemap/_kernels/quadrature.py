@@ -1,7 +1,7 @@
 """Constant tables: Gauss nodes, and the elements on which an exact orbit is collocated.
 
-An element maps xi in [0, 1] to the angle theta = origin + scale * S(xi) (theory, Eq. (collocation-3)). Three families of
-S make every function that occurs analytic in xi, so that eight Gauss nodes an element suffice:
+An element maps xi in [0, 1] to the angle theta = origin + scale * S(xi) (theory, Eq. (collocation-3)). Three families
+of S make every function that occurs analytic in xi, so that eight Gauss nodes an element suffice:
 
 * contact: S = sin(psi), psi uniform over [-pi/2, pi/2]; d^(1/2) and d^(3/2) vanish like powers of cos(psi);
 * straight: S = xi, where higher modes ring on in flight;

@@ -22,6 +22,7 @@ from phasemap._kernels.orbits.collocation.closing import (
 )
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements, move_elements
+from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.newton import allowed_displacement, contact_size, take_step
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
@@ -31,7 +32,6 @@ from phasemap._kernels.orbits.collocation.system import (
     Equation,
     Orbit,
     head_of,
-    linearise_orbit,
     no_drift,
 )
 from phasemap._kernels.records import column, record

@@ -16,14 +16,9 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import bend_by_adhesion, lowest_tip_offset
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
+from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, floquet, solve_orbit
-from phasemap._kernels.orbits.collocation.system import (
-    Orbit,
-    head_of,
-    hold_offset,
-    linearise_orbit,
-    no_drift,
-)
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, hold_offset, no_drift
 
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 LINEAR_SWING = 0.3  # of the depth, a swing that the surface answers like a spring

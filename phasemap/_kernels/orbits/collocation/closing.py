@@ -21,6 +21,8 @@ from phasemap._kernels.columns import (
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate
 from phasemap._kernels.lever import drive_needed
+from phasemap._kernels.orbits.collocation.linearised import add_times
+from phasemap._kernels.orbits.collocation.mode_motion import add_answer, left_alone, turning_rates
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_OTHER,
@@ -42,13 +44,9 @@ from phasemap._kernels.orbits.collocation.system import (
     Equation,
     Head,
     Orbit,
-    add_answer,
-    add_times,
     close_ring,
     element_of,
     head_of,
-    left_alone,
-    turning_rates,
 )
 from phasemap._kernels.quadrature import NODES
 
@@ -153,7 +151,7 @@ def move_modes(
     m: float,
     share: float,
 ) -> None:
-    """Move each mode in an element by `share` of the way to the motion from these states at its start, under a force f."""
+    """Move each mode in an element by `share` of the way to its motion under a force f, from these states."""
     one, modes, omega = element_of(orbit, e), orbit.modes, lever[OMEGA]
     one.edge_w, one.edge_u = 0.0, 0.0
     for j in range(NODES):

@@ -90,7 +90,7 @@ def _half(
     tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int,
     longest: float,
 ) -> bool:  # fmt: skip
-    """Elements over `length` away from `start` (or towards it): graded ones, then straight ones where those are too long.
+    """Elements over `length` away from `start` (or towards it): graded ones, straight ones where those are too long.
 
     The smallest is about as long as `scale`.
     """
@@ -294,8 +294,8 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     """After a step that hardly moved the contact, move its elements along with it, by series about where they were.
 
     As `lay_elements` and `interpolate_motion` do, without looking for contacts again. False, and nothing done, where
-    the lever has several modes, there is no single contact, or where it moved by more than MOST_SLIP of its half length: then the series would not
-    be exact enough.
+    the lever has several modes, there is no single contact, or it moved by more than MOST_SLIP of its half length: then
+    the series would not be exact enough.
     """
     head = head_of(orbit)
     count = head.count

@@ -22,6 +22,7 @@ from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.collocation.closing import solve_step
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import append_element, lay_elements
+from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.system import (
     RIGHT,
     RP,
@@ -33,7 +34,6 @@ from phasemap._kernels.orbits.collocation.system import (
     head_of,
     hold_amplitude,
     hold_parameter,
-    linearise_orbit,
     no_drift,
     room_for,
 )

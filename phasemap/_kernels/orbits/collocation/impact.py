@@ -19,8 +19,9 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.collocation.elements import lay_elements
+from phasemap._kernels.orbits.collocation.mode_motion import turning_rates
 from phasemap._kernels.orbits.collocation.newton import share_motion
-from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of, turning_rates
+from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
 from phasemap._kernels.orbits.response.nodes import periods_before
 from phasemap._kernels.quadrature import NODES
 from phasemap._kernels.records import record

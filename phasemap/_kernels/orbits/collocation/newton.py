@@ -15,6 +15,7 @@ from phasemap._kernels.lever import drive_needed, reach_of
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
+from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
     MOTION,
@@ -32,7 +33,6 @@ from phasemap._kernels.orbits.collocation.system import (
     head_of,
     hold_amplitude,
     hold_parameter,
-    linearise_orbit,
     no_drift,
     surface_force,
 )
