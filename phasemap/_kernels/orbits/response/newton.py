@@ -23,6 +23,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
 from phasemap._kernels.lever import Mode, drive_needed, mode_of, modes_of
+from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ENTRY,
@@ -42,7 +43,6 @@ from phasemap._kernels.orbits.response.nodes import (
     move_nodes,
     parts_of,
     periods_before,
-    respond,
 )
 from phasemap._kernels.orbits.response.passes import (
     ENERGY_LEFT,

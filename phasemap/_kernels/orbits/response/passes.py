@@ -13,6 +13,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import low_q, mismatch, modes_of, phase_of, static_compliance
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.mixing import keep_motion, mix, new_past
+from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -35,7 +36,6 @@ from phasemap._kernels.orbits.response.nodes import (
     move_nodes,
     parts_needed,
     parts_of,
-    respond,
 )
 from phasemap._kernels.quadrature import barycentric
 from phasemap._kernels.records import record

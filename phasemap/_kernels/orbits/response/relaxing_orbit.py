@@ -13,6 +13,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mismatch, modes_of, phase_of, reach_of
 from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -25,7 +26,6 @@ from phasemap._kernels.orbits.response.nodes import (
     Nodes,
     clear_motion,
     grade_outer_nodes,
-    respond,
 )
 from phasemap._kernels.orbits.response.orbit import on_same_branch
 from phasemap._kernels.orbits.response.passes import (

@@ -18,6 +18,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.kept import FAINT_DRIVE
 from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
     ALL,
     ENTRY,
@@ -29,7 +30,6 @@ from phasemap._kernels.orbits.response.nodes import (
     N,
     Nodes,
     move_nodes,
-    respond,
 )
 from phasemap._kernels.orbits.response.passes import PassState, evaluate_nodes, start_passes
 

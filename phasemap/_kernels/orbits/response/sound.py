@@ -9,6 +9,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping, longrange_slope
 from phasemap._kernels.lever import mode_of, modes_of
 from phasemap._kernels.orbits.response.apex import apex_between
+from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.multipliers import is_held
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
@@ -25,7 +26,6 @@ from phasemap._kernels.orbits.response.nodes import (
     grade_outer_nodes,
     lay_nodes,
     parts_of,
-    respond,
 )
 from phasemap._kernels.orbits.response.passes import ENERGY_LEFT, PassState, relative_energy_defect
 
