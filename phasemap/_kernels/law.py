@@ -52,7 +52,7 @@ class Oscillator(NamedTuple):
 
     law: Law
     p: Any  # parameters of the interaction, shape (ROW,)
-    lever: np.ndarray  # shape (5,), see `phasemap._kernels.columns`
+    lever: np.ndarray  # shape (n,), see `phasemap._kernels.columns`
 
 
 def law_of(*formulas: Formula) -> Law:

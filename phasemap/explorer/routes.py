@@ -93,8 +93,8 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
 @cache
 def _import_what_saves() -> None:
     """Import the libraries that files are written with, so that the first one that is saved takes no longer."""
-    for name in ("matplotlib.backends.backend_agg", "netCDF4"):
-        import_module(name)
+    import_module("matplotlib.backends.backend_agg")
+    import_module("netCDF4")
 
 
 def to_json(value: object) -> bytes:

@@ -31,7 +31,7 @@ FAINT = 1e-3  # of the largest virial that the drive holds: a contact that store
 class Motion:
     """What is known of the tip's motion in some pixels."""
 
-    lever: Array  # shape (5,); as of `phasemap.experiment.lever.lever_of`
+    lever: Array  # shape (n,); as of `phasemap.experiment.lever.lever_of`
     scope: Microscope
     # amplitude, phase: of the first harmonic of the tip's position [m, rad]
     amplitude: Array

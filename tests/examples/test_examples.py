@@ -19,7 +19,8 @@ import pytest
 
 from phasemap._shared import threads
 from phasemap.cli import main
-from phasemap.inference.series import orbits, sampling
+from phasemap.inference import sampling
+from phasemap.inference.series import orbits
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only
@@ -53,8 +54,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def few_draws(monkeypatch: pytest.MonkeyPatch, thorough: bool) -> None:
     """Enough, with a coarse table, to read a series of files; how well is asked in tests/inference/test_series.py."""
     if not thorough:
-        monkeypatch.setattr(sampling, "DRAWS", 40)
-        monkeypatch.setattr(sampling, "FIRST", 1000)
+        monkeypatch.setattr(sampling, "STEPS", 20)
+        monkeypatch.setattr(sampling, "FIRST", 2000)
         monkeypatch.setattr(orbits, "COUNTS", (5, 3, 4))
 
 
