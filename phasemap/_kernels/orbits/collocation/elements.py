@@ -52,6 +52,7 @@ from phasemap._kernels.quadrature import (
 from phasemap._kernels.records import assign
 
 MOST_SLIP = 1e-3  # of half a contact: series to the second order leave less than a billionth of it
+FEWEST_PERMANENT = 16.0  # elements of a period in contact
 LONGEST_RINGING = 3.0  # [rad] of a higher mode's oscillation that an element of the widest kind may span
 LONGEST_OSCILLATION = 5.0  # [rad] of the contact's own oscillation that an element may span
 
@@ -158,9 +159,9 @@ def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level:
 
 @kernel
 def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, level: int) -> int:
-    """Which of CONTACT_COUNTS resolves a whole period in contact; -1 where graded elements are short enough.
+    """Which of CONTACT_COUNTS resolves a whole period in contact.
 
-    The longest of these spans most of half a period, too much where the contact's own frequency is high.
+    Short elements also keep what is lost of a large force that stays, against which all else is a difference.
     """
     law, p, lever = oscillator
     deepest = nearest + 2.0 * amplitude
@@ -168,9 +169,7 @@ def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, l
     if p[DAMPING] != 0.0:
         rate += damping(law, deepest, p)
     turn = TWO_PI * rate / lever[OMEGA]
-    if 0.5 * turn * (1.0 - math.exp(-GRADED_WIDTHS[level])) < LONGEST_OSCILLATION:
-        return -1
-    return _pick((4.0 + math.floor(turn / LONGEST_OSCILLATION)) * (1.0 + 0.5 * level))
+    return _pick(max(FEWEST_PERMANENT, (4.0 + math.floor(turn / LONGEST_OSCILLATION)) * (1.0 + 0.5 * level)))
 
 
 @kernel
@@ -216,8 +215,8 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
     if contacts <= 0:
         theta, nearest = head.nearest_angle, head.nearest_depth
         side = OUT_OF_CONTACT if contacts != PERMANENT else IN_CONTACT if nearest > 0.0 else IN_NECK
-        pick = _permanent_count(oscillator, amplitude, nearest, level) if side == IN_CONTACT else -1
-        if pick >= 0:
+        if side == IN_CONTACT:
+            pick = _permanent_count(oscillator, amplitude, nearest, level)
             return _span(tables, orbit, IN_CONTACT, theta, theta + TWO_PI, pick)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUT_OF_CONTACT else 0.0)) / amplitude)
         if side == OUT_OF_CONTACT and p[LONGRANGE] == 0.0:
