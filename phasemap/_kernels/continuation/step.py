@@ -68,7 +68,6 @@ LONGEST_ARC_STEP = 2.0  # where no orbit on the way is asked for
 SMALLEST_ARC_STEP = 1e-7
 STEP_AFTER_FAILURE = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
-WANTED_LEVEL = 1  # of refinement of an orbit that is wanted: on the way it may be off by some 1e-6 degree
 SEEN_EXACTLY, SEEN_ENOUGH, MOST_SEEN_STEPS = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 
 
@@ -265,7 +264,6 @@ def settle_on_crossing(
     row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
     if index == ENTRY_SEEN:
         row = way
-    head.level = max(head.level, WANTED_LEVEL)
     if not relay_orbit(path, orbit, spare):
         return False, orbit, spare
     orbit, spare = spare, orbit

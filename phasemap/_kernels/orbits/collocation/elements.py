@@ -154,7 +154,7 @@ def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level:
     rate = fastest_turn(lever, contact_slope(law, deepest, p))
     if p[DAMPING] != 0.0:
         rate += damping(law, deepest, p)
-    return _pick((2.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
+    return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
 
 
 @kernel
