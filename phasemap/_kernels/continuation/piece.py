@@ -72,7 +72,7 @@ MOST_PIECE_POINTS = 4000
 FOLD_LEVEL = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
 FOLD_FLAT, FOLD_ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
 MOST_FOLD_STEPS = 40
-FOLD_PLACE = 1e-10  # of its natural length, by which x still changes between the ends: the place of the fold is known
+FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where it turns: the fold is known
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
 # How a piece ends.
 PIECE_LEFT = 0
@@ -175,7 +175,7 @@ def turn_between(
     head_of(base).level = level
     low, high, f_low, f_high = 0.0, after.length, begun.rate[entry], after.rate[entry]
     most, last = max(abs(f_low), abs(f_high)), 0
-    natural = 0.2 * begun.value[ENTRY_A]
+    steep, natural = (abs(f_low) + abs(f_high)) / after.length, 0.2 * begun.value[ENTRY_A]
     if entry == control_entry(path):
         natural = scales(path, reach_on(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
@@ -192,8 +192,10 @@ def turn_between(
             return False, orbit, spare
         point.length = at + reached
         f = point.rate[entry]
-        if abs(f) <= FOLD_FLAT * most or abs(f) * (high - low) <= FOLD_PLACE * natural:
+        if abs(f) <= FOLD_FLAT * most or 0.5 * f * f <= FOLD_PLACE * natural * steep:
             return True, orbit, spare
+        if high - low < 1e-12:
+            return False, orbit, spare
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
             if reached < step:

@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import detected_compliance
-from phasemap._kernels.orbits.collocation.contacts import interpolate
+from phasemap._kernels.orbits.collocation.contacts import depth_at, interpolate
 from phasemap._kernels.orbits.collocation.system import (
     IN_CONTACT,
     OUT_OF_CONTACT,
@@ -20,6 +20,8 @@ from phasemap._kernels.orbits.collocation.system import (
     surface_force,
 )
 from phasemap._kernels.quadrature import NODES, T_END1
+
+PARTS = 4  # of the angle between two nodes, at whose ends the force is taken for its largest
 
 
 @kernel
@@ -41,6 +43,11 @@ def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: 
             force = stiffness * surface_force(law, p, 1.0 / stiffness, side, d, v)[0]
             mean += weight * force
             peak, least = max(peak, force), min(least, force)
+            if side == IN_CONTACT:  # with losses the largest force comes before the deepest point, between two nodes
+                after = one.theta[j + 1] if j + 1 < NODES else element_of(orbit, e + 1).edge
+                for part in range(1, PARTS):
+                    d, turn = depth_at(tables, orbit, e, one.theta[j] + (after - one.theta[j]) * part / PARTS)
+                    peak = max(peak, stiffness * surface_force(law, p, 1.0 / stiffness, side, d, omega * turn)[0])
             contact += weight if side != OUT_OF_CONTACT else 0.0
             cos_n, sin_n = c, s
             for n in range(col.HARMONICS):

@@ -17,6 +17,7 @@ LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its squar
 LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
 FINEST_LEVEL = 2  # level of refinement
 MOST_IMBALANCE = 1e-7  # largest energy imbalance accepted from a coarser level
+WORST_IMBALANCE = 1e-5  # of an orbit that is an answer
 
 
 @kernel
@@ -60,4 +61,6 @@ def refine_orbit(
         if fine != col.GOOD:
             break
         status = fill_row(oscillator, tables, orbit, row)
+    if status == col.GOOD and abs(row[col.CLOSURE]) > WORST_IMBALANCE:
+        status = col.NOT_CONVERGED
     return status, orbit, spare
