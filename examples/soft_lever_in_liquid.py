@@ -1,7 +1,8 @@
 """What does a soft cantilever show in liquid?
 
 At a quality factor of 3 the oscillation decays within a period, the higher harmonics are large, and first-order
-averaging fails. The phase hardly distinguishes a soft gel from one ten times as stiff; the indentation does. It also
+averaging fails. Here the cantilever is a point on a spring, whose phase hardly distinguishes a soft gel from one ten
+times as stiff; the indentation does. The phase of a beam does, too: see the example of gel beside glass. It also
 matters how the cantilever is driven: a shaker moves its base by a third of the amplitude, which the detector does not
 see.
 """

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases import Case, load
+from beams import CASES, material_of, scope_of
+from cases import Case
 
 import phasemap as pm
 from phasemap._kernels import columns as col
@@ -32,35 +33,12 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap.solvers.march import March
 from phasemap.solvers.problem import Work, work_of_material
 
-CASES = [case for case in load("beam") if len(case["quality_factor"]) > 1]
 PERIODIC = [case for case in CASES if case["periods"] == 1]
 ETA = 0.25
 
 
 def name_of(case: Case) -> str:
     return f"{case['group']}, {case['phase']:.2f}"
-
-
-def scope_of(case: Case) -> pm.Microscope:
-    names = ("frequency_ratio", "quality_factor", "stiffness_ratio", "participation", "slope_ratio")
-    first, *higher = zip(*(case[name] for name in names), strict=True)
-    modes = tuple(pm.Eigenmode(*mode) for mode in higher)
-    frequency = case["resonance_frequency"]
-    return pm.Microscope(
-        pm.Cantilever(case["stiffness"], frequency, first[1], participation=first[3], modes=modes),
-        pm.Tip(case["tip_radius"], case["tip_modulus"], case["tip_poisson_ratio"]),
-        pm.Drive(case["free_amplitude"], case["drive_ratio"] * frequency, case["excitation"]),
-        pm.Interaction(
-            "dmt" if case["adhesion"] else "hertz",
-            case["decay_length"] if case["adhesion"] else None,
-            case["damping_exponent"],
-        ),
-        detector=case["detector"],
-    )
-
-
-def material_of(case: Case) -> pm.Material:
-    return pm.Material(case["modulus"], case["adhesion"], case["damping"], poisson_ratio=case["poisson_ratio"])
 
 
 def problem_of(case: Case, **lever: Any) -> tuple[Oscillator, float]:
