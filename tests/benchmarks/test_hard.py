@@ -22,9 +22,7 @@ from benchmarks.hard import UNSOLVED, fault_of, shot, table
 from benchmarks.hard_cases import BOX, CASES, HardCase, case_of, draw
 
 KNOWN: dict[str, dict[str, Any]] = json.loads((DATA / "hard.json").read_text())
-WRONG = {  # known and open
-    "folds: liquid, hard, above": "no_stable_orbit: 5e-7 above the least amplitude the crossing is stepped over",
-}
+WRONG: dict[str, str] = {}  # known and open
 WRONG_ORBIT = {  # where "auto" is as exact as it is asked to be
     "found by drawing at random: 8": "irregular: an average over time beside the periodic orbit, 0.2 pm from it",
 }

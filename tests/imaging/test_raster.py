@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap._kernels.columns import INTERPOLATED
+from phasemap._kernels.columns import ERROR_PHASE, INTERPOLATED
 from phasemap._kernels.scanning.slots import Orbits
 from phasemap.imaging import raster
 from phasemap.solvers.both_branches import stable_branches
@@ -198,7 +198,9 @@ def test_an_orbit_that_a_strong_pull_throws_out_is_found_as_time_finds_it() -> N
     assert np.abs(exact.rows[:2, 0, 0] - marched.rows[:2, 0, 0]).max() < 1e-13
     every = pm.orbits(material, scope, setpoint=0.43)
     stable = every.where((every.stable == 1) & (every.feedback_slope > 0), drop=True)
-    assert np.abs(np.sort(stable.phase) - np.sort(np.degrees(exact.rows[:2, 0, 2]))).max() < 1e-6
+    # Two searches of orbits, each as exact as it is stated to be.
+    stated = np.degrees(exact.rows[:2, 0, ERROR_PHASE].max())
+    assert np.abs(np.sort(stable.phase) - np.sort(np.degrees(exact.rows[:2, 0, 2]))).max() < 1e-6 + stated
 
 
 def test_a_tip_comes_to_the_motion_that_time_finds_where_no_curve_of_orbits_leads() -> None:

@@ -44,4 +44,5 @@ def test_collocation_overstates_its_error_by_little() -> None:
     # Twice what a step on finer elements changes, and a floor of 2e-9 degree that counts in vacuum.
     found = [errors for case in CASES if (errors := errors_of(case, Orbit(complete=True))) is not None]
     true, stated = np.swapaxes(found, 0, 1)
+    true = np.maximum(true, 1e-300)  # some come out to the last bit
     assert np.all(np.median(stated / true, axis=0) < 5.0)
