@@ -32,7 +32,7 @@ def modes_of(lever: np.ndarray) -> int:
     return int(lever[col.MODES])
 
 
-@kernel(light=True)
+@kernel(light=True, inline=True)
 def mode_of(lever: np.ndarray, i: int) -> Mode:
     """The mode i of a lever, counted from 0."""
     first = col.MODE + i * col.MODE_NUMBERS
@@ -78,10 +78,29 @@ def static_compliance(lever: np.ndarray) -> float:
     """Deflection by a force that stays, over that of the first mode alone: theory, Eq. (lever-4)."""
     total = 0.0
     for i in range(modes_of(lever)):
-        first = col.MODE + i * col.MODE_NUMBERS
-        frequency = lever[first + col.FREQUENCY]
-        total += lever[first + col.SHARE] / (frequency * frequency)
+        total += mode_of(lever, i).share / mode_of(lever, i).square
     return total
+
+
+@kernel
+def static_share(lever: np.ndarray, i: int) -> float:
+    """Share of mode i in the deflection of the tip by a static force."""
+    return mode_of(lever, i).share / mode_of(lever, i).square / static_compliance(lever)
+
+
+@kernel
+def all_shares(lever: np.ndarray) -> float:
+    """Acceleration of the tip by a force over k [1]: that of all modes together."""
+    total = 0.0
+    for i in range(modes_of(lever)):
+        total += mode_of(lever, i).share
+    return total
+
+
+@kernel
+def fastest_turn(lever: np.ndarray, slope: float) -> float:
+    """Rate [1] of the fastest oscillation of a lever on a stiffness [N/m], or more."""
+    return math.sqrt(mode_of(lever, modes_of(lever) - 1).square + all_shares(lever) * abs(slope) / lever[col.STIFFNESS])
 
 
 @kernel(light=True)
@@ -100,10 +119,9 @@ def free_phasor(lever: np.ndarray) -> complex:
 def detected_compliance(lever: np.ndarray, omega: float) -> complex:
     """What the detector sees of a lever under a force at the tip of this frequency, over the force and times k [1]."""
     seen = complex(0.0, 0.0)
-    for i in range(int(lever[col.MODES])):
-        at = col.MODE + col.MODE_NUMBERS * i
-        stiff = complex(lever[at + col.FREQUENCY] ** 2 - omega * omega, 2.0 * lever[at + col.RATE] * omega)
-        seen += lever[at + col.SLOPE_SEEN] * lever[at + col.SHARE] / stiff
+    for i in range(modes_of(lever)):
+        mode, weight = mode_of(lever, i), lever[col.MODE + i * col.MODE_NUMBERS + col.SLOPE_SEEN]
+        seen += weight * mode.share / complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
     return seen
 
 

@@ -43,12 +43,11 @@ from phasemap._kernels.lever import bend_by_adhesion, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import (
-    NewtonLimits,
     begin_harmonic,
     linearise_and_fill_row,
-    solve_orbit,
+    solve_at_amplitude,
 )
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of, hold_amplitude
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of
 from phasemap._kernels.records import assign, clear
 
 MOST_APPROACH_POINTS = 1500
@@ -196,13 +195,8 @@ def find_tapping_orbit(path: Path, wanted: Wanted, z0: float, level: int, rooms:
         guess = guesses[i]
         if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
-        status, _, orbit, spare = solve_orbit(
-            Oscillator(law, p, lever),
-            tables,
-            orbit,
-            spare,
-            hold_amplitude(orbit),
-            NewtonLimits(level, wanted.tolerance, 20, False),
+        status, _, orbit, spare = solve_at_amplitude(
+            Oscillator(law, p, lever), tables, orbit, spare, level, wanted.tolerance, 20
         )
         if status != col.GOOD or not head_of(orbit).push > 0.0:
             continue
@@ -299,13 +293,8 @@ def _farthest_repulsive(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, 
         guess = guesses[i]
         if guess[col.G_P] <= 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, found, guess, 0):
             continue
-        status, _, found, spare = solve_orbit(
-            Oscillator(law, p, lever),
-            tables,
-            found,
-            spare,
-            hold_amplitude(found),
-            NewtonLimits(0, wanted.tolerance, 12, False),
+        status, _, found, spare = solve_at_amplitude(
+            Oscillator(law, p, lever), tables, found, spare, 0, wanted.tolerance, 12
         )
         if status == col.GOOD and linearise_and_fill_row(Oscillator(law, p, lever), tables, found, row) == col.GOOD:
             if row[col.FLOQUET] < 1.0 and row[col.SLOPE] > 0.0 and row[col.STIFFENING] > 0.0:
@@ -340,9 +329,7 @@ def engage_near(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
             break
     if not certain or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
         return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
-    status, _, orbit, spare = solve_orbit(
-        Oscillator(law, p, lever), tables, orbit, spare, hold_amplitude(orbit), NewtonLimits(0, tolerance, 12, False)
-    )
+    status, _, orbit, spare = solve_at_amplitude(Oscillator(law, p, lever), tables, orbit, spare, 0, tolerance, 12)
     point = Point()
     point.tangent_v = -1.0
     if status != col.GOOD or not mark_point(path, orbit, point):

@@ -33,9 +33,9 @@ from phasemap._kernels.orbits.time.tip import (
     Way,
     Z,
     amplitude_of,
-    copy_motion,
+    copy_state,
     motion_size,
-    move_along,
+    move_state,
     ring_down_periods,
 )
 
@@ -128,9 +128,9 @@ def follow_down(
     while tip.periods.marched < most:
         if u[Z0] < lowest and (presses(p, tip) or u[Z0] < -FARTHEST_AT_ALL):
             return LOWEST_OFFSET
-        copy_motion(u, before)
-        move_along(lever, slopes, -stride, u)
-        copy_motion(u, predicted)
+        copy_state(u, before)
+        move_state(lever, slopes, -stride, u)
+        copy_state(u, predicted)
         rests = skip(oscillator, tolerance, 0.0, tip)
         off = math.hypot(u[Z] - predicted[Z], u[V] - predicted[V]) if rests else math.inf
         turned = rests and amplitude_slope(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way

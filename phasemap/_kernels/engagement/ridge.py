@@ -51,7 +51,7 @@ from phasemap._kernels.orbits.time.tip import (
     Tip,
     Way,
     copy_memory,
-    move_along,
+    move_state,
 )
 from phasemap._kernels.records import assign, record
 
@@ -161,7 +161,7 @@ def solve_drive_at_ridge_point(law: Law, p: np.ndarray, eta: float, scale: float
         while True:
             more, ahead.z0 = ahead.z0, 0.0  # of the drive, which stands in the place of z0
             way = length_of(ahead) / scale + abs(more) / driven[col.DRIVE]
-            move_along(driven, ahead, 1.0, u)
+            move_state(driven, ahead, 1.0, u)
             driven[col.DRIVE] += more
             if not (way < STEP_ASTRAY and driven[col.DRIVE] > 0.0):
                 return False
@@ -200,8 +200,8 @@ def move_on_ridge(ridge: Ridge, of_b: float, of_a: float) -> None:
     slope = slopes_of_orbit(tip.linear, slopes)
     more = (of_a - slope * of_z0) / slopes_of_orbit(by, by_drive)
     by_drive.z0 = 0.0
-    move_along(driven, slopes, of_z0, tip.u)
-    move_along(driven, by_drive, more, tip.u)
+    move_state(driven, slopes, of_z0, tip.u)
+    move_state(driven, by_drive, more, tip.u)
     driven[col.DRIVE] += more
     place.gap += of_b
     place.amplitude += of_a

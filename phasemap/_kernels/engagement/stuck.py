@@ -28,9 +28,9 @@ from phasemap._kernels.orbits.time.tip import (
     Tip,
     Way,
     amplitude_of,
-    copy_motion,
+    copy_state,
     motion_size,
-    move_along,
+    move_state,
     ring_down_periods,
     swing_state,
 )
@@ -115,7 +115,7 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
     """
     p, lever = oscillator.p, oscillator.lever
     u, acc, linear, before, slopes = tip.u, tip.acc, tip.linear, np.empty(motion_size(lever)), Way()
-    copy_motion(u, before)
+    copy_state(u, before)
     z0 = loosened(oscillator, u[Z0], amplitude)
     if z0 > u[Z0]:
         rest_at = z0 + static_depth(oscillator, z0)
@@ -131,7 +131,7 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
             abs(now - low - slope * step) < RAISING_MISS * amplitude and amplitude_slope(linear) * slope >= 0.0
         )
         if now < amplitude and (as_said if rests else least and step > 0.0 and now < FALLEN * amplitude):
-            copy_motion(u, before)
+            copy_state(u, before)
             if rests:
                 slope = slopes_of_orbit(linear, slopes)
             stride = max(stride, 2.0 * step) if ceiling == math.inf else 2.0 * step
@@ -149,5 +149,5 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
             copy(before, u)
         step = min(stride, max(0.5 * (ceiling - u[Z0]), shortest))
         slopes.z0 = 1.0
-        move_along(lever, slopes, step, u)
+        move_state(lever, slopes, step, u)
     return NOT_KNOWN

@@ -11,9 +11,9 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import hold_amplitude, new_orbit
+from phasemap._kernels.orbits.collocation.system import new_orbit
 
 MOST_BESIDE_STEPS = 15
 SAME_ORBIT = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
@@ -37,13 +37,8 @@ def rows_beside(
         for level in range(FINEST_LEVEL + 1):
             if not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
                 break
-            status, _, orbit, spare = solve_orbit(
-                Oscillator(law, p, lever),
-                tables,
-                orbit,
-                spare,
-                hold_amplitude(orbit),
-                NewtonLimits(level, tolerance, MOST_BESIDE_STEPS, False),
+            status, _, orbit, spare = solve_at_amplitude(
+                Oscillator(law, p, lever), tables, orbit, spare, level, tolerance, MOST_BESIDE_STEPS
             )
             if status == col.GOOD:
                 status, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)

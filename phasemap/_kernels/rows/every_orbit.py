@@ -25,13 +25,12 @@ from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.newton import (
-    NewtonLimits,
     begin_harmonic,
     linearise_and_fill_row,
-    solve_orbit,
+    solve_at_amplitude,
 )
 from phasemap._kernels.orbits.collocation.polish import tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, head_of, hold_amplitude, new_orbit
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, head_of, new_orbit
 from phasemap._kernels.records import assign, clear
 
 MOST_ORBITS = 40
@@ -116,13 +115,8 @@ def add_from_averaged(
         guess = guesses[i]
         if count == len(rows) or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
             continue
-        status, _, orbit, spare = solve_orbit(
-            Oscillator(law, p, lever),
-            tables,
-            orbit,
-            spare,
-            hold_amplitude(orbit),
-            NewtonLimits(level, tolerance, 30, False),
+        status, _, orbit, spare = solve_at_amplitude(
+            Oscillator(law, p, lever), tables, orbit, spare, level, tolerance, 30
         )
         if status != col.GOOD or not head_of(orbit).amplitude > 0.0:
             continue

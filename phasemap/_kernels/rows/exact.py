@@ -24,9 +24,9 @@ from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import low_q
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import head_of, hold_amplitude, new_orbit
+from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.rows.answers import Answers
 
@@ -45,9 +45,7 @@ def _orbit_near(
             if not begin_harmonic(oscillator, tables, orbit, guess, level):
                 break
         start = head_of(orbit).tip_offset
-        done, _, orbit, spare = solve_orbit(
-            oscillator, tables, orbit, spare, hold_amplitude(orbit), NewtonLimits(level, tolerance, 12, False)
-        )
+        done, _, orbit, spare = solve_at_amplitude(oscillator, tables, orbit, spare, level, tolerance, 12)
         if done != col.GOOD:
             continue  # finer elements change less from pass to pass
         done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)

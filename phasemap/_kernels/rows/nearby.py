@@ -14,9 +14,9 @@ from phasemap._kernels.continuation.step import relay_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import is_thrown_back
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import head_of, hold_amplitude, new_orbit
+from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 
 MOST_NEARBY_STEPS = 12  # of Newton's method from a guess
 
@@ -68,13 +68,8 @@ def nearby_rows(
             elif not (throws and begin_impact(oscillator, tables, orbit, amplitude, 0)):
                 if not begin_harmonic(oscillator, tables, orbit, guess, 0):
                     continue
-            done, _, orbit, spare = solve_orbit(
-                oscillator,
-                tables,
-                orbit,
-                spare,
-                hold_amplitude(orbit),
-                NewtonLimits(0, tolerance, MOST_NEARBY_STEPS, False),
+            done, _, orbit, spare = solve_at_amplitude(
+                oscillator, tables, orbit, spare, 0, tolerance, MOST_NEARBY_STEPS
             )
             if done == col.GOOD:
                 done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)

@@ -11,9 +11,9 @@ from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import hold_amplitude, new_orbit
+from phasemap._kernels.orbits.collocation.system import new_orbit
 from phasemap._kernels.rows.answers import Answers
 
 MOST_OTHER_BRANCH_STEPS = 15
@@ -47,13 +47,8 @@ def exact_near_rows(
                     Oscillator(law, p, lever), tables, orbit, guess, 0
                 ):
                     break
-                done, _, orbit, spare = solve_orbit(
-                    Oscillator(law, p, lever),
-                    tables,
-                    orbit,
-                    spare,
-                    hold_amplitude(orbit),
-                    NewtonLimits(0, tolerance, MOST_OTHER_BRANCH_STEPS, False),
+                done, _, orbit, spare = solve_at_amplitude(
+                    Oscillator(law, p, lever), tables, orbit, spare, 0, tolerance, MOST_OTHER_BRANCH_STEPS
                 )
                 if done == col.GOOD:
                     done, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)

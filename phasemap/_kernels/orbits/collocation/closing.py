@@ -9,20 +9,14 @@ from phasemap._kernels.columns import (
     DRIVE,
     DYNAMIC_LOSS,
     DYNAMIC_STIFFNESS,
-    FREQUENCY,
-    MODE,
-    MODE_NUMBERS,
-    MODES,
     OMEGA,
-    RATE,
     ROW,
-    SHARE,
 )
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate
-from phasemap._kernels.lever import drive_needed
+from phasemap._kernels.lever import drive_needed, mode_of, modes_of
 from phasemap._kernels.orbits.collocation.linearised import add_times
-from phasemap._kernels.orbits.collocation.mode_motion import add_answer, left_alone, turning_rates
+from phasemap._kernels.orbits.collocation.mode_motion import add_answer, left_alone
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_OTHER,
@@ -63,7 +57,7 @@ def _drive(lever: np.ndarray, head: Head) -> float:
 def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
     """Add the drive's equation, linearised, to the chained ones; returns the row of the next equation."""
     head, system, base = head_of(orbit), orbit.system, lever[DRIVE]
-    states = 2 * int(lever[MODES])
+    states = 2 * modes_of(lever)
     row = states + 2
     copy_rows(orbit.chained, system)
     system[row:] = 0.0
@@ -107,7 +101,7 @@ def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: t
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
 def apply_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) -> float:
     """Move the orbit by `share` of the step just solved; return the largest change of the depth [m] over the nodes."""
-    count = int(lever[MODES])
+    count = modes_of(lever)
     head, forces, chain = head_of(orbit), orbit.forces, orbit.chain
     x = orbit.system[:, RIGHT]
     last = len(x)
@@ -156,9 +150,9 @@ def move_modes(
     one.edge_w, one.edge_u = 0.0, 0.0
     for j in range(NODES):
         one.w[j], one.u[j], one.bend[j] = 0.0, 0.0, 0.0
-    for i in range(int(lever[MODES])):
-        at, w0, u0 = MODE + MODE_NUMBERS * i, states[2 * i], states[2 * i + 1]
-        a, nu = turning_rates(lever, i)
+    for i in range(modes_of(lever)):
+        w0, u0 = states[2 * i], states[2 * i + 1]
+        a, nu, square, rate, yields = mode_of(lever, i)
         for j in range(PLACES):
             modes[e, i, MOTION, j] *= 1.0 - share
             modes[e, i, MOTION_RATE, j] *= 1.0 - share
@@ -176,11 +170,7 @@ def move_modes(
                 u[j] += share * m * modes[e, i, MOTION_RATE_BY_M, j]
         add_answer(lever, orbit, e, table, i, share, f, (MOTION, MOTION_RATE))
         scale = 1.0 / (omega * omega)
-        of_f, of_u, of_w = (
-            scale * lever[at + SHARE],
-            2.0 * scale * lever[at + RATE] * omega,
-            scale * lever[at + FREQUENCY] ** 2,
-        )
+        of_f, of_u, of_w = scale * yields, 2.0 * scale * rate * omega, scale * square
         for j in range(NODES):
             one.w[j] += w[j]
             one.u[j] += u[j]

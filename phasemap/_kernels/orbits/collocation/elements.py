@@ -8,19 +8,13 @@ import numpy as np
 
 from phasemap._kernels.columns import (
     DAMPING,
-    FREQUENCY,
     LONGRANGE,
-    MODE,
-    MODE_NUMBERS,
-    MODES,
     OMEGA,
     RELEASE,
-    SHARE,
-    STIFFNESS,
 )
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import fastest_turn, modes_of, reach_of
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate, interpolation_shares
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
@@ -129,19 +123,9 @@ def _graded(
 
 
 @kernel
-def fastest_turn(lever: np.ndarray, slope: float) -> float:
-    """Rate [1] of the fastest oscillation of a lever on a stiffness [N/m], or more."""
-    at = MODE + MODE_NUMBERS * (int(lever[MODES]) - 1)
-    squared, share = lever[at + FREQUENCY] ** 2, 0.0
-    for i in range(int(lever[MODES])):
-        share += lever[MODE + MODE_NUMBERS * i + SHARE]
-    return math.sqrt(squared + share * abs(slope) / lever[STIFFNESS])
-
-
-@kernel
 def longest_flight(lever: np.ndarray, level: int) -> float:
     """Longest element [rad] out of contact: higher modes ring on in it."""
-    if lever[MODES] == 1.0:
+    if modes_of(lever) == 1:
         return math.inf
     return LONGEST_RINGING * GRADED_WIDTHS[level] * lever[OMEGA] / fastest_turn(lever, 0.0)
 

@@ -17,9 +17,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import all_shares, mode_of, modes_of, reach_of
 from phasemap._kernels.orbits.collocation.elements import lay_elements
-from phasemap._kernels.orbits.collocation.mode_motion import turning_rates
 from phasemap._kernels.orbits.collocation.newton import share_motion
 from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
 from phasemap._kernels.orbits.response.nodes import periods_before
@@ -53,10 +52,8 @@ def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
     """Return w and w' at an angle after a kick of first harmonic one, less mean and first harmonic."""
     omega, cosine, sine = lever[col.OMEGA], math.cos(angle), math.sin(angle)
     w, u = 0.0, 0.0
-    for i in range(int(lever[col.MODES])):
-        at = col.MODE + col.MODE_NUMBERS * i
-        squared, rate, yields = lever[at + col.FREQUENCY] ** 2, lever[at + col.RATE], lever[at + col.SHARE]
-        a, nu = turning_rates(lever, i)
+    for i in range(modes_of(lever)):
+        a, nu, squared, rate, yields = mode_of(lever, i)
         e_re, e_im = periods_before(a, nu)
         grow = math.exp(a * angle)
         c, s = grow * math.cos(nu * angle), grow * math.sin(nu * angle)
@@ -69,15 +66,6 @@ def after_kick(lever: np.ndarray, angle: float) -> tuple[float, float]:
 
 
 @kernel
-def kick_share(lever: np.ndarray) -> float:
-    """Acceleration of the tip by a force over k [1], over that by one mode alone."""
-    share = 0.0
-    for i in range(int(lever[col.MODES])):
-        share += lever[col.MODE + col.MODE_NUMBERS * i + col.SHARE]
-    return share
-
-
-@kernel
 def bounce(oscillator: Oscillator, turn: float, hit: Hit) -> bool:
     """Fill depth, half length and loss of a contact that begins with its speed, d'' = -g/omega^2 - turn.
 
@@ -85,7 +73,7 @@ def bounce(oscillator: Oscillator, turn: float, hit: Hit) -> bool:
     """
     law, p, lever = oscillator
     omega = lever[col.OMEGA]
-    share = kick_share(lever) / (lever[col.STIFFNESS] * omega * omega)
+    share = all_shares(lever) / (lever[col.STIFFNESS] * omega * omega)
     speed = hit.speed
     d, v, t, loss = 0.0, speed, 0.0, 0.0
     a = -share * contact_force(law, 0.0, p) - turn
@@ -117,7 +105,7 @@ def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: Hit) -> floa
     hit.speed = speed
     if not bounce(oscillator, turn, hit):
         return math.nan
-    squared, outside = lever[col.OMEGA] ** 2 / kick_share(lever), 0.0
+    squared, outside = lever[col.OMEGA] ** 2 / all_shares(lever), 0.0
     if p[col.LONGRANGE] != 0.0:
         outside = reach_of(law, p) * longrange_force(law, 0.0, p) / (lever[col.STIFFNESS] * squared * speed)
     return 2.0 * squared / math.pi * (speed - turn * hit.half + outside)
@@ -127,7 +115,7 @@ def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: Hit) -> floa
 def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: Hit) -> bool:
     """Fill the hit with the contact whose force has a first harmonic `kick`; False if it lasts too long."""
     lever = oscillator.lever
-    low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick * kick_share(lever) / lever[col.OMEGA] ** 2, 0.0
+    low, f_low, high, f_high = 0.0, -kick, 0.25 * math.pi * kick * all_shares(lever) / lever[col.OMEGA] ** 2, 0.0
     for _ in range(MOST_SPEEDS):
         f_high = kick_at(oscillator, high, turn, hit) - kick
         if not f_high < 0.0:

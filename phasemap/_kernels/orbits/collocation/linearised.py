@@ -17,23 +17,18 @@ import numpy as np
 
 from phasemap._kernels.columns import (
     DRIVE,
-    FREQUENCY,
     LONGRANGE,
-    MODE,
-    MODE_NUMBERS,
-    MODES,
     MOST_MODES,
     OMEGA,
-    RATE,
     RELEASE,
     ROW,
-    SHARE,
     STIFFNESS,
 )
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.dense import eliminate_columns
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.orbits.collocation.mode_motion import add_answer, fill_turns, left_alone, turning_rates
+from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.orbits.collocation.mode_motion import add_answer, fill_turns, left_alone
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_CURRENT,
@@ -80,17 +75,15 @@ def _add_drift(
         d, turn = head.amplitude * c + one.w[j] - head.tip_offset, one.u[j] - head.amplitude * s
         g = surface_force(law, p, 1.0 / lever[STIFFNESS], one.side, d, omega * turn)[0]
         f[j] = head.push * c + head.drag * s - g
-    for i in range(int(lever[MODES])):
-        at = MODE + MODE_NUMBERS * i
-        of_u = 2.0 * scale * (up[at + RATE] * up[OMEGA] - down[at + RATE] * down[OMEGA])
-        of_w = scale * (up[at + FREQUENCY] ** 2 - down[at + FREQUENCY] ** 2)
-        of_bend = scale * (up[OMEGA] ** 2 - down[OMEGA] ** 2)
-        of_force = scale * (up[at + SHARE] - down[at + SHARE])
+    of_bend = scale * (up[OMEGA] ** 2 - down[OMEGA] ** 2)
+    for i in range(modes_of(lever)):
+        mode, more, less = mode_of(lever, i), mode_of(up, i), mode_of(down, i)
+        of_u = 2.0 * scale * (more.rate * up[OMEGA] - less.rate * down[OMEGA])
+        of_w, of_force = scale * (more.square - less.square), scale * (more.share - less.share)
         for k in range(NODES):
             w, u = modes[e, i, MOTION, k], modes[e, i, MOTION_RATE, k]
-            bend = lever[at + SHARE] * f[k] - 2.0 * lever[at + RATE] * omega * u - lever[at + FREQUENCY] ** 2 * w
-            bend /= omega * omega
-            by_m[i, k] = (of_force * f[k] - of_u * u - of_w * w - of_bend * bend) / lever[at + SHARE]
+            bend = (mode.share * f[k] - 2.0 * mode.rate * omega * u - mode.square * w) / (omega * omega)
+            by_m[i, k] = (of_force * f[k] - of_u * u - of_w * w - of_bend * bend) / mode.share
             modes[e, i, MOTION_BY_M, k], modes[e, i, MOTION_RATE_BY_M, k] = 0.0, 0.0
         add_answer(lever, orbit, e, table, i, 1.0, by_m[i], (MOTION_BY_M, MOTION_RATE_BY_M))
 
@@ -116,7 +109,7 @@ def _drift_of_force(
         more = surface_force(law, parameters(drift[0]), 1.0 / up[STIFFNESS], one.side, d, up[OMEGA] * turn)[0]
         more -= surface_force(law, parameters(drift[1]), 1.0 / down[STIFFNESS], one.side, d, down[OMEGA] * turn)[0]
         by_m[j] = more / (2.0 * DRIFT_STEP)
-        for i in range(int(lever[MODES])):
+        for i in range(modes_of(lever)):
             by_m[j] += slopes.of_w[j] * orbit.modes[e, i, MOTION_BY_M, j]
             by_m[j] += slopes.of_u[j] * orbit.modes[e, i, MOTION_RATE_BY_M, j]
 
@@ -140,7 +133,7 @@ def _feel_kicks(
     A mode answers a kick of one with Im exp(lambda theta) / (omega^2 nu): theory, Eq. (collocation-4).
     """
     one, omega, modes, to = element_of(orbit, e), lever[OMEGA], orbit.modes, Slopes()
-    a, nu = turning_rates(lever, i)
+    a, nu, _, _, yields = mode_of(lever, i)
     grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
     p, q = to.of_w, to.of_u
     for j in range(NODES):
@@ -148,7 +141,7 @@ def _feel_kicks(
         p[j], q[j] = by_w * sine[j] + by_u * cosine[j], by_u * sine[j] - by_w * cosine[j]
     p0, p1, p2, p3, p4, p5, p6, p7 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
     q0, q1, q2, q3, q4, q5, q6, q7 = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
-    share = one.scale * lever[MODE + MODE_NUMBERS * i + SHARE] / (omega * omega * nu)
+    share = one.scale * yields / (omega * omega * nu)
     for k in range(NODES):
         back, x, t = share / grow[k], m[k], table[T_UPTO + k]
         c, s, old = back * cosine[k], back * sine[k], 1.0 if i > 0 else 0.0
@@ -170,7 +163,7 @@ def _force_in_element(
     """
     law, p, lever = oscillator
     head, one, modes, forces = head_of(orbit), element_of(orbit, e), orbit.modes, orbit.forces
-    omega, inverse_k, count = lever[OMEGA], 1.0 / lever[STIFFNESS], int(lever[MODES])
+    omega, inverse_k, count = lever[OMEGA], 1.0 / lever[STIFFNESS], modes_of(lever)
     z0, amplitude, side, unknowns = head.tip_offset, head.amplitude, one.side, STATE + 2 * count
     slopes = Slopes()
     of_w, of_u = slopes.of_w, slopes.of_u
@@ -192,7 +185,7 @@ def _force_in_element(
     for j in range(NODES):
         m[j, j] += 1.0
     for i in range(count):
-        a, nu = turning_rates(lever, i)
+        a, nu, _, _, _ = mode_of(lever, i)
         grow, cosine, sine, inverse = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE], 1.0 / nu
         by_w0, by_u0 = m[NODES + STATE + 2 * i], m[NODES + STATE + 2 * i + 1]
         for j in range(NODES):
@@ -239,7 +232,7 @@ def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: floa
 @kernel
 def _jump_at_start(oscillator: Oscillator, orbit: Orbit, e: int, integrals: np.ndarray) -> None:
     """Let the force of an element begin where the contact does: its start lies a little beside it."""
-    lever, one, chain, count = oscillator.lever, element_of(orbit, e), orbit.chain, int(oscillator.lever[MODES])
+    lever, one, chain, count = oscillator.lever, element_of(orbit, e), orbit.chain, modes_of(oscillator.lever)
     before = element_of(orbit, e - 1 if e > 0 else head_of(orbit).count - 1).side
     if one.side == before:
         return
@@ -253,7 +246,7 @@ def _jump_at_start(oscillator: Oscillator, orbit: Orbit, e: int, integrals: np.n
         for i in range(count):
             depth += chain[e, 2 * i, q]
         for i in range(count):
-            chain[e, 2 * i + 1, q] -= rate * lever[MODE + MODE_NUMBERS * i + SHARE] * depth
+            chain[e, 2 * i + 1, q] -= rate * mode_of(lever, i).share * depth
         kick = rate * lever[OMEGA] ** 2 * depth
         integrals[0, q] += kick * c
         integrals[1, q] += kick * s
@@ -280,25 +273,19 @@ def _carry_over(
     """
     one, modes, forces = element_of(orbit, e), orbit.modes, orbit.forces[e]
     before, after, (by_m, to, felt) = orbit.chain[e], orbit.chain[e + 1], scratch
-    omega, count, h, weights = lever[OMEGA], int(lever[MODES]), one.scale, table[T_END1]
-    last = STATE + 2 * count
+    omega, count, h, weights = lever[OMEGA], modes_of(lever), one.scale, table[T_END1]
+    last, alone = STATE + 2 * count, Transfers()
     for i in range(count):
-        a, nu = turning_rates(lever, i)
+        a, nu, _, _, yields = mode_of(lever, i)
         grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
-        share = h * lever[MODE + MODE_NUMBERS * i + SHARE] / (omega * omega * nu) * grow[NODES]
+        share = h * yields / (omega * omega * nu) * grow[NODES]
         c, s, to_w, to_u = cosine[NODES], sine[NODES], to[2 * i], to[2 * i + 1]
+        ww, wu, uw, uu = left_alone(a, nu, 1.0 / nu, grow[NODES], c, s)
+        alone.ww[i], alone.wu[i], alone.uw[i], alone.uu[i] = ww, wu, uw, uu
         for k in range(NODES):
             weight = share * weights[k] / grow[k]
             to_w[k] = weight * (s * cosine[k] - c * sine[k])
             to_u[k] = a * to_w[k] + weight * nu * (c * cosine[k] + s * sine[k])
-    alone = Transfers()
-    for i in range(count):
-        a, nu = turning_rates(lever, i)
-        (
-            alone.ww[i], alone.wu[i], alone.uw[i], alone.uu[i]
-        ) = left_alone(
-            a, nu, 1.0 / nu, modes[e, i, GROWTH, NODES], modes[e, i, TURN_COSINE, NODES], modes[e, i, TURN_SINE, NODES]
-        )  # fmt: skip
     for q in range(last + 1):
         if q == RM and head_of(orbit).swept == 0:
             for r in range(2 * count):
@@ -337,7 +324,7 @@ def _carry_over(
 def linearise_orbit(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills `chained` and the monodromy matrix."""
     lever = oscillator.lever
-    head, chain, chained, states = head_of(orbit), orbit.chain, orbit.chained, 2 * int(lever[MODES])
+    head, chain, chained, states = head_of(orbit), orbit.chain, orbit.chained, 2 * modes_of(lever)
     last = STATE + states
     integrals, by_m = np.zeros((2, last + 1)), np.zeros((states // 2, NODES))
     m = np.zeros((NODES + last + 1, NODES))

@@ -6,12 +6,11 @@ A mode left alone turns by exp(lambda theta), lambda = a + i nu, and answers a k
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from phasemap._kernels.columns import FREQUENCY, MODE, MODE_NUMBERS, MODES, OMEGA, RATE, SHARE
+from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.lever import mode_of, modes_of
 from phasemap._kernels.orbits.collocation.system import GROWTH, PLACES, TURN_COSINE, TURN_SINE, Orbit, element_of
 from phasemap._kernels.quadrature import NODES, T_UPTO
 from phasemap._kernels.records import column, record
@@ -25,8 +24,8 @@ def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
     """
     one, modes = element_of(orbit, e), orbit.modes
     last = element_of(orbit, e + 1).edge - one.edge
-    for i in range(int(lever[MODES])):
-        a, nu = turning_rates(lever, i)
+    for i in range(modes_of(lever)):
+        a, nu, _, _, _ = mode_of(lever, i)
         grow, c, s = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
         for j in range(PLACES):
             grow[j] = 0.125 * (one.theta[j] - one.edge if j < NODES else last)
@@ -46,14 +45,6 @@ def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
             x *= x
             x *= x
             grow[j] = x * x
-
-
-@kernel(inline=True)
-def turning_rates(lever: np.ndarray, i: int) -> tuple[float, float]:
-    """(a, nu): a mode left alone moves as exp((a + i nu) theta)."""
-    at = MODE + MODE_NUMBERS * i
-    rate, w, inverse = lever[at + RATE], lever[at + FREQUENCY], 1.0 / lever[OMEGA]
-    return -rate * inverse, math.sqrt(w * w - rate * rate) * inverse
 
 
 @kernel(inline=True)
@@ -79,10 +70,10 @@ def add_answer(
 ) -> None:
     """Add to two rows of mode i what a force, `part` of f at the nodes of element e, makes of its motion and rate."""
     one, omega, modes, kicks = element_of(orbit, e), lever[OMEGA], orbit.modes, Kicks()
-    a, nu = turning_rates(lever, i)
+    a, nu, _, _, yields = mode_of(lever, i)
     grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
     w, u = modes[e, i, to[0]], modes[e, i, to[1]]
-    share = part * one.scale * lever[MODE + MODE_NUMBERS * i + SHARE] / (omega * omega * nu)
+    share = part * one.scale * yields / (omega * omega * nu)
     re, im = kicks.re, kicks.im
     for j in range(NODES):
         re[j], im[j] = 0.0, 0.0

@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, spectral_radius
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import drive_needed, reach_of
+from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
@@ -88,15 +88,10 @@ def begin_harmonic(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, gue
 @kernel
 def share_motion(lever: np.ndarray, orbit: Orbit) -> None:
     """Give the motion at nodes and edges to the modes, by how much each yields to a steady force."""
-    whole, count = 0.0, int(lever[col.MODES])
-    for i in range(count):
-        at = col.MODE + col.MODE_NUMBERS * i
-        whole += lever[at + col.SHARE] / lever[at + col.FREQUENCY] ** 2
-    for e in range(head_of(orbit).count + 1):
-        one = element_of(orbit, e)
-        for i in range(count):
-            at = col.MODE + col.MODE_NUMBERS * i
-            part = lever[at + col.SHARE] / lever[at + col.FREQUENCY] ** 2 / whole
+    for i in range(modes_of(lever)):
+        part = static_share(lever, i)
+        for e in range(head_of(orbit).count + 1):
+            one = element_of(orbit, e)
             for k in range(PLACES):
                 w, u = (one.edge_w, one.edge_u) if k == NODES else (one.w[k], one.u[k])
                 orbit.modes[e, i, MOTION, k], orbit.modes[e, i, MOTION_RATE, k] = part * w, part * u
@@ -179,10 +174,29 @@ def solve_orbit(
 
 
 @kernel
+def solve_at_amplitude(
+    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, level: int, tolerance: float, most: int
+) -> tuple[int, int, Orbit, Orbit]:
+    """Solve as `solve_orbit` for a periodic orbit with the amplitude that this one has."""
+    limits = NewtonLimits(level, tolerance, most, False)
+    return solve_orbit(oscillator, tables, orbit, spare, hold_amplitude(orbit), limits)
+
+
+@kernel
+def monodromy_matrix(transfer: np.ndarray, states: int) -> np.ndarray:
+    """Return the monodromy matrix that stands row by row in the head of an orbit."""
+    m = np.empty((states, states))
+    for i in range(states):
+        for j in range(states):
+            m[i, j] = transfer[states * i + j]
+    return m
+
+
+@kernel
 def floquet(transfer: np.ndarray, states: int) -> float:
     """Return the largest modulus of the multipliers of a monodromy matrix: theory, Eq. (stability-3)."""
     if states > 2:
-        return spectral_radius(transfer, states)
+        return spectral_radius(monodromy_matrix(transfer, states))
     half = 0.5 * (transfer[0] + transfer[3])
     product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
     root = half * half - product
@@ -197,10 +211,9 @@ def determinant_of_return(transfer: np.ndarray, states: int) -> float:
     if states == 2:
         trace, product = transfer[0] + transfer[3], transfer[0] * transfer[3] - transfer[1] * transfer[2]
         return 1.0 - trace + product
-    m, order, found = np.empty((states, states)), np.empty(states, np.int64), 1.0
+    m, order, found = -monodromy_matrix(transfer, states), np.empty(states, np.int64), 1.0
     for i in range(states):
-        for j in range(states):
-            m[i, j] = (1.0 if i == j else 0.0) - transfer[states * i + j]
+        m[i, i] += 1.0
     if not factor(m, states, order):
         return 0.0
     for i in range(states):
@@ -250,7 +263,7 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
     row[col.INDENTATION] = deepest
     row[col.DISSIPATION] = stiffness * surface
     row[col.VIRIAL] = stiffness * virial / (2 * math.pi)
-    row[col.FLOQUET] = floquet(head.transfer, 2 * int(lever[col.MODES]))
+    row[col.FLOQUET] = floquet(head.transfer, 2 * modes_of(lever))
     row[col.STIFFENING] = head.push / amplitude
     row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
 
@@ -259,9 +272,8 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
 def lost_by_harmonics(tables: np.ndarray, lever: np.ndarray, orbit: Orbit) -> float:
     """Energy [m^2] over k that the modes lose in a period by their motion beyond the first harmonic."""
     lost = 0.0
-    for i in range(int(lever[col.MODES])):
-        at = col.MODE + col.MODE_NUMBERS * i
-        by = 2.0 * lever[at + col.RATE] * lever[col.OMEGA] / lever[at + col.SHARE]
+    for i in range(modes_of(lever)):
+        by = 2.0 * mode_of(lever, i).rate * lever[col.OMEGA] / mode_of(lever, i).share
         for e in range(head_of(orbit).count):
             one = element_of(orbit, e)
             for j in range(NODES):

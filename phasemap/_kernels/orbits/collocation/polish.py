@@ -10,8 +10,12 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
-from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, NewtonLimits, fill_row, solve_orbit
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of, hold_amplitude
+from phasemap._kernels.orbits.collocation.newton import (
+    MOST_NEWTON_STEPS,
+    fill_row,
+    solve_at_amplitude,
+)
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of
 
 LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
@@ -50,13 +54,8 @@ def refine_orbit(
             break
         interpolate_motion(tables, orbit, spare)
         orbit, spare = spare, orbit
-        fine, _, orbit, spare = solve_orbit(
-            oscillator,
-            tables,
-            orbit,
-            spare,
-            hold_amplitude(orbit),
-            NewtonLimits(level, tolerance, MOST_NEWTON_STEPS, False),
+        fine, _, orbit, spare = solve_at_amplitude(
+            oscillator, tables, orbit, spare, level, tolerance, MOST_NEWTON_STEPS
         )
         if fine != col.GOOD:
             break

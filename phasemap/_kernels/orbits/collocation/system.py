@@ -19,7 +19,6 @@ import numpy as np
 from phasemap._kernels.columns import (
     DAMPING,
     LONGRANGE,
-    MODES,
     MOST_MODES,
     RELEASE,
 )
@@ -33,6 +32,7 @@ from phasemap._kernels.law import (
     longrange_force,
     longrange_slope,
 )
+from phasemap._kernels.lever import modes_of
 from phasemap._kernels.quadrature import NODES
 from phasemap._kernels.records import column, record, rows_of, words_of
 
@@ -172,7 +172,7 @@ def room_for(elements: int, modes: int) -> Orbit:
 @kernel(light=True)
 def new_orbit(lever: np.ndarray) -> Orbit:
     """Return an orbit's room for this lever."""
-    return room_for(MOST_ELEMENTS, int(lever[MODES]))
+    return room_for(MOST_ELEMENTS, modes_of(lever))
 
 
 @kernel

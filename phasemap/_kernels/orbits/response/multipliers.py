@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, longrange_slope
-from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.lever import all_shares, mode_of, modes_of
 from phasemap._kernels.orbits.response.newton import stiffness
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
@@ -30,8 +30,8 @@ from phasemap._kernels.orbits.response.nodes import (
 )  # fmt: skip
 from phasemap._kernels.orbits.response.passes import PassState
 
-MOST_SQUARINGS = 20  # of a monodromy matrix
-DIVERGED = 1e60  # entry of a power of it that will not vanish
+SQUARINGS_WITHIN = 20  # of a monodromy matrix, that show whether its powers vanish
+DIVERGED_POWER = 1e60  # entry of a power of it that will not vanish
 FAINT_KICK = 1e-7  # [rad], change of the rate by a kick that does nothing
 CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, that must be lost at least
 
@@ -53,14 +53,14 @@ def _is_within(m: np.ndarray, bound: float) -> bool:
     """Whether all eigenvalues of a matrix are: its powers then vanish."""
     n = len(m)
     power, squared = m / bound, np.empty((n, n))
-    for _ in range(MOST_SQUARINGS):
+    for _ in range(SQUARINGS_WITHIN):
         largest = 0.0
         for i in range(n):
             for j in range(n):
                 largest = max(largest, abs(power[i, j]))
         if n * largest < 1.0:
             return True
-        if not largest < DIVERGED:
+        if not largest < DIVERGED_POWER:
             break
         for i in range(n):
             for j in range(n):
@@ -112,7 +112,7 @@ def _kick(
     `motions` (shape (2 modes, 2 modes)): x and y of each mode, a motion in each column.
     """
     law, p, lever = oscillator
-    omega, modes, all_shares = lever[OMEGA], modes_of(lever), 0.0
+    omega, modes = lever[OMEGA], modes_of(lever)
     d = state.amplitude * f.cos[j] + f.w[j] - state.centre
     width = GAUSS_WEIGHTS[j % N if j < LATE else (j - LATE) % N] * f.weight[j] / (omega * omega)
     if in_contact:
@@ -128,8 +128,7 @@ def _kick(
         one[0, 2 * i + 1] = (kappa * s + gamma * (mode.decay * s + mode.turn * c)) / grow
         one[1, 2 * i] = width * mode.share / mode.turn * grow * s
         one[1, 2 * i + 1] = -width * mode.share / mode.turn * grow * c
-        all_shares += mode.share
-    within = 1.0 / (1.0 + 0.5 * width * gamma * all_shares)  # damping acts on the mean of the velocities
+    within = 1.0 / (1.0 + 0.5 * width * gamma * all_shares(lever))  # damping acts on the mean of the velocities
     for k in range(2 * modes):
         force = 0.0
         for i in range(2 * modes):

@@ -24,7 +24,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
-from phasemap._kernels.lever import Mode, mode_of, modes_of
+from phasemap._kernels.lever import Mode, fastest_turn
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
@@ -181,11 +181,7 @@ def parts_needed(oscillator: Oscillator, half: float, depth: float) -> int:
     `depth`: [m].
     """
     law, p, lever = oscillator
-    last, all_shares, parts = mode_of(lever, modes_of(lever) - 1), 0.0, 1
-    for i in range(modes_of(lever)):
-        all_shares += mode_of(lever, i).share
-    stiff = max(contact_slope(law, max(depth, 0.0), p), 0.0) / lever[STIFFNESS]
-    turn = math.sqrt(last.square + all_shares * stiff) / lever[OMEGA]
+    turn, parts = fastest_turn(lever, max(contact_slope(law, max(depth, 0.0), p), 0.0)) / lever[OMEGA], 1
     while parts <= MOST_PARTS and half * turn > MOST_TURN * parts:
         parts *= 2
     return parts

@@ -14,7 +14,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.linear_map import fill_way_to_rest, length_of
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_change, linearise_period, pass_from
-from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, Way, copy_memory, move_along
+from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, Way, copy_memory, move_state
 
 FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
 FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
@@ -45,7 +45,7 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
         if not step < FORMING_STEP * target:
             return False
         way += step
-        move_along(lever, ahead, 1.0, u)
+        move_state(lever, ahead, 1.0, u)
         if not pass_from(oscillator, eta, tip, u, u[Z0], y):
             return False
         copy_memory(y, u)

@@ -10,10 +10,8 @@ import math
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.dense import eliminate
+from phasemap._kernels.dense import eliminate, spectral_radius
 from phasemap._kernels.orbits.time.tip import Change, PeriodMap, Way
-
-SQUARINGS = 48  # of the map of a period, which leave an error of 1e-14 of its multiplier
 
 
 @kernel
@@ -63,33 +61,13 @@ def amplitude_slope(linear: PeriodMap) -> float:
 
 @kernel
 def multiplier_of(linear: PeriodMap) -> float:
-    """Largest modulus of the Floquet multipliers, the eigenvalues of P': by squaring it again and again.
-
-    After k squarings the 2^k-th root of its norm is off by a share of about 2^-k.
-    """
-    n, found, power = linear.count, 0.0, 1.0
-    m, square = np.empty((n, n)), np.empty((n, n))
+    """Largest modulus of the Floquet multipliers, the eigenvalues of P'."""
+    n = linear.count
+    m = np.empty((n, n))
     for i in range(n):
         for j in range(n):
             m[i, j] = linear.motion[n * j + i] + (1.0 if i == j else 0.0)
-    for _ in range(SQUARINGS):
-        size = 0.0
-        for i in range(n):
-            for j in range(n):
-                size += m[i, j] * m[i, j]
-        size = math.sqrt(size)
-        if not 0.0 < size < math.inf:
-            return size
-        found += power * math.log(size)
-        power *= 0.5
-        for i in range(n):
-            for j in range(n):
-                total = 0.0
-                for k in range(n):
-                    total += m[i, k] * m[k, j]
-                square[i, j] = total / (size * size)
-        m, square = square, m
-    return math.exp(found)
+    return spectral_radius(m)
 
 
 @kernel

@@ -166,7 +166,7 @@ def _to_instant(here: Surroundings, fixed: Medium, start: Start, h: float, end: 
 
 
 @kernel
-def begin_contact(here: Surroundings, motion: Motion, q: float) -> None:
+def enter_contact(here: Surroundings, motion: Motion, q: float) -> None:
     """Let the tip be in contact, at q."""
     z = here.aloft.z0 + q * q
     motion.x, motion.touching, motion.in_neck = q, 1, 0
@@ -175,7 +175,7 @@ def begin_contact(here: Surroundings, motion: Motion, q: float) -> None:
 
 
 @kernel
-def begin_period(here: Surroundings, y: np.ndarray, motion: Motion) -> None:
+def set_out(here: Surroundings, y: np.ndarray, motion: Motion) -> None:
     """Put the tip where a state has it."""
     p, neck = here.p, here.neck
     motion.x, motion.v = y[Z] - here.aloft.z0, y[V]
@@ -183,7 +183,7 @@ def begin_period(here: Surroundings, y: np.ndarray, motion: Motion) -> None:
         here.modes.now[j] = y[PLAIN_STATE + j]
     x = motion.highest = motion.x
     if x > 0 or (x == 0 and motion.v > 0):
-        begin_contact(here, motion, math.sqrt(x))
+        enter_contact(here, motion, math.sqrt(x))
     elif neck > 0 and y[TOUCHES] != 0.0 and x > p[col.RELEASE]:
         motion.touching = motion.in_neck = 1
         motion.x, motion.deep = math.sqrt(x - p[col.RELEASE]), neck
@@ -251,7 +251,7 @@ def _pass_edge(here: Surroundings, motion: Motion, edge: float) -> int:
         motion.x = motion.deep = here.neck
         motion.in_neck = 1
     elif motion.v > 0:
-        begin_contact(here, motion, 0.0)
+        enter_contact(here, motion, 0.0)
     else:
         motion.x, motion.touching, motion.in_neck = 0.0, 0, 0
     return 0
@@ -270,7 +270,7 @@ def fly_on(here: Surroundings, motion: Motion, start: Start, sums: PeriodResult)
 
 
 @kernel
-def take_step(here: Surroundings, eta: float, motion: Motion, sums: PeriodResult) -> int:
+def march_step(here: Surroundings, eta: float, motion: Motion, sums: PeriodResult) -> int:
     """March on by a step, shorter where it crosses an edge or the end of the period; returns 1 if it leaves a neck."""
     fixed, touching, in_neck = medium_of(here, motion), motion.touching == 1, motion.in_neck == 1
     start = Start(motion.x, motion.v, motion.cos, motion.sin)
@@ -368,13 +368,13 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     aloft = medium_aloft(Oscillator(law, row, lever), z0, modes)
     snap = 2 * CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_force(law, 0.0, row)) * aloft.compliance * modes.share
     here = Surroundings(law, row, aloft, snap, math.sqrt(-row[col.RELEASE]), modes)
-    begin_period(here, y, motion)
+    set_out(here, y, motion)
     steps = releases = 0
     while motion.left > 0:
         steps += 1
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
-        releases += take_step(here, eta, motion, sums)
+        releases += march_step(here, eta, motion, sums)
     x, touching = motion.x, motion.touching == 1
     if not math.isfinite(x + motion.v):
         return -col.NOT_SETTLED

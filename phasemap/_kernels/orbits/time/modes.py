@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.lever import dynamic_stiffness_of_mode, mode_of, modes_of, static_compliance
+from phasemap._kernels.lever import dynamic_stiffness_of_mode, mode_of, modes_of
 from phasemap._kernels.records import column, record
 
 
@@ -64,12 +64,6 @@ def harmonic_of_mode(lever: np.ndarray, i: int, tip: complex) -> complex:
     """Complex amplitude [m] of mode i in a motion whose first harmonic at the tip has the complex amplitude `tip`."""
     force = lever[col.DRIVE] - complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]) * tip
     return (drive_of_mode(lever, i) - mode_of(lever, i).share * force) / dynamic_stiffness_of_mode(lever, i)
-
-
-@kernel
-def static_share(lever: np.ndarray, i: int) -> float:
-    """Share of mode i in the deflection of the tip by a static force."""
-    return mode_of(lever, i).share / mode_of(lever, i).square / static_compliance(lever)
 
 
 @kernel

@@ -39,12 +39,12 @@ from phasemap._kernels.orbits.time.tip import (
     amplitude_of,
     coordinate_count,
     copy_memory,
-    copy_motion,
+    copy_state,
     divide_result,
     entry_of,
     motion_scale,
     motion_size,
-    move_along,
+    move_state,
     ring_down_periods,
     ringing_periods,
 )
@@ -143,7 +143,7 @@ def linearise_period(oscillator: Oscillator, eta: float, tip: Tip) -> bool:
         return False
     fill_change(lever, u, y, acc, linear.now)
     for i in range(count):
-        copy_motion(u, start)
+        copy_state(u, start)
         start[entry_of(i)] += size
         if not pass_from(oscillator, eta, tip, start, u[Z0], y):
             return False
@@ -173,7 +173,7 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
     farthest = max(CREEP_STEP * motion_scale(lever, u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
     left = math.inf
     for i in range(most):
-        move_along(lever, way, 1.0, u)
+        move_state(lever, way, 1.0, u)
         if not pass_from(oscillator, eta, tip, u, u[Z0], y):
             return math.inf
         copy_memory(y, u)
@@ -211,8 +211,8 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
         near = before * y_limit <= 1e-4 * motion_scale(lever, u)
         moved, left = False, before
         while before > 1 or not moved:
-            copy_motion(u, trial)
-            move_along(lever, way, 1.0, trial)
+            copy_state(u, trial)
+            move_state(lever, way, 1.0, trial)
             if not pass_from(oscillator, eta, tip, trial, trial[Z0], y):
                 return False
             fill_change(lever, trial, y, tip.acc, now)
@@ -291,11 +291,11 @@ def hold_periodic(
         slope = slopes_of_orbit(tip.linear, slopes)
         wanted = error / max(slope, 0.2)
         move = max(-stride, min(wanted, stride))
-        copy_motion(tip.u, before)
+        copy_state(tip.u, before)
         if law.memory != 0:
             # A slow feedback takes the orbit along. A tip moved without it may lose a surface that it only just
             # reaches, grow towards its free amplitude, and land on the other side of the resonance.
-            move_along(lever, slopes, -move, tip.u)
+            move_state(lever, slopes, -move, tip.u)
         else:
             tip.u[Z0] -= move
         if abs(move) > FEEDBACK_STRIDE * amplitude:

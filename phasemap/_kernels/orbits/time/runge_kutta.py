@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 OF_TIP = 3  # numbers of a step before those of the higher modes: x, v and the time passed
-OF_MOTION = 9  # numbers of a step before the six integrals
 SLOPES = 15
 Row = Any  # a tuple where formulas are typed for an array: all they do is index it
 
@@ -176,7 +175,7 @@ def turn(angle: float) -> tuple[float, float]:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def surface_force(law: Law, p: Row, fixed: Medium, touching: bool, x: float) -> tuple[float, float, float, float]:
+def force_of_stage(law: Law, p: Row, fixed: Medium, touching: bool, x: float) -> tuple[float, float, float, float]:
     """Slope w of tau, depth, force over k, and its damping 2 alpha_s [1] at x."""
     force = drag = 0.0
     if touching:
@@ -202,7 +201,7 @@ def stage(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, x: floa
     """Slopes w of tau and w z'' of v, and the integrands that `End` names, at (x, v), `time` after the step's start."""
     c, s = turn(fixed.omega * time)
     c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
-    w, d, force, drag = surface_force(law, p, fixed, touching, x)
+    w, d, force, drag = force_of_stage(law, p, fixed, touching, x)
     z = fixed.z0 + d
     a = fixed.drive * c - z - force - (2 * fixed.alpha0 + drag) * v
     return w, w * a, w * z * c, w * z * s, w * z, w * drag * v * v, -w * (force + drag * v) * z, w * v * v
@@ -320,7 +319,7 @@ def _fill_slopes(here: Beam, start: Start, y: np.ndarray, k: np.ndarray, integra
     fixed, modes, v = here.fixed, here.modes, y[1]
     c, s = turn(fixed.omega * y[2])
     c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
-    w, d, force, drag = surface_force(here.law, here.p, fixed, here.touching, y[0])
+    w, d, force, drag = force_of_stage(here.law, here.p, fixed, here.touching, y[0])
     z, push = fixed.z0 + d, force + drag * v
     first, first_speed, a, air = z, v, 0.0, 0.0
     for i in range(1, modes.count):

@@ -10,9 +10,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import amplitude_seen
-from phasemap._kernels.lever import modes_of, slowest_decay
+from phasemap._kernels.lever import modes_of, slowest_decay, static_share
 from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
-from phasemap._kernels.orbits.time.modes import harmonic_of_mode, static_share
+from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.records import column, record
 
 if TYPE_CHECKING:
@@ -204,14 +204,14 @@ def copy_memory(u: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel
-def copy_motion(u: np.ndarray, to: np.ndarray) -> None:
+def copy_state(u: np.ndarray, to: np.ndarray) -> None:
     """Copy the first entries of a state to a row of `motion_size` entries."""
     for i in range(len(to)):
         to[i] = u[i]
 
 
 @kernel
-def move_along(lever: np.ndarray, way: Way, share: float, u: np.ndarray) -> None:
+def move_state(lever: np.ndarray, way: Way, share: float, u: np.ndarray) -> None:
     """Move a state by a share of a way."""
     for i in range(coordinate_count(lever)):
         u[entry_of(i)] += share * way.motion[i]
