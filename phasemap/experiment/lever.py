@@ -41,7 +41,7 @@ def lever_of(scope: Microscope) -> Array:
     turn = drive / abs(drive)
     lever[[col.DYNAMIC_STIFFNESS, col.DYNAMIC_LOSS]] = kappa.real, kappa.imag
     lever[[col.DRIVE, col.TURN_COS, col.TURN_SIN]] = abs(drive), turn.real, turn.imag
-    resonant = weights @ (pulled / (w**2 - 1 + 2j * rate) - moved)
+    resonant = scope.free_signal(1.0) / 1j  # there the drive is ahead of the one here by a quarter of a turn
     ahead = abs(resonant) / resonant
     offset = ahead * (((weights - factor) * pulled) @ (1 / stiff) - weights @ moved - factor * rigid) if based else 0j
     factor *= -1j * ahead * turn

@@ -196,7 +196,7 @@ class Microscope(Shown):
     def driven_amplitude(self) -> float:
         """Amplitude of the free lever at the drive frequency, as the detector sees it [m]: what the setpoint is of."""
         if len(self.detector_weights) > 1:
-            return abs(self._free_signal(self.frequency_ratio))
+            return abs(self.free_signal(self.frequency_ratio))
         omega, loss = self.frequency_ratio, 2 * self.cantilever.damping_ratio * self.frequency_ratio
         tip = self.drive.free_amplitude / self.cantilever.quality_factor / math.hypot(1 - omega**2, loss)
         return tip if self.drive.excitation == "direct" else tip * math.hypot(omega**2, loss)
@@ -204,8 +204,8 @@ class Microscope(Shown):
     @property
     def free_phase(self) -> float:
         """Phase of the free lever at the drive frequency, as the detector sees it [degree]; 0 at resonance."""
-        at_resonance = self._free_signal(1.0)
-        return math.degrees(cmath.phase(self._free_signal(self.frequency_ratio) * at_resonance.conjugate()))
+        at_resonance = self.free_signal(1.0)
+        return math.degrees(cmath.phase(self.free_signal(self.frequency_ratio) * at_resonance.conjugate()))
 
     @property
     def advice(self) -> str:
@@ -228,7 +228,7 @@ class Microscope(Shown):
                 )
         return ""
 
-    def _free_signal(self, omega: float) -> complex:
+    def free_signal(self, omega: float) -> complex:
         """What the detector sees of the free lever [m]; the drive leads the first mode at resonance by 90 degrees."""
         modes = free_motion(self.cantilever.eigenmodes, omega, self.base_amplitude, self.drive.excitation)
         return sum((weight * mode for weight, mode in zip(self.detector_weights, modes, strict=True)), 0j)
