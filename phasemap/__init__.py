@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from phasemap.inference.images.region_fit import fit_regions
     from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.inference.series.series import series
+    from phasemap.io.curves import read_curve
     from phasemap.io.exchange import from_sidpy, to_sidpy
     from phasemap.io.export import export, write_gsf, write_gwy
     from phasemap.io.read import read_image
@@ -75,6 +76,7 @@ _NAMES = {
     "inference.series.series": ("series",),
     "io.exchange": ("from_sidpy", "to_sidpy"),
     "io.export": ("export", "write_gsf", "write_gwy"),
+    "io.curves": ("read_curve",),
     "io.read": ("read_image",),
     "results.channels": ("channels",),
     "results.status": ("Status",),
@@ -142,6 +144,7 @@ __all__ = [
     "orbits",
     "phase_lag",
     "plot",
+    "read_curve",
     "read_image",
     "register",
     "scene_from",

@@ -88,28 +88,46 @@ def _slot(number: int, name: str, base: str = "", unit: str = "", factor: float 
 
 
 def ibw_file(path: Path) -> np.ndarray:
-    """An Asylum Research image of 6 x 4 pixels; returns heights [m] and phases [degree], top row first.
-
-    The header of Igor Pro's version 5 is that of WaveMetrics' technical note 3.
-    """
+    """An Asylum Research image of 6 x 4 pixels; returns heights [m] and phases [degree], top row first."""
     rng = np.random.default_rng(7)
     data = np.stack([1e-9 * rng.normal(size=(4, 6)), 40 + rng.normal(size=(4, 6))]).astype("<f4")
-    names = ["", "HeightTrace", "PhaseTrace"]
-    labels = b"".join(name.encode().ljust(32, b"\0") for name in names)
-    note = "\r".join(
-        ["ImagingMode: AC Mode", "DriveFrequency: 74243", "FreeAirAmplitude: 0.8", "AmplitudeSetpointVolts: 0.6",
-         "AmpInvOLS: 5e-08", "ScanRate: 1", "SpringConstant: 2.5", "FastScanSize: 6e-07", "SlowScanSize: 4e-07", ""]
-    ).encode()  # fmt: skip
+    note = [
+        "ImagingMode: AC Mode",
+        "DriveFrequency: 74243",
+        "FreeAirAmplitude: 0.8",
+        "AmplitudeSetpointVolts: 0.6",
+        "AmpInvOLS: 5e-08",
+        "ScanRate: 1",
+        "SpringConstant: 2.5",
+        "FastScanSize: 6e-07",
+        "SlowScanSize: 4e-07",
+        "",
+    ]
+    _write_wave(path, data[:, ::-1], ["", "HeightTrace", "PhaseTrace"], note)  # the bottom row first
+    return data.astype(float)
+
+
+def ibw_curve(path: Path, z: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> None:
+    """An Asylum Research curve, approach and withdrawal one after the other [m, m, degree]."""
+    note = ["ImagingMode: AC Mode", "DriveFrequency: 74243", "AmpInvOLS: 5e-08", "SpringConstant: 2.5", ""]
+    _write_wave(path, np.stack([z, amplitude, phase]).astype("<f4"), ["", "ZSnsr", "Amp", "Phase"], note)
+
+
+def _write_wave(path: Path, data: np.ndarray, names: list[str], lines: list[str]) -> None:
+    """A wave whose last dimension has names, in Igor Pro's version 5: WaveMetrics' technical note 3."""
+    labels, note = b"".join(name.encode().ljust(32, b"\0") for name in names), "\r".join(lines).encode()
+    sides = (*data.shape[::-1], 0)[:4] if data.ndim == 3 else (*data.shape[::-1], 0, 0)
     wave = struct.pack(
-        "<4xIIiHH6xh32sii4i4d4d4s16s", 0, 0, data.size, 2, 0, 1, b"image", 0, 0, 6, 4, 2, 0,
+        "<4xIIiHH6xh32sii4i4d4d4s16s", 0, 0, data.size, 2, 0, 1, b"image", 0, 0, *sides,
         1e-7, 1e-7, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, b"m", b"m\0\0\0m\0\0\0".ljust(16, b"\0"),
     ).ljust(320, b"\0")  # fmt: skip
-    sizes = (320 + data.nbytes, 0, len(note), 0, 0, 0, 0, 0, 0, 0, len(labels), 0, 0, 0, 0)
+    of_labels = [0, 0, 0, 0]
+    of_labels[data.ndim - 1] = len(labels)
+    sizes = (320 + data.nbytes, 0, len(note), 0, 0, 0, 0, 0, *of_labels, 0, 0, 0)
     head = struct.pack("<hh15i", 5, 0, *sizes)
     total = sum(struct.unpack(f"<{(len(head) + 320) // 2}h", head + wave))
     head = struct.pack("<hH15i", 5, -total & 0xFFFF, *sizes)
-    path.write_bytes(head + wave + data[:, ::-1].tobytes() + note + labels)  # the bottom row first
-    return data.astype(float)
+    path.write_bytes(head + wave + data.tobytes() + note + labels)
 
 
 def park_file(path: Path, name: str, mode: str, forward: bool = True) -> np.ndarray:

@@ -1,0 +1,111 @@
+"""Curves of text, of Igor and of sweeps are read into one form, which says what is recorded and what is not."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from vendor_files import ibw_curve
+
+import phasemap as pm
+
+Z = np.concatenate([np.linspace(0.0, 60e-9, 121), np.linspace(60e-9, 0.0, 121)])  # of the piezo, towards the surface
+GAP = 40e-9 - Z  # from where the amplitude falls, by a nanometre a nanometre
+AMPLITUDE = 0.5 + np.minimum(GAP, 0.0) / 80e-9  # [V]
+LAG = 90.0 + np.where(GAP < 0, np.maximum(-5.0, 3e9 * GAP) + 0.0, 0.0)
+TOLD = "ignore::phasemap.ResultWarning"
+
+
+def text(path: Path, heading: str | None, *columns: np.ndarray) -> Path:
+    np.savetxt(path, np.stack(columns, axis=1), delimiter="\t", header=heading or "", comments="")
+    return path
+
+
+def told(curve: xr.Dataset) -> str:
+    return str(curve.attrs["warnings"])
+
+
+@pytest.mark.filterwarnings(TOLD)
+@pytest.mark.parametrize("heading", ["z [nm]\tAmplitude [mV]\tPhase lag [deg]", "# z (nm)\tamp (mV)\tlag (deg)"])
+def test_columns_with_names_and_units_are_a_curve_of_both_directions(tmp_path: Path, heading: str) -> None:
+    curve = pm.read_curve(text(tmp_path / "curve.txt", heading, 1e9 * Z, 1e3 * AMPLITUDE, LAG))
+    assert curve.direction.values.tolist() == ["approach", "retract"]
+    assert curve.amplitude.attrs["units"] == "V" and curve.phase.attrs["units"] == "degree"
+    np.testing.assert_allclose(curve.distance.sel(direction="approach"), 60e-9 - Z[:121], atol=1e-18)
+    assert float(curve.distance.sel(direction="retract")[0]) == 0.0
+    assert curve.attrs["free_amplitude_voltage"] == pytest.approx(0.5)
+    assert curve.attrs["phase_zero"] == pytest.approx(90.0) and curve.attrs["phase_sign"] == -1
+    assert curve.attrs["amplitude_sensitivity"] == pytest.approx(80e-9, rel=1e-6)
+    assert "80 nm/V at most" in told(curve) and "Not recorded: stiffness, resonance frequency" in told(curve)
+
+
+@pytest.mark.filterwarnings(TOLD)
+def test_a_file_of_several_curves_without_names_is_read_by_the_names_given(tmp_path: Path) -> None:
+    half = [Z[:121], AMPLITUDE[:121], AMPLITUDE[:121] + 0.01, LAG[:121]]
+    table = np.stack([*half, *(2 * one for one in half)], axis=1)
+    table[-5:, 4:] = 0.0  # padded
+    with gzip.open(tmp_path / "curves.txt.gz", "wt") as file:
+        np.savetxt(file, table)
+    names = ("distance approach [m]", "amplitude approach [V]", None, "phase approach [degree]")
+    first, second = (pm.read_curve(tmp_path / "curves.txt.gz", columns=names, number=i) for i in range(2))
+    assert first.sizes == {"direction": 1, "point": 121} and second.sizes["point"] == 116
+    np.testing.assert_allclose(second.amplitude[0], 2 * AMPLITUDE[:116])
+    assert "Only the approach is recorded" in told(first) and "sign of the phase is not recorded" in told(first)
+
+
+@pytest.mark.filterwarnings(TOLD)
+def test_a_wave_of_igor_says_lever_and_sensitivity(tmp_path: Path) -> None:
+    pytest.importorskip("igor2")
+    ibw_curve(tmp_path / "curve.ibw", Z, 50e-9 * AMPLITUDE, LAG)
+    curve = pm.read_curve(tmp_path / "curve.ibw")
+    assert curve.attrs["stiffness"] == 2.5 and curve.attrs["amplitude_sensitivity"] == 5e-8
+    assert curve.attrs["free_amplitude"] == pytest.approx(25e-9, rel=1e-6)
+    assert "stiffness" not in told(curve) and "tip radius" in told(curve)
+    assert curve.attrs["phase_sign"] == -1  # as the vendor documents
+
+
+def test_a_curve_that_nothing_is_missing_of_warns_of_the_lever_only(tmp_path: Path) -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    sweep = pm.sweep_distance(pm.Material(1e9, 0.03, 0.01), scope, np.linspace(30e-9, 12e-9, 61))
+    sweep.to_netcdf(tmp_path / "sweep.nc")
+    with pytest.warns(pm.ResultWarning) as caught:
+        curve = pm.read_curve(tmp_path / "sweep.nc")
+    assert {str(one.message) for one in caught} == set(told(curve).splitlines())
+    np.testing.assert_array_equal(curve.amplitude, sweep.amplitude)
+    assert curve.attrs["phase_zero"] == pytest.approx(0.0, abs=0.2)
+
+
+@pytest.mark.filterwarnings(TOLD)
+def test_a_curve_that_does_not_reach_the_free_lever_has_no_zero(tmp_path: Path) -> None:
+    near = Z > 42e-9
+    curve = pm.read_curve(
+        text(tmp_path / "near.csv", "z [m]\tamplitude [m]\tphase [deg]", Z[near], AMPLITUDE[near], LAG[near])
+    )
+    assert "phase_zero" not in curve.attrs and "still changes at the far end" in told(curve)
+
+
+@pytest.mark.parametrize(
+    ("heading", "options", "message"),
+    [
+        (None, {}, "it has 3 columns and names of 0; say what they are"),
+        (None, {"columns": ("distance [m]", "amplitude [V]")}, "3 columns and names of 2"),
+        (None, {"columns": ("distance [m]", "brightness [V]", None)}, "columns is 'brightness"),
+        (None, {"columns": ("distance [m]", "amplitude", None)}, "unit of the column 'amplitude' is None"),
+        (None, {"columns": ("distance [m]", None, None)}, "a curve has distance and amplitude; it holds distance"),
+        ("z [m]\tamp [V]\tphase [deg]", {"number": 1}, "number is 1; allowed: 0 to 0"),
+    ],
+)
+def test_what_is_no_curve_is_refused_in_a_sentence(
+    tmp_path: Path, heading: str | None, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(pm.PhasemapError, match=message):
+        pm.read_curve(text(tmp_path / "curve.txt", heading, Z, AMPLITUDE, LAG), **options)
+
+
+def test_a_file_that_is_no_text_says_how_to_get_one(tmp_path: Path) -> None:
+    (tmp_path / "curve.spm").write_bytes(bytes(range(256)) * 4)
+    with pytest.raises(pm.FileError, match="export the curve from the instrument's program as text"):
+        pm.read_curve(tmp_path / "curve.spm")
