@@ -28,6 +28,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
     "sphinx_copybutton",
+    "sphinx_design",
     "sphinx_gallery.gen_gallery",
     "equations",
     "gallery",
@@ -44,10 +45,12 @@ exclude_patterns = [
 ]
 html_theme = "pydata_sphinx_theme"
 html_title = "phasemap"
+html_logo = html_favicon = "_static/logo.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_theme_options = {
+    "logo": {"text": "phasemap"},
     "show_prev_next": True,
     "secondary_sidebar_items": ["page-toc"],
     "navbar_align": "left",
@@ -60,7 +63,7 @@ copybutton_prompt_is_regexp = True
 mathjax_path = "tex-svg-full.js"  # in the site itself: see _ext/equations.py
 mathjax3_config = {"svg": {"fontCache": "global"}, "options": {"enableMenu": False}}
 
-myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_dmath_allow_labels = True
 myst_heading_anchors = 3
 suppress_warnings = ["config.cache"]  # the gallery's functions cannot be pickled

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import os
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -46,6 +48,36 @@ def scenes() -> dict[str, str]:
     return {**written, "scene_surface": of_surface + "\n"}
 
 
+def presets() -> str:
+    """Every preset by its kind, as `phasemap presets` lists them."""
+    from phasemap.cli.presets import tables
+
+    return "\n".join(f"## {kind.capitalize()}\n\n{table(heads, rows)}" for kind, (heads, *rows) in tables())
+
+
+def commands() -> str:
+    """Usage, arguments and examples of each command, as its parser has them."""
+    from phasemap.cli.commands import make_parser
+
+    parsers = next(one.choices for one in make_parser()._actions if isinstance(one.choices, dict))
+    os.environ["COLUMNS"] = "78"  # as wide as a page
+    pages = []
+    for name, one in parsers.items():
+        expand = one._get_formatter()._expand_help
+        rows = []
+        for action in one._actions[1:]:  # but for --help
+            words = action.option_strings or [str(action.metavar or action.dest)]
+            value = f" {action.metavar or action.dest.upper()}" if action.option_strings and action.nargs != 0 else ""
+            rows.append((f"`{', '.join(words)}{value}`", expand(action) if action.help else ""))
+        about = str(one.description)
+        pages += [f"## phasemap {name}", f"{about[:1].upper()}{about[1:]}.", f"```text\n{one.format_usage()}```"]
+        pages += [table(("argument", "what it is"), rows)] * bool(rows)
+        for part in str(one.epilog or "").strip().split("\n\n"):
+            head, _, lines = part.partition("examples:\n")
+            pages.append(f"```bash\n{textwrap.dedent(lines)}\n```" if lines and not head else part)
+    return "\n\n".join(pages) + "\n"
+
+
 def write(app: Sphinx) -> None:
     """Write all tables into docs/generated."""
     from phasemap.results.quantities import CHANNELS
@@ -82,6 +114,8 @@ def write(app: Sphinx) -> None:
         "statuses": table(("code", "status", "what it means, and what helps"),
                           [(one.code, f"`{one.name}`", one.value) for one in Status]),
         **scenes(),
+        "presets": presets(),
+        "commands": commands(),
         "in_time": table(("attribute", "text"), [(f"`{name}`", text) for name, text in IN_TIME.items()]),
     }  # fmt: skip
     folder = Path(app.srcdir) / "generated"

@@ -95,6 +95,10 @@ class FileError(PhasemapError, OSError):
     __module__ = "phasemap"
 
 
+class ExistsError(FileError):
+    """A file that is there already, and was not to be replaced."""
+
+
 class TooLargeError(PhasemapError, MemoryError):
     """Something that would not fit into the memory that is free; nothing of it was allocated."""
 

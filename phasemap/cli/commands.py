@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import NoReturn
 
-from phasemap._shared.errors import InputErrors, PhasemapError, on_one_line
+from phasemap._shared.errors import ExistsError, InputErrors, PhasemapError, on_one_line
 from phasemap._shared.files import reason_of
 from phasemap._shared.interrupts import ending_at_once, interrupted_once, still_busy, stopped
 from phasemap._shared.memory import check_address_space
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         after SIGTERM.
     """
     with ending_at_once():
-        parser = _parser()
+        parser = make_parser()
         arguments, rest = parser.parse_known_args(argv)
     if "rest" in arguments:
         arguments.rest, rest = rest, []
@@ -96,6 +96,12 @@ def _called(arguments: argparse.Namespace) -> int:
     try:
         check_address_space()
         return arguments.command(arguments) or 0
+    except ExistsError as error:
+        sentence = str(error).replace("overwrite=True", "--overwrite")
+        if not _replaced(sentence):
+            return _complain(sentence)
+        arguments.overwrite = True
+        return _called(arguments)
     except InputErrors as found:
         return max(_complain(str(error)) for error in found.errors)
     except PhasemapError as error:
@@ -106,6 +112,14 @@ def _called(arguments: argparse.Namespace) -> int:
         return _complain("not enough memory; simulate fewer pixels.")
     except KeyboardInterrupt as interrupt:
         return stopped(str(interrupt))
+
+
+def _replaced(sentence: str) -> bool:
+    """Ask on a terminal whether a file may be replaced; elsewhere it may not."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    print(f"phasemap: {on_one_line(sentence, LONGEST)} Replace it now? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:
@@ -135,7 +149,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
     """All commands and their arguments."""
     parser = _Parser(
         prog="phasemap",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ keys beside them; Python as pm.Material.preset("PS") and pm.Cantilever.preset("P
 examples:
   phasemap presets
   phasemap presets PS
-  phasemap presets PPP-NCHR
+  phasemap presets OMCL-AC160TS
 """
 
 
@@ -28,62 +29,63 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def presets(arguments: argparse.Namespace) -> None:
     """List all presets, or show one."""
-    from phasemap._shared.checks import check_choice
-    from phasemap.experiment.material import Material
-    from phasemap.experiment.microscope import Cantilever
+    from phasemap.experiment.presets import preset_of
+
+    print("\n".join(_shown(preset_of("", arguments.name, "NAME")) if arguments.name else _listed()))
+
+
+def tables() -> Iterator[tuple[str, list[list[str]]]]:
+    """Each kind of presets, with a row of heads and one for each of them."""
     from phasemap.experiment.presets import levers, materials
 
-    kinds = ((materials(), Material), (levers(), Cantilever))
-    if arguments.name is None:
-        print("\n".join([*_table("materials", *kinds[0]), "", *_table("levers", *kinds[1]), "", NOTE]))
-        return
-    known = {key.lower(): (one, cls) for every, cls in kinds for one in every.values() for key in (one.title, one.name)}
-    found = known.get(arguments.name.lower())
-    if found is None:
-        check_choice("NAME", arguments.name, [name for every, _ in kinds for name in every])
-    else:
-        print("\n".join(_shown(*found)))
+    for kind, every in itertools.groupby([*materials().values(), *levers().values()], lambda one: one.kind):
+        ones = list(every)
+        columns = list(ones[0].numbers)
+        heads = ["name", "", *(name.replace("_", " ") for name in columns)]
+        yield kind, [heads, *([one.name, one.title, *(_said(column, one) for column in columns)] for one in ones)]
 
 
-NOTE = (
-    "~ marks an estimate. `phasemap presets NAME` says where each number comes from, and its range. Those of levers\n"
-    "are mostly from memory, and in air; pm.Cantilever.preset(NAME).in_liquid() is a rectangular one in water, as is\n"
-    "liquid = {} beside the preset in a scene."
-)
+def _listed() -> Iterator[str]:
+    """All presets by their kinds."""
+    for kind, rows in tables():
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        yield kind
+        for row in rows:
+            yield "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+        yield ""
+    yield NOTE
 
 
-def _table(kind: str, every: Mapping[str, Preset], cls: type) -> Iterator[str]:
-    """A line for each preset."""
-    columns = list(next(iter(every.values())).numbers)
-    rows = [[kind, *(name.replace("_", " ") for name in columns), ""]]
-    rows += [
-        [name, *(_said(cls, column, one) for column in columns), one.title] for name, one in every.items()
-    ]  # fmt: skip
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+NOTE = """\
+~ marks an estimate. `phasemap presets NAME` says where each number comes from, its range, and other names. Those
+of levers are mostly from memory, and in air; pm.Cantilever.preset(NAME).in_liquid() is a rectangular one in water,
+as is liquid = {} beside the preset in a scene."""
 
 
-def _said(cls: type, name: str, preset: Preset) -> str:
+def _said(name: str, preset: Preset) -> str:
     """A number of a preset with its unit, and whether it is an estimate, or why it has none."""
     if name not in preset.numbers:
         return "relaxes" if name == "viscosity" else "V-shaped"
     quoted = preset.numbers[name]
-    return ("~" if quoted.is_estimate else "") + _in_unit(cls, name, quoted.value)
+    return ("~" if quoted.is_estimate else "") + _in_unit(name, quoted.value)
 
 
-def _in_unit(cls: type, name: str, value: float) -> str:
+def _in_unit(name: str, value: float) -> str:
     from phasemap._shared.fields import number_of
     from phasemap._shared.units import UDUNITS, say
+    from phasemap.experiment.cantilever import Cantilever
+    from phasemap.experiment.material import Material
 
-    unit = number_of(cls, name).unit
+    unit = number_of(Material if name in Material.__annotations__ else Cantilever, name).unit
     return say(value, UDUNITS.get(unit, unit))
 
 
-def _shown(preset: Preset, cls: type) -> Iterator[str]:
+def _shown(preset: Preset) -> Iterator[str]:
     """A preset with everything that is known of it."""
-    yield f"{preset.name}: {preset.title}"
+    yield f"{preset.name}: {preset.title} ({preset.kind})"
+    if preset.also:
+        yield f"  {'also called':<20}{', '.join(preset.also)}"
     for name, quoted in preset.numbers.items():
-        value, low, high = (_in_unit(cls, name, number) for number in (quoted.value, quoted.low, quoted.high))
+        value, low, high = (_in_unit(name, number) for number in (quoted.value, quoted.low, quoted.high))
         yield f"  {name.replace('_', ' '):<20}{value}, in the range {low} to {high}"
         yield from textwrap.wrap(quoted.source, WIDTH, initial_indent=" " * 22, subsequent_indent=" " * 22)

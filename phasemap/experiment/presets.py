@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +12,6 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import Any
 
-from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 
 ESTIMATE = "estimate"
@@ -49,8 +50,10 @@ class Preset:
     ('polystyrene', 2800000000.0)
     """
 
-    name: str
+    name: str  # as on the box
     title: str  # in words
+    kind: str  # in the plural, such as "polymers"
+    also: tuple[str, ...]  # other names
     numbers: Mapping[str, Quoted]  # by the arguments of `phasemap.Material` or `phasemap.Cantilever`
 
     @property
@@ -81,22 +84,29 @@ def levers() -> Mapping[str, Preset]:
     return _read()["levers"]
 
 
-def preset_of(kind: str, name: object) -> Preset:
-    """The preset with a name, in whatever case, or with a title.
+def preset_of(kind: str, name: object, said: str = "preset") -> Preset:
+    """The preset with a name, a title or another name that is usual, whatever its case and its hyphens.
 
-    `kind` ("materials" or "levers").
+    `kind` ("materials" or "levers"; "" for either), `said`: what an error calls the name.
 
     Examples
     --------
-    >>> preset_of("materials", "polystyrene").name, preset_of("materials", "pmma").name
-    ('PS', 'PMMA')
+    >>> preset_of("materials", "polystyrene").name, preset_of("levers", "ac160ts").name
+    ('PS', 'OMCL-AC160TS')
     """
-    every = _read()[kind]
-    known = {key.lower(): one for one in every.values() for key in (one.title, one.name)}
-    if isinstance(name, str) and name.lower() in known:
-        return known[name.lower()]
-    check_choice("preset", name, every)
-    return every[str(name)]
+    every = [one for which, found in _read().items() if kind in (which, "") for one in found.values()]
+    known = {_letters(key): one for one in every for key in (*one.also, one.title, one.name)}
+    sought = _letters(name) if isinstance(name, str) else ""
+    if sought in known:
+        return known[sought]
+    near = dict.fromkeys(known[key].name for key in difflib.get_close_matches(sought, known, 5))
+    hint = f"Did you mean {' or '.join(map(repr, list(near)[:3]))}?" if near else ""
+    raise InputError(said, name, f"one of the {len(every)} names that `phasemap presets` lists", hint)
+
+
+def _letters(name: str) -> str:
+    """The letters and digits of a name, in lower case."""
+    return re.sub(r"[\W_]", "", name).lower()
 
 
 def combined(numbers: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -132,16 +142,18 @@ def stated_by(kind: str, name: object) -> set[str]:
 def _read() -> dict[str, Mapping[str, Preset]]:
     """The file, once."""
     tables = tomllib.loads(files("phasemap.experiment").joinpath("presets.toml").read_text(encoding="utf-8"))
-    sources = tables["sources"]
     return {
-        kind: MappingProxyType({name: _preset(name, table, sources) for name, table in tables[kind].items()})
-        for kind in ("materials", "levers")
-    }
+        which: MappingProxyType({
+            name: _preset(name, tables["kinds"][kind], table, tables["sources"])
+            for kind, every in tables[which].items() for name, table in every.items()
+        })
+        for which in ("materials", "levers")
+    }  # fmt: skip
 
 
-def _preset(name: str, table: dict[str, Any], sources: dict[str, str]) -> Preset:
+def _preset(name: str, kind: str, table: dict[str, Any], sources: dict[str, str]) -> Preset:
     numbers = {
         key: Quoted(one["value"], one["range"][0], one["range"][1], sources[one["source"]])
-        for key, one in table.items() if key != "title"
+        for key, one in table.items() if key not in ("title", "also")
     }  # fmt: skip
-    return Preset(name, table["title"], MappingProxyType(numbers))
+    return Preset(name, table["title"], kind, tuple(table.get("also", ())), MappingProxyType(numbers))

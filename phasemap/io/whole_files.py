@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from phasemap._shared.errors import FileError
+from phasemap._shared.errors import ExistsError, FileError
 from phasemap._shared.files import reason_of
 
 LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in progress has a longer one
@@ -47,8 +47,9 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     if not os.access(path.parent, os.W_OK):
         raise FileError(f"cannot write {path}: no permission to write in the folder {str(path.parent)!r}.")
     if os.path.exists(path) and not overwrite:
-        how = "overwrite it (--overwrite, in Python overwrite=True) or choose another name"
-        raise FileError(f"cannot write {path}: it exists already; {how}.")
+        raise ExistsError(
+            f"cannot write {path}: it exists already; overwrite=True replaces it. Or choose another name."
+        )
     if "\0" in path.name:
         raise FileError(f"cannot write {path}: its name has a null byte; choose another one.")
     if len(os.fsencode(path.name)) > LONGEST_NAME:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
@@ -122,14 +123,26 @@ def test_an_existing_output_is_refused_before_anything_is_simulated(
     output.write_text("precious")
     with monkeypatch.context() as patch:
         patch.setattr(phasemap.scenes.scene.Scene, "simulate", None)
-        assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in fails(
-            capsys, "run", STEP, SMALL, "-o", str(output)
-        )
+        assert "exists already; --overwrite replaces it." in fails(capsys, "run", STEP, SMALL, "-o", str(output))
         missing = str(tmp_path / "no" / "step.nc")
         assert "the folder" in fails(capsys, "run", STEP, SMALL, "-o", missing)
     assert output.read_text() == "precious"
     assert main(["run", STEP, SMALL, "-o", str(output), "--overwrite", "--quiet"]) == 0
     assert load(output).sizes == {"y": 6, "x": 8}
+
+
+@pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("\n", 2)])
+def test_on_a_terminal_a_command_that_is_repeated_asks_whether_its_output_may_be_replaced(
+    answer: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = tmp_path / "step.nc"
+    output.write_text("of the last run")
+    monkeypatch.setattr(sys, "stdin", io.StringIO(answer))
+    for stream in (sys.stdin, sys.stderr):
+        monkeypatch.setattr(stream, "isatty", lambda: True)
+    assert main(["run", STEP, SMALL, "-o", str(output), "--quiet"]) == code
+    assert "step.nc: it exists already;" in (said := capsys.readouterr().err) and "Replace it now? [y/N]" in said
+    assert (output.read_bytes() == b"of the last run") == (code == 2)
 
 
 def image_with_failures(*_: Any, **__: Any) -> xr.Dataset:
@@ -370,7 +383,7 @@ def test_files_of_a_sweep_are_not_overwritten_unasked(
     for option, name in (("-o", "sweep.nc"), ("--plot", "sweep.png")):
         (tmp_path / name).write_text("precious")
         said = fails(capsys, "sweep", STEP, "distance", *STIFF, option, str(tmp_path / name))
-        assert "exists already; overwrite it (--overwrite, in Python overwrite=True)" in said
+        assert "exists already; --overwrite replaces it." in said
 
 
 def test_plot_draws_a_sweep_its_quantities_and_its_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,11 +15,15 @@ import pytest
 import phasemap as pm
 from phasemap._shared.fields import number_of
 from phasemap.cli import main
-from phasemap.experiment.presets import levers, materials
+from phasemap.experiment.presets import levers, materials, preset_of
 from phasemap.scenes.ensemble import load_ensemble
 from phasemap.scenes.scene import load_setup
 
 FILE: dict[str, Any] = tomllib.loads((files("phasemap.experiment") / "presets.toml").read_text(encoding="utf-8"))
+GROUPED = {
+    which: {name: one for kind in FILE[which].values() for name, one in kind.items()}
+    for which in ("materials", "levers")
+}
 SCENE = Path(__file__).parents[2] / "samples/step.toml"
 REFERENCE_FREQUENCY, TIP_TENSION = 300e3, 0.040
 
@@ -52,7 +56,7 @@ def test_adhesion_and_loss_and_quality_factors_are_marked_as_estimates() -> None
 
 # Two digits are given.
 def test_estimates_follow_the_rules_that_their_sources_state() -> None:
-    for name, table in FILE["materials"].items():
+    for name, table in GROUPED["materials"].items():
         adhesion, viscosity = table["adhesion"], table.get("viscosity", {"source": "none"})
         if adhesion["source"] == "wetting":
             rule = 2 * math.sqrt(TIP_TENSION * adhesion["surface_tension"])
@@ -61,7 +65,7 @@ def test_estimates_follow_the_rules_that_their_sources_state() -> None:
             stiff = table["modulus"]["value"] / (1 - table["poisson_ratio"]["value"] ** 2)
             rule = 2 * stiff * viscosity["loss_tangent"] / (2 * math.pi * REFERENCE_FREQUENCY)
             assert viscosity["value"] == pytest.approx(rule, rel=0.05), name
-    used = {one["source"] for kind in ("materials", "levers") for table in FILE[kind].values()
+    used = {one["source"] for kind in ("materials", "levers") for table in GROUPED[kind].values()
             for one in table.values() if isinstance(one, dict)}  # fmt: skip
     assert used == set(FILE["sources"])
 
@@ -88,7 +92,9 @@ def test_names_are_found_in_any_case_and_in_words_and_changes_are_taken() -> Non
     assert pm.Material.preset("PS", modulus="2 GPa").modulus == 2e9
     damped = pm.Material.preset("PS", damping=0.01)
     assert (plain.viscosity, plain.damping) == (33.0, 0.0) and (damped.viscosity, damped.damping) == (None, 0.01)
-    with pytest.raises(pm.InputError, match=r"preset is 'PSS'; allowed: one of PS, .*Did you mean 'PS'\?"):
+    with pytest.raises(
+        pm.InputError, match=r"preset is 'PSS'; allowed: .* `phasemap presets` lists\. Did you mean 'PS'"
+    ):
         pm.Material.preset("PSS")
     with pytest.raises(pm.InputError, match="stiffness is '3 nm'"):
         pm.Cantilever.preset("PPP-FMR", stiffness="3 nm")
@@ -100,7 +106,7 @@ def test_a_preset_loses_what_its_loss_tangent_says_under_every_lever(stiffness: 
     scope = pm.Microscope(lever, pm.Tip(radius), free, pm.Interaction("hertz", decay_length=None))
     surface = pm.Surface.from_labels([[0]], [pm.Material.preset("PMMA", adhesion=0.0)], pixel_size=1e-9)
     image = pm.simulate(surface, scope, 0.7, solver="averaging")
-    told = FILE["materials"]["PMMA"]["viscosity"]["loss_tangent"]
+    told = GROUPED["materials"]["PMMA"]["viscosity"]["loss_tangent"]
     assert float(pm.channels(image).loss_tangent[0, 0]) == pytest.approx(told, rel=0.01)  # two digits are given
 
 
@@ -127,7 +133,7 @@ def test_a_scene_takes_presets_and_numbers_beside_them(tmp_path: Path) -> None:
     made = {tuple(row) for row in scene.surface.unique()[0].tolist()}
     wanted = pm.Material.preset("LDPE"), pm.Material.preset("PMMA", adhesion=0.05)
     assert made == {(one.modulus, one.adhesion, one.viscosity, one.poisson_ratio) for one in wanted}
-    with pytest.raises(pm.InputError, match=r"\[materials.stiff\] preset is 'LDP'; .*Did you mean 'LDPE'\?"):
+    with pytest.raises(pm.InputError, match=r"\[materials.stiff\] preset is 'LDP'; .*Did you mean 'LDPE'"):
         pm.load_scene(path, [*presets, "materials.stiff.preset=LDP"])
     with pytest.raises(pm.InputError, match=r"\[tip\] preset is unknown"):
         pm.load_scene(path, [*presets, "tip.preset=sharp"])
@@ -184,12 +190,41 @@ def test_the_summary_says_what_a_preset_made_of_the_scene(capsys: pytest.Capture
 def test_the_command_lists_them_and_shows_the_sources_of_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["presets"]) == 0
     said = capsys.readouterr().out
-    assert all(f"\n{name} " in said for name in (*materials(), *levers()))
+    assert all(f"\n  {name} " in said for name in (*materials(), *levers()))
+    assert said.index("polymers\n") < said.index("\nmetals\n") < said.index("\nstiff levers, for tapping in air\n")
     assert "~0.074 J/m²" in said and "~ marks an estimate." in said
     assert main(["presets", "ps"]) == 0
     said = capsys.readouterr().out
     assert "2.8 GPa, in the range 2.28 GPa to 3.28 GPa" in said and "Callister" in said and "estimate" in said
     assert main(["presets", "pib"]) == 0
     assert "relaxation time" in capsys.readouterr().out
-    assert main(["presets", "PPPNCHR"]) == 2
-    assert "Did you mean 'PPP-NCHR'?" in capsys.readouterr().err
+    assert main(["presets", "PPP-NCH"]) == 2
+    assert "Did you mean 'PPP-NCHR'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [("OMCL-AC160TS", "OMCL-AC160TS"), ("AC160TS", "OMCL-AC160TS"), ("hq nsc15", "HQ:NSC15"), ("HOPG", "graphite"),
+     ("Scanasyst-Fluid+", "SCANASYST-FLUID+"), ("Olympus OMCL-AC240TS", "OMCL-AC240TS"), ("natural rubber", "NR")],
+)  # fmt: skip
+def test_what_stands_on_the_box_and_what_everybody_says_are_names(written: str, name: str) -> None:
+    assert preset_of("", written).name == name
+
+
+def test_no_name_stands_for_two_presets() -> None:
+    for one in (*materials().values(), *levers().values()):
+        assert all(preset_of("", name) is one for name in (one.name, one.title, *one.also)), one.name
+
+
+# Lengths, widths and frequencies are nominal to some per cent, and stiffness goes with the third power of the thickness
+# that follows from them; the Olympus levers are no uniform beams.
+def test_levers_are_silicon_beams_of_their_length_width_and_frequency_within_a_factor_of_two() -> None:
+    modulus, density = 169e9, 2330.0
+    beams = [one for name, one in levers().items() if "length" in one.values and "Olympus" not in one.title]
+    assert len(beams) >= 20
+    for one in beams:
+        thickness = (
+            one.values["resonance_frequency"] * one.values["length"] ** 2 / (0.1615 * math.sqrt(modulus / density))
+        )
+        beam = modulus * one.values["width"] * thickness**3 / (4 * one.values["length"] ** 3)
+        assert 0.48 < beam / one.values["stiffness"] < 2, one.name
