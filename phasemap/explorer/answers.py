@@ -18,7 +18,7 @@ from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.material import Material
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
-from phasemap.explorer.words import Found, lines_of
+from phasemap.explorer.words import LAG, PHASE, Found, lines_of
 from phasemap.imaging.simulation import simulate
 from phasemap.results.status import Status
 from phasemap.results.validity import describe_validity
@@ -70,8 +70,8 @@ def picture(setting: Setting) -> Picture:
     found = _materials(setting, ds, np.ascontiguousarray(labels[::step, ::step]))
     first, second = (found[name] for name in setting.pair)
     about = {
-        "materials": [None if one is None else _plain(one) for one in found.values()],
-        "why": lines_of(first, second) if first is not None and second is not None else [],
+        "materials": [None if one is None else _plain(one, setting) for one in found.values()],
+        "why": lines_of(first, second, LAG if setting.lag else PHASE) if first and second else [],
         "free_amplitude": setting.scope.driven_amplitude,
         "step": step,
     }
@@ -126,9 +126,9 @@ def contrast_map(setting: Setting) -> dict[str, Any]:
     return {
         "setpoints": SETPOINTS.tolist(),
         "amplitudes": (amplitudes * 1e9).tolist(),
-        "contrast": _numbers(ds["contrast"].values, 2),
+        "contrast": _numbers(ds["contrast"].values * (-1 if setting.lag else 1), 2),
         "zeros": [ds["inversion_setpoint"].values.tolist(), (ds["inversion_free_amplitude"].values * 1e9).tolist()],
-        "recommendation": ds.attrs["recommendation"],
+        "recommendation": ds.attrs["recommendation"] + " (Of the phase; the lag has the other sign.)" * setting.lag,
         "best": _numbers(np.array([ds.attrs["best_setpoint"], ds.attrs["best_free_amplitude"] * 1e9]), 6),
     }
 
@@ -150,14 +150,14 @@ def _picture(setting: Setting, ds: xr.Dataset, about: dict[str, Any]) -> Picture
         "failed": describe_failures(ds),
         "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds)],
     }
-    return Picture(about, (height - lowest).astype(np.float32), ds["phase"].values.astype(np.float32))
+    return Picture(about, (height - lowest).astype(np.float32), setting.counted(ds["phase"].values).astype(np.float32))
 
 
 def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> dict[str, Found | None]:
     """What each material does, read off one pixel of it; None for one that is in no pixel."""
     used, first = np.unique(labels, return_index=True)
     at = dict(zip(used.tolist(), first.tolist(), strict=True))
-    bistable = _bistable(setting)
+    bistable = [False] * len(setting.materials) if setting.quick else _bistable(setting)
     return {
         name: _found(setting, name, ds, at[i], bistable[i]) if i in at else None
         for i, name in enumerate(setting.materials)
@@ -205,9 +205,9 @@ def _word(name: str, code: int) -> str:
     return dict(zip(values, meanings, strict=True)).get(code, "none")
 
 
-def _plain(found: Found) -> dict[str, Any]:
+def _plain(found: Found, setting: Setting) -> dict[str, Any]:
     """A material as JSON has it."""
-    values = found._asdict()
+    values = {**found._asdict(), "phase": setting.counted(found.phase)}
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()
     }
@@ -228,11 +228,14 @@ def _curve(setting: Setting, material: Material) -> dict[str, Any]:
     answer: dict[str, Any] = {
         "distance": _numbers(ds["curve_tip_offset"].values * 1e9, 3),
         "amplitude": _numbers(ds["curve_amplitude"].values * 1e9, 3),
-        "phase": _numbers(ds["curve_phase"].values, 2),
+        "phase": _numbers(setting.counted(ds["curve_phase"].values), 2),
         "stable": ds["curve_stable"].values.tolist(),
         "piece": ds["curve_piece"].values.tolist(),
         "jumps": [
-            [_numbers(ds[f"jump_{end}_{name}"].values * size, 3) for name, size in (("amplitude", 1e9), ("phase", 1.0))]
+            [
+                _numbers(ds[f"jump_{end}_amplitude"].values * 1e9, 3),
+                _numbers(setting.counted(ds[f"jump_{end}_phase"].values), 3),
+            ]
             for end in ("from", "to")
         ],
         "jump_distance": _numbers(ds["jump_tip_offset"].values * 1e9, 3),
@@ -242,7 +245,7 @@ def _curve(setting: Setting, material: Material) -> dict[str, Any]:
         "period": None,
     }
     if works:
-        answer["point"] = [pixel.tip_offset * 1e9, pixel.amplitude * 1e9, pixel.phase]
+        answer["point"] = [pixel.tip_offset * 1e9, pixel.amplitude * 1e9, setting.counted(pixel.phase)]
         answer["period"] = _period(ds, pixel.tip_offset, pixel.phase)
     return answer
 

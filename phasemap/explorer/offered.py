@@ -138,7 +138,7 @@ def presets() -> dict[str, list[dict[str, Any]]]:
     """The presets of levers and materials, for the page."""
 
     def plain(preset: Preset) -> dict[str, Any]:
-        return {"name": preset.name, "title": preset.title, "values": preset.values}
+        return {"name": preset.name, "title": preset.title, "kind": preset.kind, "values": preset.values}
 
     return {"levers": list(map(plain, levers().values())), "materials": list(map(plain, materials().values()))}
 

@@ -72,7 +72,7 @@ def image_file(setting: Setting) -> File:
 def picture_file(setting: Setting) -> File:
     """A picture of the whole image, as ``phasemap plot`` draws it."""
     ds = image(setting)
-    return File(f"{_name(setting)}.png", "image/png", _written_by(lambda path: plot(ds, path), ".png"))
+    return File(f"{_name(setting)}.png", "image/png", _written_by(lambda path: plot(ds, path, lag=setting.lag), ".png"))
 
 
 def python_file(setting: Setting) -> File:
@@ -101,7 +101,7 @@ def python_of(setting: Setting) -> str:
     image = scene.simulate()
     pm.plot.image(image, 'step_explored.png')
     """
-    drawn = f"pm.plot.image(image, {_name(setting) + '.png'!r})\n"
+    drawn = f"pm.plot.image(image, {_name(setting) + '.png'!r}{', lag=True' if setting.lag else ''})\n"
     subject = setting.subject
     if subject.in_python:
         return _python_of_surface(setting) + drawn

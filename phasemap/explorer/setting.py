@@ -26,7 +26,7 @@ from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.problem import check_setpoint
 
 BEYOND = 1e3  # times the ends of its slider that a number may be
-KEYS = ("sample", "changes", "names", "pair", "exact")
+KEYS = ("sample", "changes", "names", "pair", "exact", "lag", "quick")
 Changes = dict[str, dict[str, Any]]  # by the table of a scene, or the number of a material, and the key
 
 
@@ -49,6 +49,8 @@ class Setting:
     materials: Mapping[str, Material]  # of one loss, by their names in the page
     pair: tuple[str, str]  # the two materials that are compared; twice the same where there is one only
     exact: bool = False  # whether every orbit is exact, or averaged where that is within the accuracy
+    lag: bool = False  # whether the phase is counted as the lag behind the drive, 90 degrees for the free lever
+    quick: bool = False  # whether averaging will do, which compiles soonest
     warnings: tuple[str, ...] = ()  # of numbers outside all practice
     changes: Mapping[str, Mapping[str, Any]] | None = None  # what differs from the subject
 
@@ -57,7 +59,8 @@ class Setting:
         """Read what the page sends.
 
         `message`: a dict with changes (values by the keys of a scene, where materials have numbers for names), names
-            (of the materials), pair (two numbers of materials) and exact; what is missing is as it was to begin with.
+            (of the materials), pair (two numbers of materials), exact, lag and quick; what is missing is as it was to
+            begin with.
 
         Examples
         --------
@@ -67,9 +70,10 @@ class Setting:
         """
         check_keys("the message", message, KEYS)
         assert isinstance(message, dict)
-        exact = message.get("exact", False)
-        if not isinstance(exact, bool):
-            raise InputError("exact", exact, "true or false")
+        switches = {name: message.get(name, False) for name in ("exact", "lag", "quick")}
+        for name, on in switches.items():
+            if not isinstance(on, bool):
+                raise InputError(name, on, "true or false")
         names = _names(subject, message.get("names"))
         changes = _by_table(message.get("changes", {}), len(names))
         with strict_units() if subject.strict else gathered() as warnings:
@@ -87,12 +91,19 @@ class Setting:
         one_loss = of_one_loss(materials, scope)
         pair = _pair(names, message.get("pair"))
         said = tuple(dict.fromkeys(warnings or ()))
-        return cls(subject, scope, setpoint, control, realism, _alike(one_loss), pair, exact, said, changes)
+        materials = _alike(one_loss)
+        return cls(
+            subject, scope, setpoint, control, realism, materials, pair, **switches, warnings=said, changes=changes
+        )
 
     @property
     def solver(self) -> str:
         """Name of the solver for one pixel."""
-        return "orbit" if self.exact else "auto"
+        return "averaging" if self.quick else "orbit" if self.exact else "auto"
+
+    def counted(self, phase: Any) -> Any:
+        """A phase [degree], or many, as the page counts it."""
+        return 90.0 - phase if self.lag else phase
 
     @property
     def options(self) -> dict[str, Any]:

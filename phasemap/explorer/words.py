@@ -22,6 +22,23 @@ SHARE = 0.2  # of the contrast that the losses may leave open
 DEGREES = "°"
 
 
+class Convention(NamedTuple):
+    """How the phase is counted: the two sides, their border, how far from it, and sine and cosine of the phase."""
+
+    name: str
+    positive: str
+    negative: str
+    border: str
+    size: str
+    sine: str
+    cosine: str
+    sign: int
+
+
+PHASE = Convention("phase", "positive", "negative", "0", "their size", "sin(phase)", "cos(phase)", 1)
+LAG = Convention("lag", "below 90°", "above 90°", "90°", "their distance from 90°", "cos(lag)", "sin(lag)", -1)
+
+
 class Found(NamedTuple):
     """One material at the working point."""
 
@@ -69,7 +86,7 @@ class Found(NamedTuple):
         return math.copysign(math.degrees(math.acos(max(-1.0, min(1.0, energy / self.most)))), self.tip_phase)
 
 
-def lines_of(first: Found, second: Found) -> list[str]:
+def lines_of(first: Found, second: Found, counted: Convention = PHASE) -> list[str]:
     """Say why the second material is brighter or darker in the phase image than the first.
 
     `first`, `second`: twice the same where there is one material only.
@@ -89,26 +106,28 @@ def lines_of(first: Found, second: Found) -> list[str]:
         compared = "" if first.name == second.name else ", so that the two cannot be compared"
         return [f"{one.name} has no orbit here{compared}. {one.advice}" for one in unsolved]
     if first.name == second.name:
-        said = [_alone(first)]
+        said = [_alone(first, counted)]
     elif first.stiffens != second.stiffens:
-        said = _of_two_signs(first, second)
+        said = _of_two_signs(first, second, counted)
     else:
-        said = _of_one_sign(first, second)
+        said = _of_one_sign(first, second, counted)
     return said + [line for one in dict.fromkeys((first, second)) for line in _warnings(one)]
 
 
-def _of_one_sign(first: Found, second: Found) -> list[str]:
+def _of_one_sign(first: Found, second: Found, counted: Convention) -> list[str]:
     """Both phases are positive, or both negative."""
     contrast, explained = second.phase - first.phase, second.explained - first.explained
     energies = f"{_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact"
     if abs(explained - contrast) > max(LEAST, SHARE * abs(contrast)):
         return [
-            f"{_compared(first, second)}.",
-            f"The losses ({energies}) would make it {_signed(explained, '.2g')}{DEGREES}: the rest is that higher "
-            "harmonics lose energy in air too, which tells on so soft or damped a lever.",
+            f"{_compared(first, second, counted)}.",
+            f"The losses ({energies}) would make it {_signed(counted.sign * explained, '.2g')}{DEGREES}: the rest is "
+            "that higher harmonics lose energy in air too, which tells on so soft or damped a lever.",
         ]
-    sign = "positive" if first.stiffens else "negative"
-    law = f"Both phases are {sign}, and at one amplitude their size then follows from the energy lost alone"
+    sign = counted.positive if first.stiffens else counted.negative
+    law = (
+        f"Both {counted.name}s are {sign}, and at one amplitude {counted.size} then follows from the energy lost alone"
+    )
     if abs(contrast) < LEAST:
         return [
             f"{second.name} and {first.name} look alike ({abs(contrast):.2g}{DEGREES}), because their losses differ by "
@@ -117,14 +136,14 @@ def _of_one_sign(first: Found, second: Found) -> list[str]:
             f"{law}: stiffness and adhesion act only through it.",
         ]
     more = "more" if second.lost > first.lost else "less"
-    towards = "darker" if first.stiffens else "brighter"
+    towards = "darker" if first.stiffens == (counted is PHASE) else "brighter"
     return [
-        f"{_compared(first, second)}, because it loses {more} energy: {energies}.",
-        f"{law}: loss pulls the phase towards 0, which is {towards} here.",
+        f"{_compared(first, second, counted)}, because it loses {more} energy: {energies}.",
+        f"{law}: loss pulls the {counted.name} towards {counted.border}, which is {towards} here.",
     ]
 
 
-def _of_two_signs(first: Found, second: Found) -> list[str]:
+def _of_two_signs(first: Found, second: Found, counted: Convention) -> list[str]:
     """One phase is positive, the other negative."""
     lossless, contrast = second.lossless - first.lossless, second.phase - first.phase
     positive, negative = (first, second) if first.stiffens else (second, first)
@@ -134,24 +153,27 @@ def _of_two_signs(first: Found, second: Found) -> list[str]:
         why = f"{positive.name} is {positive.regime} and {negative.name} {negative.regime}"
     sines = " and ".join(f"{_signed(one.sine, '.2f')} on {one.name}" for one in (positive, negative))
     return [
-        f"{_compared(first, second)}, because {why}.",
-        f"The conservative force turns the sign of sin(phase): {sines}. Without any loss in contact the contrast would "
-        f"be {_signed(lossless, '.3g')}{DEGREES}; the losses ({_shown(second.lost)} and {_shown(first.lost)} eV per "
-        f"cycle) change it by {_signed(contrast - lossless, '.2g')}{DEGREES}.",
+        f"{_compared(first, second, counted)}, because {why}.",
+        f"The conservative force turns the sign of {counted.sine}: {sines}. Without any loss in contact the contrast "
+        f"would be {_signed(counted.sign * lossless, '.3g')}{DEGREES}; the losses ({_shown(second.lost)} and "
+        f"{_shown(first.lost)} eV per cycle) change it by "
+        f"{_signed(counted.sign * (contrast - lossless), '.2g')}{DEGREES}.",
     ]
 
 
-def _alone(one: Found) -> str:
+def _alone(one: Found, counted: Convention) -> str:
     """What fixes the phase of a single material."""
+    phase = one.phase if counted is PHASE else 90 - one.phase
     return (
-        f"{one.name} has the phase {one.phase:.3g}{DEGREES}: cos(phase) is the energy lost, {_shown(one.lost)} eV per "
-        f"cycle in contact and {_shown(one.air)} in air, over the {_shown(one.most)} that the drive can give."
+        f"{one.name} has the {counted.name} {phase:.3g}{DEGREES}: {counted.cosine} is the energy lost, "
+        f"{_shown(one.lost)} eV per cycle in contact and {_shown(one.air)} in air, over the {_shown(one.most)} that "
+        "the drive can give."
     )
 
 
-def _compared(first: Found, second: Found) -> str:
+def _compared(first: Found, second: Found, counted: Convention) -> str:
     """How the second material looks beside the first."""
-    contrast = second.phase - first.phase
+    contrast = counted.sign * (second.phase - first.phase)
     word = "brighter" if contrast > 0 else "darker"
     return f"{second.name} is {abs(contrast):.3g}{DEGREES} {word} than {first.name}"
 

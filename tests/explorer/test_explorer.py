@@ -99,6 +99,30 @@ def test_a_lossier_material_is_darker_where_both_are_repulsive_and_the_reason_is
     assert "loss pulls the phase towards 0, which is darker here" in second
 
 
+def test_the_lag_is_ninety_degrees_less_the_phase_and_what_is_darker_in_one_is_brighter_in_the_other() -> None:
+    plain, lag = step(), step(lag=True)
+    before, after = answers.picture(plain), answers.picture(lag)
+    np.testing.assert_allclose(after.phase, 90 - before.phase, atol=1e-4)
+    for one, other in zip(before.about["materials"], after.about["materials"], strict=True):
+        assert other["phase"] == 90 - one["phase"]
+    (said, law, *_), (turned, turned_law, *_) = before.about["why"], after.about["why"]
+    words = ("darker", "brighter") if "darker" in said else ("brighter", "darker")
+    assert turned == said.replace(*words)
+    assert "the phase towards 0" in law and "the lag towards 90°" in turned_law
+    curve, other = (next(iter(answers.curves(one).values())) for one in (plain, lag))
+    assert other["point"] == [*curve["point"][:2], 90 - curve["point"][2]]
+    np.testing.assert_allclose(
+        answers.contrast_map(lag)["contrast"], -np.array(answers.contrast_map(plain)["contrast"])
+    )
+    assert "lag=True" in python_of(lag)
+
+
+def test_the_first_image_is_averaged_which_is_close_to_the_exact_one_and_compiles_sooner() -> None:
+    quick, exact = (answers.picture(step(quick=quick)) for quick in (True, False))
+    assert {one["solver"] for one in quick.about["materials"]} == {"averaging"}
+    np.testing.assert_allclose(quick.phase, exact.phase, atol=0.2)  # degrees; first order in 1/Q of 400
+
+
 def test_where_the_regimes_differ_they_and_not_the_losses_are_the_reason() -> None:
     subject = subject_of(SAMPLES / "particles.toml", setpoint=0.7)
     hard, soft = shown(Setting.of(subject, {}))

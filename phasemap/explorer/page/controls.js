@@ -135,10 +135,17 @@ function choice(knob, key) {
   return row(knob.label, key, select);
 }
 
+/** Options in groups of their kind. */
+function grouped(presets, option) {
+  const kinds = new Map(presets.map(({ kind }) => [kind, make("optgroup", { label: kind })]));
+  for (const preset of presets) kinds.get(preset.kind).append(option(preset));
+  return kinds.values();
+}
+
 /** A choice of presets; those of a material name it too. */
 function preset(knob, i, presets) {
   const prefix = knob.key.replace("*", i).replace("preset", ""), id = keyOf(knob.key, i);
-  const select = make("select", { id, className: "wide" }, new Option(`${knob.label}: own values, or choose …`, ""), ...presets.map(({ name, title }) => new Option(i === null ? name : `${name} – ${title}`, name)));
+  const select = make("select", { id, className: "wide" }, new Option(`${knob.label}: own values, or choose …`, ""), ...grouped(presets, ({ name, title }) => new Option(i === null ? title : `${name} – ${title}`, name)));
   const known = ({ values }) => Object.entries(values).filter(([name]) => prefix + name in state.start);
   select.addEventListener("change", () => {
     const found = presets.find(({ name }) => name === select.value);

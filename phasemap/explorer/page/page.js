@@ -8,7 +8,7 @@ import { begin, changes, fromLink, message, state, toLink } from "./state.js";
 
 const EV = 1.602176634e-19, SLOW = 600, PATIENT = 1500, SETTLED = 350; // J, ms
 const LEAST = 1; // degrees of phase between black and white, not to blow up last digits
-const OPEN = "open a file …";
+const OPEN = "open a file …", SWITCHES = ["exact", "lag"];
 const SOLVERS = { // what they are called, and what they do
   averaging: ["averaging", "First-order averaging, within the requested accuracy"],
   corrected: ["orbit (exact)", "The exact periodic orbit, from the lever's response to the force"],
@@ -83,7 +83,10 @@ function complain(sentence) {
 
 const say = (sentence) => { $("state").textContent = sentence; };
 
-const picture = new Asker(engine.picture, (answer, began) => {
+const picture = new Asker(async (asked, signal) => {
+  if (!now.picture) await engine.picture({ ...asked, quick: true }, signal).then(take, stopIfTakenBack); // compiled soonest
+  return engine.picture(asked, signal);
+}, (answer, began) => {
   take(answer);
   now.took.image = performance.now() - began;
   curves.run();
@@ -96,6 +99,10 @@ const curves = new Asker(engine.curves, (answer, began) => {
   say(`image in ${Math.round(now.took.image)} ms, curves in ${Math.round(now.took.curves)} ms`);
   askForMap(); // the first time after all else, which it would hold up
 });
+
+function stopIfTakenBack(error) {
+  if (error.name === "AbortError") throw error; // any other reason is that of the full answer too
+}
 
 function take(answer) {
   now.picture = answer;
@@ -147,7 +154,8 @@ function changed() {
 
 // ---- drawing
 
-const QUANTITIES = [["height", "height (nm)"], ["phase", "phase (°)"]];
+const QUANTITIES = [["height", () => "height (nm)"], ["phase", () => (state.lag ? "phase lag (°)" : "phase (°)")]];
+const phaseLabel = QUANTITIES[1][1];
 const PLOTS = ["amplitude-curve", "phase-curve", "period", "map"];
 
 /** What is known before the first answer: which material is where, and what is going on. */
@@ -164,11 +172,12 @@ function drawImages() {
   if (!$("hold").checked || !now.held) now.held = { height: draw.limits(shown.height), phase: draw.limits(shown.phase, LEAST) };
   for (const [name, label] of QUANTITIES) {
     const values = shown[name], range = now.held[name], colours = offer.colours[name];
-    const box = draw.image($(name), values, shown.shape, shown.pixel, range, colours, label);
+    const text = label();
+    const box = draw.image($(name), values, shown.shape, shown.pixel, range, colours, text);
     now[`${name}Box`] = box;
     draw.marker($(name), box, Math.round(box.top + ((now.row + 0.5) / rows) * box.height) + 0.5);
-    draw.histogram($(`${name}-histogram`), values, range, colours, label);
-    draw.profile($(`${name}-profile`), values, shown.shape, shown.pixel[1], now.row, range, label);
+    draw.histogram($(`${name}-histogram`), values, range, colours, text);
+    draw.profile($(`${name}-profile`), values, shown.shape, shown.pixel[1], now.row, range, text);
   }
   const warnings = [...shown.warnings, ...(shown.materials ? [] : shown.failed)]; // else the words say it of each material
   $("warnings").replaceChildren(...warnings.map((line) => Object.assign(document.createElement("li"), { textContent: line })));
@@ -205,7 +214,7 @@ const ofPair = () => [...new Set(state.pair)].map((i) => ({ data: now.curves[sta
 function drawCurves() {
   if (!now.curves || !ofPair().length) return;
   draw.curve($("amplitude-curve"), ofPair(), "amplitude", "amplitude (nm)");
-  draw.curve($("phase-curve"), ofPair(), "phase", "phase (°)");
+  draw.curve($("phase-curve"), ofPair(), "phase", phaseLabel());
   draw.period($("period"), ofPair());
 }
 
@@ -237,7 +246,7 @@ async function show(name, link = {}) {
   if (![...$("sample").options].some((option) => option.value === name)) $("sample").prepend(new Option(name, name));
   $("sample").value = name;
   $("about").textContent = [offer.samples[name] === "opened" ? "" : offer.samples[name], about.note].filter(Boolean).join(" ");
-  $("exact").checked = state.exact;
+  for (const id of SWITCHES) $(id).checked = state[id];
   $("warnings").replaceChildren();
   $("why").replaceChildren(Object.assign(document.createElement("p"), { textContent: `Where ${state.names.join(" and ")} are is seen at once; how they look under the tip, and why, is being solved.` }));
   $("materials").hidden = true;
@@ -292,7 +301,7 @@ async function attempt(work) {
   }
 }
 
-$("exact").addEventListener("change", () => { state.exact = $("exact").checked; changed(); });
+for (const id of SWITCHES) $(id).addEventListener("change", () => { state[id] = $(id).checked; now.held = null; changed(); });
 $("hold").addEventListener("change", drawAll);
 $("reset").addEventListener("click", controls.setBack);
 $("knobs").addEventListener("submit", (event) => event.preventDefault());

@@ -3,7 +3,7 @@
 // Values have the keys of a scene, in SI units; materials have numbers for names. "materials.N.loss" is the page's own:
 // it says which of the keys of the loss count.
 
-export const state = { sample: "", start: {}, values: {}, firstNames: [], names: [], pair: [0, 0], exact: false };
+export const state = { sample: "", start: {}, values: {}, firstNames: [], names: [], pair: [0, 0], exact: false, lag: false };
 
 const LOSSES = { damping: 0, viscosity: null, relaxed_modulus: null, relaxation_time: null }; // and what each is without
 const OF = {
@@ -19,6 +19,7 @@ export function begin(name, { values, materials }, link = {}) {
   const last = materials.length - 1;
   state.pair = link.pair?.every((i) => i >= 0 && i <= last) ? link.pair : [0, Math.min(1, last)];
   state.exact = Boolean(link.exact);
+  state.lag = Boolean(link.lag);
   const known = Object.entries(link.changes ?? {}).filter(([key]) => key in values);
   state.values = { ...values, ...Object.fromEntries(known) };
   materials.forEach((_, i) => {
@@ -28,7 +29,7 @@ export function begin(name, { values, materials }, link = {}) {
 }
 
 /** Everything as it was to begin with. */
-export const reset = () => begin(state.sample, { values: state.start, materials: state.firstNames }, { pair: state.pair, exact: state.exact });
+export const reset = () => begin(state.sample, { values: state.start, materials: state.firstNames }, { pair: state.pair, exact: state.exact, lag: state.lag });
 
 const OF_FEEDBACK = { "control.line_rate": undefined, "control.bandwidth": undefined, "realism.temperature": null, "realism.detector_noise": null };
 
@@ -54,7 +55,7 @@ export function changes() {
 
 /** What the engine is asked. */
 export function message() {
-  return { sample: state.sample, changes: changes(), names: state.names, pair: state.pair, exact: state.exact };
+  return { sample: state.sample, changes: changes(), names: state.names, pair: state.pair, exact: state.exact, lag: state.lag };
 }
 
 /** The fragment of the page's address. */
@@ -63,18 +64,18 @@ export function toLink() {
   const text = parts.map(([key, value]) => `${key}=${encodeURIComponent(value)}`);
   if (state.names.some((name, i) => name !== state.firstNames[i])) text.push(`names=${state.names.map(encodeURIComponent).join(",")}`);
   if (state.pair[0] !== 0 || state.pair[1] !== Math.min(1, state.names.length - 1)) text.push(`pair=${state.pair.join(",")}`);
-  if (state.exact) text.push("exact=true");
+  for (const name of ["exact", "lag"]) if (state[name]) text.push(`${name}=true`);
   return `#${text.join("&")}`;
 }
 
-/** What a fragment says: sample, changes, names, pair and exact. */
+/** What a fragment says: sample, changes, names, pair, exact and lag. */
 export function fromLink(fragment) {
   const said = { changes: {} };
   for (const part of fragment.replace(/^#/, "").split("&").filter(Boolean)) {
     const at = part.indexOf("="), key = part.slice(0, at), text = part.slice(at + 1);
     if (key === "names") said.names = text.split(",").map(decodeURIComponent);
     else if (key === "pair") said.pair = text.split(",").map(Number);
-    else if (key === "exact") said.exact = text === "true";
+    else if (key === "exact" || key === "lag") said[key] = text === "true";
     else if (key === "sample") said.sample = decodeURIComponent(text);
     else {
       const value = decodeURIComponent(text);
