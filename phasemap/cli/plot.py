@@ -42,9 +42,8 @@ def plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
     from phasemap.io.netcdf import load, load_sample
     from phasemap.io.whole_files import check_target
-    from phasemap.plot import curve, trace
     from phasemap.plot import plot as draw
-    from phasemap.plot.sweep import is_sweep
+    from phasemap.plot import trace
 
     if arguments.file.suffix == ".toml":
         image = arguments.file.with_suffix(".nc").name
@@ -57,9 +56,6 @@ def plot(arguments: argparse.Namespace) -> None:
     with _as_written_by_phasemap(arguments.file):
         if arguments.trace is not None:
             trace(ds, arguments.trace, output, arguments.overwrite)
-        elif arguments.quantities is not None and is_sweep(ds):
-            names = [name.strip() for name in arguments.quantities.split(",")]
-            curve(ds, output, arguments.overwrite, quantities=names)
         else:
             wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
             options = {"variables": wanted, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}

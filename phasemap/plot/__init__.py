@@ -10,13 +10,14 @@ from phasemap.plot.contrasts import contrast
 from phasemap.plot.images import plot
 from phasemap.plot.images import plot as image
 from phasemap.plot.materials import inversion
-from phasemap.plot.period import trace
+from phasemap.plot.period import force, trace
 from phasemap.plot.series import series
 from phasemap.plot.side_by_side import comparison
 from phasemap.plot.sweep import curve
-from phasemap.results.words import describe_failures, describe_flags
 
-__all__ = [
-    "comparison", "contrast", "curve", "describe_failures", "describe_flags", "image", "inversion", "plot", "series",
-    "trace",
-]  # fmt: skip
+__all__ = ["comparison", "contrast", "curve", "force", "image", "inversion", "plot", "series", "trace"]
+
+
+def __dir__() -> list[str]:
+    """The functions that draw, without the modules that they are in."""
+    return __all__

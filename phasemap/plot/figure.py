@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
@@ -50,45 +53,33 @@ def shortened(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
-def draw_scale_bar(axes: Axes, width: float) -> None:
+def draw_scale_bar(axes: Axes) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten, at most a third of the width, white on any ground.
 
     `axes`: of an image, x in metres from 0.
-    `width`: of the image [m].
     """
     from matplotlib.patheffects import withStroke
 
-    length = _round_length(width / 3)
-    unit = readable(length, "m")
-    outline = [withStroke(linewidth=4.5, foreground="black")]
-    left, place = 0.05 * width, axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
+    width, place = axes.get_xlim()[1], axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
+    decade = 10.0 ** math.floor(math.log10(width / 3))
+    length = max(step * decade for step in (1, 2, 5) if step * decade <= width / 3 * (1 + 1e-9))
+    unit, left = readable(length, "m"), 0.05 * width
     axes.plot(
-        [left, left + length],
-        [0.06, 0.06],
-        transform=place,
-        color="white",
-        linewidth=3.5,
-        solid_capstyle="butt",
-        path_effects=outline,
-        scalex=False,
-        scaley=False,
-    )
+        [left, left + length], [0.06, 0.06], transform=place, color="white", linewidth=3.5, solid_capstyle="butt",
+        path_effects=[withStroke(linewidth=4.5, foreground="black")], scalex=False, scaley=False,
+    )  # fmt: skip
     axes.annotate(
-        f"{length / unit.size:.0f} {unit.text}",
-        (left + length / 2, 0.06),
-        xycoords=place,
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="center",
-        va="bottom",
-        color="white",
-        fontsize=9,
-        fontweight="bold",
+        f"{length / unit.size:.0f} {unit.text}", (left + length / 2, 0.06), xycoords=place, xytext=(0, 4),
+        textcoords="offset points", ha="center", va="bottom", color="white", fontsize=9, fontweight="bold",
         path_effects=[withStroke(linewidth=1.5, foreground="black")],
-    )
+    )  # fmt: skip
 
 
-def _round_length(longest: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `longest`."""
-    decade = 10.0 ** math.floor(math.log10(longest))
-    return max(step * decade for step in (1, 2, 5) if step * decade <= longest * (1 + 1e-9))
+def own_axes(ax: Any, names: Sequence[str], path: object) -> list[Axes]:
+    """Axes of the user's own figure, one for each name; their figure is not saved here."""
+    own = [ax] if hasattr(ax, "plot") else list(np.ravel(np.asarray(ax, object)))
+    if len(own) != len(names) or not all(hasattr(axes, "plot") for axes in own):
+        raise InputError("ax", len(own), f"{len(names)} Axes, one for each of {', '.join(names)}")
+    if path is not None:
+        raise InputError("path", str(path), "None where ax is given", "Save the figure: fig.savefig(path).")
+    return own

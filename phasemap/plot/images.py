@@ -13,8 +13,9 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
 from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
-from phasemap.plot.figure import draw_scale_bar, side_lengths
+from phasemap.plot.figure import draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.materials import inversion, is_inversion
+from phasemap.plot.period import force, is_force_curve
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
@@ -73,14 +74,14 @@ def plot(
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
         leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or what a
         sweep, `phasemap.contrast`, `phasemap.compare`, `phasemap.series` or `phasemap.invert` returned; or one
-        variable of an image.
+        variable of an image; or what `phasemap.force_curve` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
         Whether an existing file may be replaced.
     variables : sequence of str, optional
-        Of an image: which variables to draw, side by side, in place of height and phase; those of `phasemap.channels`,
-        for instance.
+        Which variables to draw in place of height and phase; those of `phasemap.channels`, for instance, or of a sweep
+        any of its quantities.
     mark_irregular : bool
         Whether dots mark the pixels of an image in which the motion is irregular. A sweep shows them always.
     vmin, vmax : float, or mapping of str to float, optional
@@ -89,11 +90,11 @@ def plot(
     cmap : str, or mapping of str to str, optional
         Colour maps of matplotlib, likewise.
     lag : bool
-        Whether the phase of an image is drawn as the lag behind the drive (`phasemap.phase_lag`): 90 degrees for the
-        free lever, below 90 where the tip is repelled.
+        Whether the phase of an image or a sweep is drawn as the lag behind the drive (`phasemap.phase_lag`): 90 degrees
+        for the free lever, below 90 where the tip is repelled.
     ax : matplotlib.axes.Axes or sequence of them, optional
-        Axes of your own figure to draw an image in, one for each variable (the phase alone on a single one), with
-        colour bar and scale bar, and without title, histogram and notes.
+        Axes of your own figure to draw an image or a sweep in, one for each variable (of an image the phase alone on a
+        single one), without title, histogram and notes.
 
     Returns
     -------
@@ -128,37 +129,41 @@ def plot(
         return contrast(ds, path, overwrite, **colours)
     if is_comparison(ds):
         return comparison(ds, path, overwrite, **colours)
-    for asks, draw in ((is_sweep, curve), (is_inversion, inversion), (is_series, series)):
+    if is_sweep(ds):
+        return curve(ds, path, overwrite, quantities=variables, ax=ax, lag=lag, **_unused(colours, "a sweep"))
+    if is_force_curve(ds):
+        return force(ds, path, overwrite, ax=ax, **_unused(colours, "a force curve"))
+    for asks, draw, what in ((is_inversion, inversion, "an inversion"), (is_series, series, "a series")):
         if asks(ds):
-            for name, value in colours.items():
-                if value is not None:
-                    raise InputError(name, str(value), "nothing where a sweep, an inversion or a series is drawn")
-            return draw(ds, path, overwrite=overwrite)
-    own: Any = None if ax is None else [ax] if hasattr(ax, "imshow") else list(np.ravel(np.asarray(ax, object)))
-    usual = ("phase",) if own is not None and len(own) == 1 else ("height", "phase")
+            return draw(ds, path, overwrite=overwrite, **_unused(colours, what))
+    usual = ("phase",) if ax is not None and np.size(np.asarray(ax, object)) == 1 else ("height", "phase")
     names = usual if variables is None else tuple(variables)
     _check(ds, names, mark_irregular)
     ds = _levelled(ds)
     if lag and "phase" in ds:
         ds = ds.assign(phase=phase_lag(ds["phase"]).assign_attrs(units="degree", called="phase lag", free=90.0))
-    if variables is None and "amplitude_error" in ds and own is None:
+    if variables is None and "amplitude_error" in ds and ax is None:
         names = (*names, "amplitude_error")
     asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
     scales = {name: scale_of(ds[name], asked[name]) for name in names}
-    if own is not None:
-        return _on_axes(ds, scales, own, path)
+    if ax is not None:
+        return _on_axes(ds, scales, own_axes(ax, names, path))
     return _page(ds, scales, mark_irregular).finished(path, overwrite)
 
 
-def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes], path: object) -> Figure:
+def _unused(colours: dict[str, Any], what: str) -> dict[str, Any]:
+    """Nothing, for there are no colours of a map that could be asked for."""
+    for name, value in colours.items():
+        if value is not None:
+            raise InputError(name, str(value), f"nothing where {what} is drawn")
+    return {}
+
+
+def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes]) -> Figure:
     """Draw one image on axes of the user's, whose figure is left to them."""
-    if len(own) != len(scales) or not all(hasattr(axes, "imshow") for axes in own):
-        raise InputError("ax", len(own), f"{len(scales)} Axes, one for each of {', '.join(scales)}")
     if several := [dim for dim in LEADING if dim in ds.dims]:
         hint = f"Take one: image.isel({several[0]}=0)."
         raise InputError("the dataset", f"several images, along {several[0]}", "one image where ax is given", hint)
-    if path is not None:
-        raise InputError("path", str(path), "None where ax is given", "Save the figure: fig.savefig(path).")
     for axes, (name, scale) in zip(own, scales.items(), strict=True):
         shown = _draw_image(axes, ds, name, scale)
         axes.set(xticks=[], yticks=[], aspect="equal")
@@ -267,7 +272,7 @@ def _draw_image(axes: Axes, ds: xr.Dataset, name: str, scale: Scale) -> Any:
         grown = maximum_filter(failed, max(failed.shape) // 128 or 1)  # one pixel in a thousand must still be seen
         overlay = np.ma.masked_where(~grown, np.ones(failed.shape))
         axes.imshow(overlay, cmap=ListedColormap([FAILED]), extent=extent, aspect="auto", interpolation="nearest")
-    draw_scale_bar(axes, width)
+    draw_scale_bar(axes)
     return image
 
 

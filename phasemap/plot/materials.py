@@ -101,7 +101,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
             image = axes.imshow(shown, cmap=cmap, norm=norm, extent=extent, aspect="auto", interpolation="nearest")
             _mark(axes, hatched & ~lost & (row == 0), lost, extent)
             if measured and i == row == 0:
-                draw_scale_bar(axes, wide)
+                draw_scale_bar(axes)
             bar = page.bar(image, [axes], extend="max" if row else "neither")
             if row == 0:
                 _few_numbers(bar.ax, image)

@@ -1,4 +1,4 @@
-"""Pictures of one period: the deflection of the lever and the force on its tip."""
+"""Pictures of the force on the tip: with the deflection over one period, and against the depth."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable, say
+from phasemap.plot.figure import own_axes
 from phasemap.plot.sweep import COLOURS, is_sweep
 from phasemap.plot.titles import titles
 from phasemap.results.status import Status
@@ -102,3 +103,65 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
 def _style(direction: int) -> dict[str, Any]:
     """How the line of a direction is drawn, the first wide and pale below the second."""
     return {"color": COLOURS[direction], "linewidth": WIDTHS[direction], "alpha": 0.5 if direction == 0 else 1.0}
+
+
+def is_force_curve(ds: xr.Dataset) -> bool:
+    """Whether a Dataset is the force against the depth."""
+    return "force" in ds and ds["force"].dims == ("direction", "depth")
+
+
+@asked_as()
+def force(
+    ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False, *, ax: Any = None
+) -> Figure:
+    """Draw a force curve: the force on the tip against its depth in the surface, for both directions.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        What `phasemap.force_curve` returned.
+    path : path-like, optional
+        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
+    overwrite : bool
+        Whether an existing file may be replaced.
+    ax : matplotlib.axes.Axes, optional
+        Axes of your own figure to draw in.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If `ds` is no force curve.
+    FileError
+        If `path` cannot be written.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip("10 nm"), pm.Drive("20 nm"))
+    >>> force(pm.force_curve(pm.Material.preset("PS"), scope)).axes[0].get_xlabel()
+    'depth of the tip in the surface (nm)'
+    """
+    from phasemap.plot.page import Page
+
+    if not is_force_curve(ds):
+        raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.force_curve returned")
+    page = None
+    if ax is None:
+        page = Page(WIDTH, 2 * PANEL + AXIS, titles(ds), left=LEFT)
+        axes = page.panel(LEFT, 0, WIDTH - LEFT - RIGHT, 2 * PANEL)
+    else:
+        (axes,) = own_axes(ax, ["force"], path)
+    depth, unit = (readable(float(np.abs(ds[name]).max()), ds[name].attrs["units"]) for name in ("depth", "force"))
+    for direction, word in enumerate(ds["direction"].values):
+        values = ds["force"].values[direction] / unit.size
+        axes.plot(ds["depth"] / depth.size, values, label=str(word), **_style(direction))
+    axes.axhline(0, color="0.8", linewidth=0.6, zorder=1)
+    axes.axvline(0, color="0.8", linewidth=0.6, zorder=1)
+    axes.set_xlabel(depth.label("depth of the tip in the surface"), fontsize=9)
+    axes.set_ylabel(unit.label("force, positive where repulsive"), fontsize=9)
+    axes.legend(fontsize=8, frameon=False)
+    return axes.get_figure(root=True) if page is None else page.finished(path, overwrite)  # type: ignore[return-value]

@@ -66,7 +66,7 @@ def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
     )  # fmt: skip
     axes.set_facecolor("0.85")
     if placed:
-        draw_scale_bar(axes, wide)
+        draw_scale_bar(axes)
 
 
 def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:

@@ -212,5 +212,5 @@ def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int, limits: tuple[float, 
         panel.set(xticks=[], yticks=[])
         panel.set_facecolor("0.85")
     if known:
-        draw_scale_bar(panels[0], width)
+        draw_scale_bar(panels[0])
     return drawn

@@ -166,7 +166,7 @@ def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked
         )  # fmt: skip
         for side, mark in ((0.0, ">"), (width, "<")):
             axes.plot(side, at, mark, color="0.15", markersize=4.5, clip_on=False, scalex=False, scaley=False)
-        draw_scale_bar(axes, width)
+        draw_scale_bar(axes)
         if name != "measured":
             about = f", about {middle:.3g}" if middle else ""
             what = "phase (degrees)" if name == "simulated" else f"residual (degrees{about})"

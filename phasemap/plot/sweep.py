@@ -14,8 +14,10 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
 from phasemap.plot.colours import PALETTE, words_of
+from phasemap.plot.figure import own_axes
 from phasemap.plot.sweep_axis import Sweep
 from phasemap.plot.titles import titles
+from phasemap.results.variables import phase_lag
 from phasemap.results.words import describe_failures, describe_irregular
 
 if TYPE_CHECKING:
@@ -45,6 +47,8 @@ def curve(
     overwrite: bool | Sequence[str] = False,
     *,
     quantities: Sequence[str] | str | None = None,
+    ax: Axes | Sequence[Axes] | None = None,
+    lag: bool = False,
 ) -> Figure:
     """Draw a sweep: one panel for each quantity, over the axis that is swept.
 
@@ -65,6 +69,10 @@ def curve(
     quantities : str or sequence of str, optional
         Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
         holds the amplitude, tip offset and phase. As third argument, where they stood, they go on for a release.
+    ax : matplotlib.axes.Axes or sequence of them, optional
+        Axes of your own figure to draw in, one for each quantity, without title and notes.
+    lag : bool
+        Whether the phase is drawn as the lag behind the drive (`phasemap.phase_lag`), 90 degrees for the free lever.
 
     Returns
     -------
@@ -94,8 +102,16 @@ def curve(
         )  # fmt: skip
         quantities, overwrite = overwrite, False
     names = _check(ds, quantities)
-    sweep = Sweep.of(ds)
+    sweep = Sweep.of(_as_lag(ds) if lag else ds)
     keys = _keys(sweep)
+    if ax is not None:
+        own = own_axes(ax, names, path)
+        for axes, name in zip(own, names, strict=True):
+            _scale_axis(axes, sweep)
+            _draw_panel(axes, sweep, name)
+            _label_axis(axes, sweep)
+        own[0].legend(handles=keys, fontsize=8, frameon=False)
+        return own[0].get_figure(root=True)  # type: ignore[return-value]
     rows = -(-len(keys) // KEYS)
     wide = -(-len(keys) // rows)
     legend = [keys[i : i + wide] for i in range(0, len(keys), wide)]
@@ -108,8 +124,20 @@ def curve(
             _scale_axis(axes, sweep)
         _draw_panel(axes, sweep, name)
         axes.tick_params(labelbottom=row == len(names) - 1)
-    axes.set_xlabel(sweep.unit.label(str(ds[sweep.axis].attrs.get("long_name", sweep.axis))), fontsize=9)
+    _label_axis(axes, sweep)
     return page.finished(path, overwrite)
+
+
+def _label_axis(axes: Axes, sweep: Sweep) -> None:
+    """Say what is swept."""
+    axes.set_xlabel(sweep.unit.label(str(sweep.ds[sweep.axis].attrs.get("long_name", sweep.axis))), fontsize=9)
+
+
+def _as_lag(ds: xr.Dataset) -> xr.Dataset:
+    """The sweep with every phase as the lag behind the drive."""
+    ends = ("phase", "curve_phase", "fold_phase", "jump_from_phase", "jump_to_phase")
+    lags = {name: phase_lag(ds[name]).assign_attrs(units="degree", called="phase lag") for name in ends if name in ds}
+    return ds.assign(lags)
 
 
 def is_sweep(ds: xr.Dataset) -> bool:
@@ -163,7 +191,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, name: str) -> None:
         )  # fmt: skip
     axes.plot(sweep.folds, fold_values / unit.size, zorder=5, gid="folds", **FOLD)
     _draw_gaps(axes, sweep)
-    axes.set_ylabel(unit.label(words_of(name)), fontsize=9)
+    axes.set_ylabel(unit.label(ds[name].attrs.get("called", words_of(name))), fontsize=9)
     low, high = (shown.min() / unit.size, shown.max() / unit.size) if len(shown) else (0.0, 1.0)
     margin = MARGIN * (high - low) or 0.5
     axes.set_ylim(low - margin, high + margin)

@@ -283,6 +283,46 @@ def test_what_cannot_be_drawn_is_said(sweeps: dict[str, xr.Dataset], tmp_path: P
     curve(ds, tmp_path / "curve.png", overwrite=True)
 
 
+def test_a_sweep_is_drawn_on_axes_of_ones_own(sweeps: dict[str, xr.Dataset], tmp_path: Path) -> None:
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert plot(sweeps["distance"], ax=[left, right]) is figure
+    assert [one.get_ylabel() for one in (left, right)] == ["amplitude (nm)", "phase (degrees)"]
+    assert left.get_legend() is not None and right.get_xlabel() == "tip offset (nm)"
+    assert curve(sweeps["distance"], quantities="phase", ax=right) is figure
+    with pytest.raises(InputError, match="ax is 1; allowed: 2 Axes, one for each of amplitude, phase"):
+        plot(sweeps["distance"], ax=left)
+    with pytest.raises(InputError, match="allowed: None where ax is given"):
+        plot(sweeps["distance"], tmp_path / "curve.png", ax=[left, right])
+
+
+def test_the_lag_of_a_sweep_is_ninety_degrees_less_its_phase(sweeps: dict[str, xr.Dataset]) -> None:
+    plain, lag = (plot(sweeps["distance"], lag=on).axes[1] for on in (False, True))
+    assert (plain.get_ylabel(), lag.get_ylabel()) == ("phase (degrees)", "phase lag (degrees)")
+    for one, other in zip(lines(plain, "stable"), lines(lag, "stable"), strict=True):
+        np.testing.assert_allclose(other.get_ydata(), 90 - one.get_ydata())
+
+
+def test_a_force_curve_is_drawn_and_its_two_directions_differ_where_a_neck_is_drawn_out(tmp_path: Path) -> None:
+    sticky = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction("jkr", decay_length=None))
+    made = pm.force_curve(STICKY, sticky, np.linspace(-5e-9, 2e-9, 141))
+    figure = plot(made, tmp_path / "force.png")
+    assert (tmp_path / "force.png").exists() and "lever 40 N/m" in words(figure)
+    approach, retract = figure.axes[0].lines[:2]
+    assert (approach.get_label(), retract.get_label()) == ("approach", "retract")
+    assert np.min(retract.get_ydata()) < np.min(approach.get_ydata()[made.depth < 0]) == 0
+    own = Figure().subplots()
+    assert plot(made, ax=own) is own.figure and len(own.lines) >= 2
+    with pytest.raises(InputError, match="vmin is '1'; allowed: nothing where a force curve is drawn"):
+        plot(made, vmin=1)
+    with pytest.raises(InputError, match=r"what phasemap\.force_curve returned"):
+        pm.plot.force(made.rename(force="pull"))
+
+
+def test_only_functions_that_draw_are_listed() -> None:
+    assert dir(pm.plot) == sorted(pm.plot.__all__) and all(callable(getattr(pm.plot, one)) for one in dir(pm.plot))
+
+
 def test_a_trace_shows_both_directions_over_a_period(sweeps: dict[str, xr.Dataset], tmp_path: Path) -> None:
     ds = sweeps["distance"]
     figure = trace(ds, 13e-9, tmp_path / "trace.png")
