@@ -20,6 +20,11 @@ GUESSES: dict[str, Callable[[], Any]] = {
     "Material has no argument 'E'; its arguments are modulus, adhesion, damping, viscosity, poisson_ratio, "
     "thickness, relaxed_modulus, relaxation_time. Did you mean 'modulus'?": lambda: pm.Material(E=1e9),
     "Did you mean 'poisson_ratio'?": lambda: pm.Material(1e9, nu=0.3),
+    "Surface needs pixel_size; it is called as Surface(modulus, pixel_size=...).": lambda: pm.Surface(1e9),
+    "Surface has no argument 'E';": lambda: pm.Surface(E=1e9, pixel_size=1e-9),
+    "Tip needs radius; it is called as Tip(radius).": lambda: pm.Tip(),
+    "Tip takes 3 arguments by their order and 4 are given;": lambda: pm.Tip(1e-8, None, 0.3, 4),
+    "Did you mean 'drift'?": lambda: pm.Realism(drft=3),
     "Did you mean 'stiffness'?": lambda: pm.Cantilever(k=40, Q=400),
     "Did you mean 'quality_factor'?": lambda: pm.Cantilever(40, 3e5, Q=400),
     "Did you mean 'radius'?": lambda: pm.Tip(R=1e-8),
@@ -67,7 +72,7 @@ def test_a_dataset_of_phasemap_has_an_accessor() -> None:
     curve = pm.force_curve(SOFT, SCOPE)
     assert "plot(), check(), compare(other), export(path)" in repr(curve.phasemap)
     with pytest.raises(pm.InputError, match="an image with height and phase"):
-        curve.phasemap.plot()
+        curve.rename(force="pull").phasemap.plot()
     y = x = np.array([0.5e-9, 1.5e-9])
     image = xr.Dataset({name: (("y", "x"), np.eye(2)) for name in ("height", "phase")}, {"y": y, "x": x})
     drawn = image.phasemap.plot()
@@ -91,3 +96,21 @@ def test_old_names_of_what_had_two_meanings_go_on_with_a_warning() -> None:
         assert scope.free_amplitude == scope.driven_amplitude < scope.drive.free_amplitude  # beside resonance
     with pytest.warns(DeprecationWarning, match="Cantilever.damping is now called damping_ratio, for"):
         assert LEVER.damping == LEVER.damping_ratio == 1 / 800
+
+
+def test_the_variables_of_a_sweep_come_in_groups() -> None:
+    curve = pm.sweep_distance(SOFT, SCOPE, np.linspace(30e-9, 10e-9, 5))
+    groups = curve.phasemap.groups
+    assert sorted(name for names in groups.values() for name in names) == sorted(map(str, curve.data_vars))
+    assert "phase" in groups["direction, tip_offset"] and "curve_phase" in groups["point"]
+    assert "jump_to_phase" in groups["jump"] and "over point" in repr(curve.phasemap)
+
+
+def test_scenes_and_ensembles_show_themselves_in_a_few_lines() -> None:
+    scene = pm.load_scene("samples/scan.toml", ["setpoint=0.65"])
+    said = repr(scene)
+    assert (
+        len(said) < 900 and "setpoint 0.65" in said and "cantilever stiffness 2.8 N/m" in said and "drift 4 nm" in said
+    )
+    assert "<caption>Scene</caption>" in scene._repr_html_() and "<th>tip</th>" in scene._repr_html_()
+    assert repr(pm.load_ensemble("samples/ensemble.toml")).startswith("Ensemble(100 samples, varied: materials.ldpe")

@@ -55,15 +55,16 @@ def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Calla
         asked = signature(ask)
         own = [name for name in asked.parameters if name not in ("self", "cls")]
         needed = [name for name in own if asked.parameters[name].default is Parameter.empty]
-        call = _call(ask.__name__, asked, needed)
+        called = ask.__qualname__.split(".")[-2] if ask.__name__ == "__init__" else ask.__name__
+        call = _call(called, asked, needed)
 
         @wraps(ask)
         def answer(*given: P.args, **named: P.kwargs) -> R:
             try:
                 bound = asked.bind(*given, **named)
             except TypeError as error:
-                said = _wrongly(ask.__name__, asked, call, len(given), list(named), symbols)
-                raise TypeError(f"{said or f'{ask.__name__}: {error}.'} {hint}".rstrip()) from None
+                said = _wrongly(called, asked, call, len(given) - ("self" in asked.parameters), list(named), symbols)
+                raise TypeError(f"{said or f'{called}: {error}.'} {hint}".rstrip()) from None
             for name, value in bound.arguments.items():
                 order = f"The order is {call}." if name in needed else ""
                 bound.arguments[name] = of_kind(name, value, asked.parameters[name].annotation, order)
@@ -76,12 +77,12 @@ def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Calla
 
 def _wrongly(of: str, asked: Signature, call: str, given: int, named: list[str], symbols: Mapping[str, str]) -> str:
     """What is wrong with a call, in a sentence; nothing where an argument is given twice."""
-    names = list(asked.parameters)
+    names = [name for name in asked.parameters if name != "self"]
     for name in named:
         if name not in names:
             return no_argument(of, name, names, symbols)
     ordered = _ordered(asked)
-    needed = [name for name, one in asked.parameters.items() if one.default is Parameter.empty]
+    needed = [name for name in names if asked.parameters[name].default is Parameter.empty]
     if given > len(ordered):
         return f"{of} takes {len(ordered)} arguments by their order and {given} are given; it is called as {call}."
     missing = [name for name in needed if name not in {*ordered[:given], *named}]
@@ -95,4 +96,5 @@ def _call(of: str, asked: Signature, needed: list[str]) -> str:
 
 
 def _ordered(asked: Signature) -> list[str]:
-    return [name for name, one in asked.parameters.items() if one.kind is Parameter.POSITIONAL_OR_KEYWORD]
+    every = asked.parameters.items()
+    return [name for name, one in every if one.kind is Parameter.POSITIONAL_OR_KEYWORD and name != "self"]

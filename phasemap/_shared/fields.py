@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import fields
-from functools import wraps
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
-from phasemap._shared.asked import no_argument
+from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import Usual, likely, question
@@ -149,16 +147,7 @@ def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
     """
 
     def helpful(cls: type[C]) -> type[C]:
-        make, names = cls.__init__, [field.name for field in fields(cls)]  # type: ignore[arg-type]
-
-        @wraps(make)
-        def init(self: C, *given: Any, **named: Any) -> None:
-            for name in named:
-                if name not in names:
-                    raise TypeError(no_argument(cls.__name__, name, names, symbols))
-            make(self, *given, **named)
-
-        cls.__init__ = cast(Any, init)  # type: ignore[method-assign]
+        cls.__init__ = cast(Any, asked_as(**symbols)(cls.__init__))  # type: ignore[method-assign]
         return cls
 
     return helpful

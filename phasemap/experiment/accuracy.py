@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from phasemap._shared.checks import whole
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
 MOST_PERIODS = 100_000
 
 
+@known_as()
 @dataclass(frozen=True, repr=False)
 class Accuracy(Shown):
     """Largest error allowed, against the exact periodic orbit, and most work.

@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol
 
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
 LINES = ("trace", "retrace")
@@ -55,6 +55,7 @@ class Engage(Shown):
         return "tip lowered onto each pixel (no memory of its neighbours)"
 
 
+@known_as()
 @dataclass(frozen=True, repr=False)
 class Raster(Shown):
     """Quasi-static scan: the state of the oscillation is carried from pixel to pixel, along trace and retrace.
@@ -97,6 +98,7 @@ class Raster(Shown):
         return f"quasi-static scan, {_WHEN[self.engage]}"
 
 
+@known_as()
 @dataclass(frozen=True, repr=False)
 class Feedback(Shown):
     """Scan in time: lock-in, PI controller and scanner follow the surface that passes under the tip.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.plausible import question
 from phasemap._shared.shown import Shown, in_words
 from phasemap._shared.units import say
@@ -26,10 +26,12 @@ PRESETS: dict[str, dict[str, Any]] = {
     }
 }  # fmt: skip
 TYPICAL_SCAN = {"line_rate": 2.0, "bandwidth": 1e3}  # of a `Feedback` [Hz]
+STILL = (0.0, 0.0, 0.0)
 IN_TIME = ("temperature", "detector_noise")  # what acts in time only
 DIGITISED = ("height", "phase", "amplitude", "amplitude_error")  # channels that an instrument records
 
 
+@known_as()
 @dataclass(frozen=True, repr=False)
 class TipChange(Shown):
     """A tip that breaks, or wears off, in the middle of the image.
@@ -68,6 +70,7 @@ class TipChange(Shown):
         return f"to radius {say(self.radius, 'm')} from line {self.line} on"
 
 
+@known_as()
 @dataclass(frozen=True, repr=False)
 class Realism(Shown):
     """What a real microscope adds to an image; all of it is off unless asked for.
@@ -115,7 +118,7 @@ class Realism(Shown):
     detector_noise: Number[float | None] = Number("m/sqrt(Hz)", None, above=0, usual=(1e-17, 1e-10))
     line_offset: Number[float] = Number("m", 0.0, minimum=0, usual=(1e-13, 1e-6))
     phase_offset: Number[float] = Number("degree", 0.0, minimum=0, usual=(1e-6, 180.0))
-    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    drift: tuple[float, float, float] = STILL
     tip_change: TipChange | None = None
     bits: int | None = None
     seed: int = 0
@@ -171,8 +174,9 @@ class Realism(Shown):
 
     def __str__(self) -> str:
         """What is on, with units; empty where nothing is."""
-        on = in_words(self).removesuffix(f"seed {self.seed}").removesuffix(", ")
-        return f"{on}, seed {self.seed}" if on else ""
+        along = ", ".join(say(one, "m") for one in self.drift)
+        on = [in_words(replace(self, drift=STILL, seed=0)), f"drift {along}" if self.drift != STILL else ""]
+        return ", ".join([*filter(None, on), f"seed {self.seed}"]) if any(on) else ""
 
 
 def _drift(value: object) -> tuple[float, float, float]:

@@ -16,6 +16,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import known_as
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.labels import lazily_looked_up, looked_up
@@ -35,6 +36,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
+@known_as(E="modulus", w="adhesion", nu="poisson_ratio", h="thickness")
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Surface(Maps):
     """A sample: material maps and topography on a grid of pixels.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.checks import whole
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 from phasemap.experiment.generate.waves import roughness
 
@@ -20,6 +20,7 @@ VARIED = {
 """The property of a map, and the spread that it has."""
 
 
+@known_as()
 @dataclass(frozen=True, repr=False)
 class Variation(Shown):
     """How much the properties of each material vary from place to place.

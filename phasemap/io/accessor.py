@@ -28,7 +28,9 @@ class Accessor:
     >>> scope = pm.Microscope(pm.Cantilever.preset("PPP-NCHR"), pm.Tip("10 nm"), pm.Drive("20 nm"))
     >>> curve = pm.force_curve(pm.Material.preset("PS"), scope, "-2 nm:2 nm:9")
     >>> curve.phasemap
-    <phasemap: plot(), check(), compare(other), export(path) of a Dataset with force>
+    <phasemap: plot(), check(), compare(other), export(path), groups of a Dataset: 1 over direction, depth>
+    >>> curve.phasemap.groups
+    {'direction, depth': ['force']}
     """
 
     def __init__(self, dataset: xr.Dataset) -> None:
@@ -36,8 +38,16 @@ class Accessor:
 
     def __repr__(self) -> str:
         """Say what there is."""
-        held = ", ".join(map(str, self._dataset.data_vars))
-        return f"<phasemap: plot(), check(), compare(other), export(path) of a Dataset with {held}>"
+        held = "; ".join(f"{len(names)} over {dims}" for dims, names in self.groups.items())
+        return f"<phasemap: plot(), check(), compare(other), export(path), groups of a Dataset: {held}>"
+
+    @property
+    def groups(self) -> dict[str, list[str]]:
+        """The variables by what they are given for: those of a sweep for what it saw, every orbit, folds, and jumps."""
+        found: dict[str, list[str]] = {}
+        for name, one in self._dataset.data_vars.items():
+            found.setdefault(", ".join(map(str, one.dims)) or "no dimension", []).append(str(name))
+        return found
 
     def plot(self, path: str | os.PathLike[str] | None = None, overwrite: bool = False, **options: Any) -> Figure:
         """Draw it, as `phasemap.plot.plot`."""

@@ -49,7 +49,7 @@ Table = dict[str, Any]
 Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ensemble:
     """A scene, and the keys of it that each sample has values of its own for.
 
@@ -77,6 +77,10 @@ class Ensemble:
 
     def __len__(self) -> int:
         return len(self.samples)
+
+    def __repr__(self) -> str:
+        """Say how many scenes there are, and what is varied."""
+        return f"Ensemble({len(self)} samples, varied: {', '.join(self.keys)})"
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ the lever are a number, ``modes = 2``, or tables ``[[cantilever.modes]]``. A con
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import os
 import re
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
 from phasemap._shared.plausible import strict_units, unquestioned
+from phasemap._shared.shown import in_words, table
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.material import Material
@@ -56,7 +58,7 @@ TABLES = (
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """A checked scene: what `phasemap.simulate` takes, and where it came from.
 
@@ -87,6 +89,22 @@ class Scene:
     config: Mapping[str, Any]
     source: Path | None = None
     built: Built | None = None
+
+    def __repr__(self) -> str:
+        """Say surface, lever, tip, drive and setpoint."""
+        return f"Scene({', '.join(f'{name} {said}' for name, said in self._said().items())})"
+
+    def _repr_html_(self) -> str:
+        return table("Scene", {name: html.escape(said) for name, said in self._said().items()})
+
+    def _said(self) -> dict[str, str]:
+        """What it is, in words."""
+        scope, given = self.microscope, ("control", "realism")
+        said = {"source": str(self.source)} if self.source is not None else {}
+        said |= {"surface": repr(self.surface).removeprefix("Surface(").removesuffix(")")}
+        said |= {"cantilever": in_words(scope.cantilever), "tip": in_words(scope.tip), "drive": in_words(scope.drive)}
+        said |= {"setpoint": f"{self.options['setpoint']:g}"}
+        return said | {name: text for name in given if (text := str(self.options[name]))}
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON."""

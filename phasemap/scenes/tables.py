@@ -164,6 +164,8 @@ def with_override(tables: Table, override: str) -> Table:
     """
     name, equals, text = override.partition("=")
     name = name.strip()
+    if name == "setpoint":
+        name = "scan.setpoint"
     if not equals or "." not in name or not all(name.split(".")) or not _is_text(override):
         raise InputError("override", override, "table.key=value, such as drive.free_amplitude=20nm")
     try:

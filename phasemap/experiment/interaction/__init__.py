@@ -14,7 +14,7 @@ from phasemap._kernels.columns import BIAS, DAMPING, RELAXATION, RELAXING, RELEA
 from phasemap._kernels.forces import hertzian
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.cone import Cone
@@ -39,6 +39,7 @@ WITHDRAWALS = ("linear", "ting")
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of a user's law is tried before work starts
 
 
+@known_as(d0="decay_length", n="damping_exponent", V="bias", law="contact")
 @dataclass(frozen=True, repr=False)
 class Interaction(Shown):
     """Which laws act between tip and surface.
