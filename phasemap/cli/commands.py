@@ -23,6 +23,7 @@ from phasemap.cli import (
     compare,
     contrast,
     explore,
+    fit,
     invert,
     measured,
     plot,
@@ -189,6 +190,8 @@ def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParse
     yield "invert", invert.invert, invert.add_arguments, about, invert.EXAMPLES
     about = "explain the contrast in several measured files of one sample"
     yield "series", series.series, series.add_arguments, about, series.EXAMPLES
+    about = "fit a material and a contact law to a measured curve of amplitude and phase against distance"
+    yield "fit", fit.fit, fit.add_arguments, about, fit.EXAMPLES
     about = "make a scene file from a measured image: topography, materials and microscope"
     yield "scene", measured.scene, measured.add_scene, about, measured.SCENE_EXAMPLES
     about = "write an image for Gwyddion, as .gwy or .gsf"

@@ -92,7 +92,7 @@ def series(arguments: argparse.Namespace) -> None:
     images = read_files(paths)
     given = [word.partition("=")[0].strip().removeprefix("cantilever.") for word in words]
     scope, told = _microscope(images, arguments.scene) if arguments.scene else scope_of(images, None, given)
-    scope, changed = _changed(scope, words)
+    scope, names = changed(scope, words)
     options: dict[str, Any] = {}
     for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree")):
         options[name] = _list(name, getattr(arguments, name), unit, len(paths))
@@ -101,7 +101,7 @@ def series(arguments: argparse.Namespace) -> None:
         regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,
         phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed, **options,
     )  # fmt: skip
-    told = [one for one in told if not any(SAID.get(name, "") in one for name in changed if name in SAID)]
+    told = [one for one in told if not any(SAID.get(name, "") in one for name in names if name in SAID)]
     found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
     write_files(arguments, found, "series")
     if not arguments.quiet:
@@ -138,9 +138,9 @@ def _microscope(images: list[xr.Dataset], path: Path) -> tuple[Microscope, list[
     return scope_of(images, load_setup(path, []).microscope)
 
 
-def _changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
+def changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
     """The microscope with some of its numbers changed, and their names."""
-    changed = set()
+    names = set()
     for word in words:
         key, _, text = word.partition("=")
         part, _, name = key.strip().partition(".")
@@ -153,8 +153,8 @@ def _changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]
         except ValueError:
             value = text.strip()
         scope = replace(scope, **{part: replace(getattr(scope, part), **{name: value})})
-        changed.add(name)
-    return scope, changed
+        names.add(name)
+    return scope, names
 
 
 def _list(name: str, text: str | None, unit: str, count: int) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -78,25 +78,38 @@ def say_regions(
 ) -> list[str]:
     """A sentence on each region; `codes` is over regions and properties."""
     said = []
-    correlation = np.abs(covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance))))
-    np.fill_diagonal(correlation, 0.0)
-    if (codes == COMBINED).sum() > 1:
-        correlation[:, codes[unknown].ravel() != COMBINED] = 0.0  # the partner is to be of those in the same case
+    correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     every = [(int(region), name) for region in unknown for name in PARAMETERS]
     for region, label in enumerate(names):
-        own = codes[region]
-        if (own == GIVEN).all():
+        if (codes[region] == GIVEN).all():
             said.append(f"Region {label}: given.")
             continue
-        parts = []
-        for code, word in ((DETERMINED, "determined"), (OPEN, "not identifiable")):
-            those = [name for name, one in zip(PARAMETERS, own, strict=True) if one == code]
-            if those:
-                parts.append(f"{listed(those)} {word}")
-        for k, name in enumerate(PARAMETERS):
-            if own[k] == COMBINED:
-                other, partner = every[int(np.argmax(correlation[every.index((region, name))]))]
-                with_it = partner if other == region else f"the {partner} of region {names[other]}"
-                parts.append(f"{name} only together with {with_it}")
-        said.append(f"Region {label}: {'; '.join(parts)}.")
+        words = [name if one == region else f"the {name} of region {names[one]}" for one, name in every]
+        own = [i for i, (one, _) in enumerate(every) if one == region]
+        said.append(f"Region {label}: {say_codes(words, codes[unknown].ravel(), correlation, own)}")
     return said
+
+
+def say_codes(
+    names: Sequence[str], codes: NDArray[np.int8], correlation: NDArray[Any], own: Sequence[int] | None = None
+) -> str:
+    """How well unknowns, or those of these numbers, are known, in a sentence.
+
+    Examples
+    --------
+    >>> say_codes(["modulus", "adhesion", "radius"], np.array([0, 1, 1]), np.eye(3) - 0.9)
+    'modulus determined; adhesion only together with radius; radius only together with adhesion.'
+    """
+    partners = np.abs(correlation)
+    np.fill_diagonal(partners, 0.0)
+    if (codes == COMBINED).sum() > 1:
+        partners[:, codes != COMBINED] = 0.0  # the partner is to be of those in the same case
+    parts = []
+    own = range(len(names)) if own is None else own
+    for code, word in ((DETERMINED, "determined"), (OPEN, "not identifiable")):
+        if those := [names[i] for i in own if codes[i] == code]:
+            parts.append(f"{listed(those)} {word}")
+    parts += [
+        f"{names[i]} only together with {names[int(np.argmax(partners[i]))]}" for i in own if codes[i] == COMBINED
+    ]
+    return "; ".join(parts) + "."

@@ -38,6 +38,7 @@ NAMES = {
 """How the columns of a quantity are called, and its units."""
 COLUMN = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 EXAMPLE = "columns=('distance approach [m]', None, 'amplitude approach [V]', 'phase approach [degree]')"
+TEXT = (".txt", ".csv", ".tsv", ".dat", ".asc")
 FAR = 0.1  # of the points, farthest from the surface, that show the free lever
 FREE = 0.005  # of the amplitude, that it changes over these points at most
 WINDOW = 0.2  # of the range of distances, over which the amplitude's slope is taken
@@ -110,6 +111,21 @@ def read_curve(
     ds.attrs = {"source": path.name, **scan.values, "warnings": "\n".join(scan.warnings)}
     tell(scan.warnings)
     return ds
+
+
+def is_curve(path: Path) -> bool:
+    """Whether a file holds a curve: text, or an Igor wave without a second side of pixels.
+
+    Examples
+    --------
+    >>> is_curve(Path("scan.nid")), is_curve(Path("curve.csv"))
+    (False, True)
+    """
+    if path.suffix.lower() != ".ibw" or not path.is_file():
+        return path.with_suffix("").suffix.lower() in TEXT if path.suffix == ".gz" else path.suffix.lower() in TEXT
+    with path.open("rb") as file:
+        head = file.read(160)
+    return int.from_bytes(head[140:144], "little") == 0  # no third dimension
 
 
 Parts = dict[tuple[str, str | None], tuple["np.ndarray", str]]  # values and unit by quantity and direction

@@ -10,12 +10,13 @@ from phasemap.plot.contrasts import contrast
 from phasemap.plot.images import plot
 from phasemap.plot.images import plot as image
 from phasemap.plot.materials import inversion
+from phasemap.plot.measured_curve import fit
 from phasemap.plot.period import force, trace
 from phasemap.plot.series import series
 from phasemap.plot.side_by_side import comparison
 from phasemap.plot.sweep import curve
 
-__all__ = ["comparison", "contrast", "curve", "force", "image", "inversion", "plot", "series", "trace"]
+__all__ = ["comparison", "contrast", "curve", "fit", "force", "image", "inversion", "plot", "series", "trace"]
 
 
 def __dir__() -> list[str]:

@@ -15,6 +15,7 @@ from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, sca
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.materials import inversion, is_inversion
+from phasemap.plot.measured_curve import fit, is_measured_curve
 from phasemap.plot.period import force, is_force_curve
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
@@ -74,7 +75,7 @@ def plot(
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
         leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or what a
         sweep, `phasemap.contrast`, `phasemap.compare`, `phasemap.series` or `phasemap.invert` returned; or one
-        variable of an image; or what `phasemap.force_curve` returned.
+        variable of an image; or what `phasemap.force_curve`, `phasemap.read_curve` or ``Fit.to_dataset()`` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -129,6 +130,8 @@ def plot(
         return contrast(ds, path, overwrite, **colours)
     if is_comparison(ds):
         return comparison(ds, path, overwrite, **colours)
+    if is_measured_curve(ds):
+        return fit(ds, path, overwrite, **_unused(colours, "a measured curve"))
     if is_sweep(ds):
         return curve(ds, path, overwrite, quantities=variables, ax=ax, lag=lag, **_unused(colours, "a sweep"))
     if is_force_curve(ds):

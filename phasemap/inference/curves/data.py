@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from phasemap._shared.arrays import real_numbers
+from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
+from phasemap.experiment.interaction import Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.path import UNITS, Question
@@ -19,16 +21,18 @@ from phasemap.sweeps.sweep import check_axis
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity")
+FILM, NECK = ("thickness",), ("neck_length",)
 SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")
-READING = ("amplitude_scale", "phase_offset")
+READING = ("amplitude_scale", "sensitivity", "phase_offset")
 OFFSETS = {"frequency": "tip_offset", "tip_offset": "offset"}  # what the height is called, by the axis
 OTHER_UNITS = {
     "resonance_frequency": "Hz", "tip_offset": "m", "offset": "m", "amplitude_scale": "1", "phase_offset": "degree",
+    "sensitivity": "1", "neck_length": "m",
 }  # fmt: skip
-FACTOR = 1e3  # to either side of its start a property of the material is sought
-KNOWN = 3.0  # the same for the microscope, which is known better
-WIDTHS = 10.0  # half-widths of the resonance that its frequency is sought within
-TURN = 60.0  # phase that counts as one on the optimiser's scale, about a radian [degree]
+REACH = 3.0  # standard deviations of the prior that are searched
+FACTOR, KNOWN = 10.0, 1.44  # within which a property of the material, and of the microscope, is known beforehand
+WIDTHS = 3.3  # the same of the resonance frequency, in its half widths
+TURN = 60.0  # the same of a phase [degree]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +112,17 @@ class Setup:
 
     def at(self, name: str, value: float) -> Setup:
         """The same with one parameter changed."""
-        if name in READING:
-            return replace(self, amplitude_scale=value) if name == READING[0] else replace(self, phase_offset=value)
+        if name == "phase_offset":
+            return replace(self, phase_offset=value)
+        if name == "amplitude_scale":
+            return replace(self, amplitude_scale=value)
+        if name == "sensitivity":  # the free amplitude read is known, so that the true one changes
+            free = self.scope.drive.free_amplitude * self.amplitude_scale * value
+            return replace(self.at("free_amplitude", free), amplitude_scale=1 / value)
+        if name == "neck_length":
+            with unquestioned():
+                interaction = replace(self.scope.interaction, contact=Neck(value))
+            return replace(self, scope=replace(self.scope, interaction=interaction))
         if name in OFFSETS.values():
             return replace(self, height=value)
         if name == "resonance_frequency":
@@ -123,6 +136,10 @@ class Setup:
         """A parameter's value; None if it has none."""
         if name in OFFSETS.values():
             return self.height
+        if name == "sensitivity":
+            return 1 / self.amplitude_scale
+        if name == "neck_length":
+            return getattr(self.scope.interaction.contact, "length", None)
         parts = (self, self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, self.scope.interaction)
         found: float | None = next(getattr(part, name) for part in parts if hasattr(part, name))
         return found
@@ -130,14 +147,13 @@ class Setup:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted parameter and its scale: value = start exp(q size), or start + q size."""
+    """One fitted parameter, by standard deviations q of what is known of it: start exp(q size), or start + q size."""
 
     name: str
     start: float  # value at q = 0, in `units`
     units: str
     logarithmic: bool
-    size: float  # change of the value, or of its logarithm, that counts as one
-    reach: float  # largest |q| that is tried
+    size: float  # standard deviation of the value beforehand, or of its logarithm
 
     def value(self, q: float) -> float:
         """The value at q."""
@@ -149,33 +165,39 @@ class Parameter:
 
 
 def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter, ...]:
-    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping."""
+    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping.
+
+    `names`: a sequence, or a mapping to how well each is known: a factor above 1, a standard error, or None.
+    """
     loss, other = ("damping", "viscosity") if setup.material.viscosity is None else ("viscosity", "damping")
     if names is None:
         names = ("modulus", "adhesion", loss)
-    known = (*MATERIAL, *SCOPE, OFFSETS[axis], *READING)
-    if not isinstance(names, Sequence) or isinstance(names, str) or not names:
+    known = (*MATERIAL, *FILM, *NECK, *SCOPE, OFFSETS[axis], *READING)
+    if not isinstance(names, Sequence | Mapping) or isinstance(names, str) or not names:
         raise InputError("parameters", names, "a sequence of names out of " + ", ".join(known))
     found = []
-    for name in names:
+    for i, name in enumerate(names):
         if name not in known:
             raise InputError("parameters", name, "names out of " + ", ".join(known))
         if name == other:
             raise InputError("parameters", name, f"{loss}, because that is what the start material has")
-        if names.count(name) > 1:
+        if name in list(names)[:i]:
             raise InputError("parameters", name, "every name once")
-        found.append(_parameter(name, setup))
+        found.append(_parameter(name, setup, names[name] if isinstance(names, Mapping) else None))
     return tuple(found)
 
 
-def _parameter(name: str, setup: Setup) -> Parameter:
+def _parameter(name: str, setup: Setup, spread: float | None) -> Parameter:
+    """A parameter that is known within `spread`, by default as well as such a one mostly is."""
     start, units = setup.value(name), {**UNITS, **OTHER_UNITS}[name]
-    if name in OFFSETS.values():
-        return Parameter(name, setup.height, units, False, setup.scope.drive.free_amplitude, 1.0)
-    if name == "phase_offset":
-        return Parameter(name, setup.phase_offset, units, False, TURN, 180 / TURN)
+    if name in (*OFFSETS.values(), "phase_offset"):
+        usual = TURN if name == "phase_offset" else setup.scope.drive.free_amplitude / REACH
+        size = usual if spread is None else number(f"error of {name}", spread, units, above=0)
+        return Parameter(name, float(start or 0.0), units, False, size)
     if start is None or start <= 0:
         raise InputError(f"{name} to start from", start, f"a number above 0 {units}".removesuffix(" 1"))
-    if name == "resonance_frequency":
-        return Parameter(name, start, units, True, setup.scope.cantilever.damping_ratio, WIDTHS)
-    return Parameter(name, start, units, True, 1.0, float(np.log(FACTOR if name in MATERIAL else KNOWN)))
+    if name == "resonance_frequency" and spread is None:
+        return Parameter(name, start, units, True, WIDTHS * setup.scope.cantilever.damping_ratio)
+    usual = FACTOR if name in MATERIAL + FILM + NECK else KNOWN
+    factor = usual if spread is None else number(f"factor of {name}", spread, "1", above=1, maximum=FACTOR**2)
+    return Parameter(name, start, units, True, float(np.log(factor)))

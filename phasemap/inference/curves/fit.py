@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
+from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.result import Fit
+from phasemap.inference.verdict import PRIOR
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]
 
@@ -56,8 +60,9 @@ def fit_frequency(
         What to fit: "modulus", "adhesion", "damping" (the default; "viscosity" if `start` has one), "stiffness",
         "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length", "tip_offset",
         "amplitude_scale" (amplitude read over the true one) or "phase_offset" (phase read less the true one).
-        The rest stays as given. A parameter that must stay positive has to start above 0; the material's are sought
-        within a factor of 1000 of their start, the microscope's within 3.
+        The rest stays as given, and a parameter that must stay positive has to start above 0. Beforehand, the
+        material's are known within a factor of 10 and the microscope's within 1.44; a mapping of names to such factors,
+        or to standard errors of offsets, says otherwise. Three times as far is searched.
     starts : int
         Most starting points that are tried as long as chi2 is unlikely.
 
@@ -80,8 +85,8 @@ def fit_frequency(
     >>> sweep = pm.sweep_frequency(film, scope, frequencies, tip_offset=140e-9).sel(direction="up")
     >>> fit = pm.fit_frequency(
     ...     frequencies, scope=scope, start=pm.Material(1.5e9, 0.37, 0.02), tip_offset=140e-9, phase=sweep.phase,
-    ...     phase_error=0.5, parameters=("modulus", "damping"))
-    >>> fit.good, round(fit.material.modulus / 1e9, 3), round(fit.material.damping, 5)
+    ...     phase_error=0.05, parameters=("modulus", "damping"))
+    >>> fit.good, round(fit.material.modulus / 1e9, 3), round(fit.material.damping, 4)
     (True, 0.89, 0.014)
     """
     height = number("tip_offset", tip_offset, "m")
@@ -94,7 +99,8 @@ def fit_distance(
     tip_offsets: Any,
     *,
     scope: Microscope,
-    start: Material,
+    start: Material = PRIOR,
+    laws: Sequence[str | Interaction] | str | None = None,
     offset: float = 0.0,
     amplitude: Any = None,
     amplitude_error: Any = None,
@@ -108,25 +114,34 @@ def fit_distance(
 
     Parameters
     ----------
-    tip_offsets : array_like, shape (n,)
-        Rest positions of the tip above the undeformed surface [m], rising or falling, but for a constant.
+    tip_offsets : array_like, shape (n,), or xarray.Dataset
+        Rest positions of the tip above the undeformed surface [m], rising or falling, but for a constant. Or a curve of
+        `phasemap.read_curve`: then amplitude, phase, their errors and directions are its own, and material, offset,
+        decay length, tip radius, sensitivity of the amplitude and zero of the phase are fitted.
     scope : Microscope
+        Its free amplitude is not used for a curve that was read.
     start : Material
+    laws : sequence of str or Interaction, optional
+        Contact laws to compare, or "all"; by default that of `scope`. "neck" is a `Neck` whose length is fitted, and
+        films have their thickness fitted.
     offset : float
         That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
     amplitude, amplitude_error, phase, phase_error : array_like
         As in `fit_frequency`.
     direction : str or tuple
         "approach", "retract", or ("approach", "retract") for data of shape (2, n).
-    parameters : sequence of str, optional
-        As in `fit_frequency`, with "offset" in place of "tip_offset".
+    parameters : sequence of str or mapping, optional
+        As in `fit_frequency`, with "offset" in place of "tip_offset", and "sensitivity" (of the amplitude, over the
+        supposed one; the free amplitude follows it), "thickness" of a film, "neck_length". Of a curve that was read, a
+        mapping changes how well these are known.
     starts : int
         As in `fit_frequency`.
 
     Returns
     -------
     Fit
-        As of `fit_frequency`; the tip offsets of its curve have the offset in them.
+        As of `fit_frequency`; the tip offsets of its curve have the offset in them. Of several laws the likeliest one;
+        `rivals` has the others.
 
     Raises
     ------
@@ -145,9 +160,26 @@ def fit_distance(
     >>> fit.good, round(fit.values["offset"] * 1e9, 2)
     (True, 3.0)
     """
+    from phasemap.inference.curves.recorded import EVERY, begun, of_curve, under
+
     height = number("offset", offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
-    return _fit("tip_offset", tip_offsets, given, direction, scope, start, height, parameters, starts)
+    own, read = parameters, hasattr(tip_offsets, "data_vars")
+    if read:
+        start = begun(start)
+        found = of_curve(tip_offsets, scope, start)
+        tip_offsets, given, direction, scope, height, own = found
+        own |= parameters or {}
+    if laws is None and not read:
+        return _fit("tip_offset", tip_offsets, given, direction, scope, start, height, own, starts)
+    named: Sequence[Any] = (scope.interaction,) if laws is None else EVERY if laws == "all" else laws
+    fits = []
+    for law in [named] if isinstance(named, str) else named:
+        beneath, first, more = under(law, scope, start)
+        asked = {**(own if isinstance(own, Mapping) else dict.fromkeys(own)), **more} if own else own
+        fits.append(_fit("tip_offset", tip_offsets, given, direction, beneath, first, height, asked, starts))
+    best, *others = sorted(fits, key=lambda one: -one.evidence)
+    return replace(best, rivals=tuple(others))
 
 
 def _fit(
@@ -166,5 +198,4 @@ def _fit(
             "number of data", data.size, f"more than the number of fitted parameters, which is {len(chosen)}"
         )
     problem = Problem(data, setup, chosen)
-    solution, tried = search(problem, whole("starts", starts, 1))
-    return make_fit(problem, solution, tried)
+    return make_fit(problem, search(problem, whole("starts", starts, 1)))

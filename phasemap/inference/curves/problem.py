@@ -8,16 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
 from phasemap.inference.curves.data import Data, Parameter, Setup
-from phasemap.solvers.continuation.complete import FAINT
+from phasemap.solvers.continuation.complete import FAINT, complete
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import segments
 from phasemap.sweeps.follow import STARTS, begin
 
 MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
-STEP = 3e-4  # of the scaled parameters, of central differences
+STEP = 1e-4  # of the prior's standard deviations, of central differences
 COARSE = 0.03  # of the picture (largest amplitude, range of the axis): as near counts as one in the coarse comparison
 COARSE_PHASE = 3.0  # the same for phases [degree]
 STRICT = 0.1  # of the spacing of the data: a branch that ends as much before a datum costs one standard error
@@ -64,6 +65,7 @@ def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
     beyond = MARGIN * (x[-1] - x[0])
     curves = Curves(path, ENTRY_Z0, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
     curves.from_far(x[-1] + beyond)
+    complete(curves, setup.scope, x[0])
     return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
 
 
@@ -71,7 +73,7 @@ def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branche
     """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
     parts = segments(curves.pieces, column)
     if not parts:  # nothing oscillates
-        return Branches(np.zeros((1, len(x))), np.zeros((1, len(x))), np.full((1, len(x)), np.ptp(x) * unit))
+        return _nothing(len(x), float(np.ptp(x)) * unit)
     seen = [curves.seen(part.rows) for part in parts]
     amplitude, phase = (
         np.stack([np.interp(x, part.x, rows[:, column]) for part, rows in zip(parts, seen, strict=True)])
@@ -154,15 +156,15 @@ class Problem:
         return Choice({name: chosen(read[name]) for name in wanted.read}, chosen(found.gap[:, None]))
 
     def residuals(self, q: np.ndarray, ruler: Ruler) -> np.ndarray:
-        """Differences of model and data and the gaps, over what counts as one."""
-        return self._compare(self.choose(q, ruler), ruler)
+        """Differences of model and data and the gaps, over what counts as one, and what the prior says against q."""
+        return np.concatenate([self._compare(self.choose(q, ruler), ruler), q])
 
     def jacobian(
         self, q: np.ndarray, ruler: Ruler, axes: np.ndarray | None = None, steps: float | np.ndarray = STEP
     ) -> np.ndarray:
         """Central differences of the residuals along the parameters or other axes, shape (residuals, axes).
 
-        Each datum stays on the branch that it has at q.
+        Each datum stays on the branch that it has at q. The derivatives of the prior are the axes themselves.
         """
         along = np.eye(len(q)) if axes is None else axes
         moves = along * np.broadcast_to(steps, len(along))[:, None]
@@ -172,7 +174,7 @@ class Problem:
         for i, move in enumerate(moves):
             ahead, behind = (self._compare(self.choose(at, ruler, here), ruler) for at in (q + move, q - move))
             slopes[:, i] = (ahead - behind) / (2 * np.linalg.norm(move))
-        return slopes
+        return np.concatenate([slopes, along.T])
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -196,10 +198,21 @@ class Problem:
         kept, self._kept = self._kept, {}
         new = [q for q in places if q.tobytes() not in kept]
         with ThreadPoolExecutor(workers_of(None)) as pool:
-            found = pool.map(lambda q: branches(self.at(q), self.data.axis, self.data.values), new)
+            found = pool.map(self._solve, new)
             kept.update(zip([q.tobytes() for q in new], found, strict=True))
         self._kept = {q.tobytes(): kept[q.tobytes()] for q in places}
         self.evaluations += len(new)
+
+    def _solve(self, q: np.ndarray) -> Branches:
+        try:
+            return branches(self.at(q), self.data.axis, self.data.values)
+        except InputError:  # a law that cannot have this material
+            return _nothing(len(self.data.values), float(np.ptp(self.data.values)))
+
+
+def _nothing(count: int, away: float) -> Branches:
+    """No branch at all, as far away as this."""
+    return Branches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), away))
 
 
 def difference(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:

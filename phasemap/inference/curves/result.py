@@ -30,15 +30,22 @@ class Fit:
     values, errors : dict of str to float
         Fitted parameters and their standard errors, in `units`; infinite where the data do not determine one.
     correlation : xarray.DataArray
-        Correlations of the errors, dims ("parameter", "other"); NaN beside the diagonal where an error is infinite
-        because the data do not change with it.
+        Correlations of the errors, dims ("parameter", "other").
     chi2 : float
         Sum of squared differences of data and curve, over their errors.
     degrees : int
         Data less parameters; about what chi2 should be.
+    discrepancy : float
+        Factor by which the errors of the data would have to be larger for the model to describe them, 1 at least; the
+        errors of the parameters have it in them.
+    evidence : float
+        Logarithm of how likely the law makes the data, whatever its parameters are within what is known of them
+        beforehand, up to a constant of the data: what is larger by 5 is 150 times as likely.
+    rivals : tuple of Fit
+        Fits with other contact laws that were asked for, the likeliest first.
     good : bool
-        Whether chi2 is likely, all parameters are determined, and a sweep of the fitted material visits the branches
-        on which the data are, but for single data next to a jump.
+        Whether chi2 is likely, all properties of the material are determined, and a sweep of the fitted material
+        visits the branches on which the data are, but for single data next to a jump.
     status : str
         What is wrong and what would help, or that nothing is.
     curve : xarray.Dataset
@@ -58,11 +65,14 @@ class Fit:
     correlation: xr.DataArray
     chi2: float
     degrees: int
+    discrepancy: float
+    evidence: float
     good: bool
     status: str
     curve: xr.Dataset
     starts: int
     evaluations: int
+    rivals: tuple[Fit, ...] = ()
 
     def __repr__(self) -> str:
         """The values, and whether to believe them."""
@@ -81,6 +91,9 @@ class Fit:
         for name, value in self.values.items():
             lines.append(f"  {name:<{width}}  {shown(value, self.errors[name], self.units[name])}")
         lines.append(f"  chi2 {self.chi2:.1f} for {self.degrees} degrees of freedom ({self.chi2 / self.degrees:.2f})")
+        for fit in (self, *self.rivals) if self.rivals else ():
+            law, apart = fit.scope.interaction.law.name, fit.evidence - self.evidence
+            lines.append(f"  law {law:<14} chi2 over degrees {fit.chi2 / fit.degrees:<7.3g} evidence {apart:+.1f}")
         names = list(self.values)
         for i, one in enumerate(names):
             for j in range(i):
@@ -101,6 +114,7 @@ class Fit:
         }  # fmt: skip
         found = self.curve.assign(numbers).assign(parameter_correlation=self.correlation)
         found.attrs.update(
+            law=self.scope.interaction.law.name,
             chi2=self.chi2, degrees_of_freedom=self.degrees, good=int(self.good), fit_status=self.status,
             starts=self.starts, evaluations=self.evaluations,
         )  # fmt: skip
@@ -119,6 +133,8 @@ def shown(value: float, error: float, unit: str) -> str:
 
     word, factor = SHOWN[unit]
     value, error = value * factor, error * factor
+    if math.inf > error > 0.5 * value > 0 and word != "°":
+        return f"{value:.3g} {word}".rstrip() + f" within a factor of {math.exp(error / value):.2g}"
     if not 0 < error < math.inf:
         return f"{value:.3g} {word}".rstrip() + ", not determined"
     digits = max(0, 1 - math.floor(math.log10(error)))

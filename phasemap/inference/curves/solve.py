@@ -1,122 +1,110 @@
-"""The best parameters, and what the data say about them."""
+"""The best parameters, and what data and prior leave open of them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from phasemap.inference.curves.data import REACH
 from phasemap.inference.curves.problem import STEP, Problem, Ruler
+from phasemap.inference.sampling import prior_draws
 from phasemap.inference.verdict import chance
 
 UNLIKELY = 1e-3  # chance of a chi2 as large, below which a fit is not believed
-AROUND = 5.0  # factor to either side of the start within which other starts lie
-LOOKS = 24  # places looked at for each batch of other starts
-RESOLVED = 3.0  # times the error of the derivatives: a combination that does less is not determined
+LOOKS = 100  # places of the prior looked at for other starts
 ROUGH = 0.1  # relative error of the derivatives of a datum that is left out of them
 ROUNDS = 2  # of secants
-FARTHEST = 0.3  # that secants go, of the scaled parameters
-SHARE = 0.1  # of a combination that is not determined: a parameter with less of it is not touched
+FARTHEST = 0.15  # that secants go, in standard deviations of the prior
 EVALUATIONS = 60  # of the optimiser, per stage
 
 
 class Solution(NamedTuple):
-    """Best scaled parameters of one start."""
+    """The likeliest parameters, and what is known around them."""
 
-    q: np.ndarray  # shape (parameters,)
-    chi2: float  # of the data alone
-    cost: float  # with the gaps
-
-
-class Knowledge(NamedTuple):
-    """What the data say about the scaled parameters around a solution."""
-
-    errors: np.ndarray  # shape (parameters,); standard errors; infinite where the data do not determine the parameter
-    correlation: np.ndarray  # shape (parameters, parameters); NaN beside the diagonal for these
-    null: np.ndarray  # shape (combinations, parameters); directions in which the data hardly change
+    q: np.ndarray  # shape (parameters,); in standard deviations of the prior
+    chi2: float  # of the data, by their errors as stated
+    growth: float  # factor by which the errors have to be larger for the model to describe the data, 1 at least
+    covariance: np.ndarray  # shape (parameters, parameters)
+    evidence: float  # logarithm of how likely the data are, whatever the parameters (Laplace's approximation)
+    tried: int  # starts
 
 
-def search(problem: Problem, starts: int) -> tuple[Solution, int]:
-    """The best solution from the start given, and from others as long as none is good.
-
-    Returns `tried`: starts that were used.
-    """
+def search(problem: Problem, starts: int) -> Solution:
+    """The best solution from the start given, and from others as long as none is good."""
     degrees = problem.data.size - len(problem.parameters)
-    best, tried = None, 0
+    found: list[tuple[float, np.ndarray]] = []
     for q in _starts(problem, starts):
-        found = _refine(problem, q)
-        tried += 1
-        if best is None or found.cost < best.cost:
-            best = found
-        if chance(best.chi2, degrees) > UNLIKELY:
+        at = _refine(problem, q)
+        residuals = problem.residuals(at, Ruler.strict(problem.data))
+        found.append((float((residuals**2).sum()), at))
+        if chance((residuals[: problem.data.size] ** 2).sum(), degrees) > UNLIKELY:
             break
-    assert best is not None
-    return best, tried
+    best = min(found, key=lambda one: one[0])[1]
+    growth = _growth(problem, best)
+    if growth > 1:  # the prior counts for more where the data are not described to within their errors
+        larger = {name: growth * errors for name, errors in problem.data.errors.items()}
+        weaker = Problem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
+        best = _descend(weaker, best, Ruler.strict(weaker.data), "linear", 1e-8)
+        problem.evaluations += weaker.evaluations
+    return _known(problem, best, len(found))
+
+
+def _growth(problem: Problem, q: np.ndarray) -> float:
+    chi2 = float((problem.residuals(q, Ruler.strict(problem.data))[: problem.data.size] ** 2).sum())
+    return math.sqrt(max(1.0, chi2 / (problem.data.size - len(q))))
 
 
 def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
-    """The start itself, then the most promising places around it."""
+    """The start itself, then the most promising places of the prior."""
     n = len(problem.parameters)
     yield np.zeros(n)
-    if count < 2:
-        return
-    from scipy.stats import qmc
-
-    share = qmc.Halton(n, scramble=False).fast_forward(1).random(LOOKS)
-    around = np.array(
-        [min(np.log(AROUND), p.reach) if p.logarithmic and p.size == 1 else 0.1 for p in problem.parameters]
-    )
-    places = (2 * share - 1) * around
-    ruler = Ruler.coarse(problem.data)
-    costs = [float(np.log1p(problem.residuals(q, ruler) ** 2).sum()) for q in places]
-    yield from places[np.argsort(costs)[: count - 1]]
+    if count > 1:
+        places, ruler = prior_draws(n, LOOKS, 0), Ruler.coarse(problem.data)
+        costs = [float(np.log1p(problem.residuals(q, ruler) ** 2).sum()) for q in places]
+        yield from places[np.argsort(costs)[: count - 1]]
 
 
-def _refine(problem: Problem, q: np.ndarray) -> Solution:
+def _refine(problem: Problem, q: np.ndarray) -> np.ndarray:
     """Go down from q: coarsely and without regard for outliers, then by the data's own errors."""
+    q = _descend(problem, q, Ruler.coarse(problem.data), "soft_l1", 1e-2)
+    return _descend(problem, q, Ruler.strict(problem.data), "linear", 1e-8)
+
+
+def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
     from scipy.optimize import least_squares
 
-    ruler = Ruler.strict(problem.data)
-    reach = np.array([p.reach for p in problem.parameters])
-    for measure, loss, tolerance in (
-        (Ruler.coarse(problem.data), "soft_l1", 1e-2),
-        (ruler, "linear", 1e-8),
-    ):
-        q = least_squares(
-            problem.residuals, q, problem.jacobian, (-reach, reach), x_scale=1.0, loss=loss, args=(measure,),
-            ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
-        ).x  # fmt: skip
-    squares = problem.residuals(q, ruler) ** 2
-    return Solution(q, float(squares[: problem.data.size].sum()), float(squares.sum()))
+    found: np.ndarray = least_squares(
+        problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
+        ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
+    ).x  # fmt: skip
+    return found
 
 
-def knowledge(problem: Problem, q: np.ndarray) -> Knowledge:
-    """Errors and correlations around a solution, and what the data cannot say.
+def _known(problem: Problem, q: np.ndarray, tried: int) -> Solution:
+    """What data and prior say around the best parameters.
 
-    A combination of parameters is determined if what it does to the data stands out of the error of the derivatives,
-    estimated from a second step. Errors come from J^T J, in the end with the secants over one standard error to either
-    side in place of derivatives: just before the end of a branch the latter are far too steep.
+    The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
+    place of derivatives: just before the end of a branch the latter are far too steep.
     """
-    slopes = _slopes(problem, q, np.eye(len(q)), STEP)
-    wrong = _slopes(problem, q, np.eye(len(q)), 3 * STEP) - slopes
-    rough = np.linalg.norm(wrong, axis=1) > ROUGH * np.linalg.norm(slopes, axis=1)
-    slopes[rough] = wrong[rough] = 0
-    _, sizes, axes = np.linalg.svd(slopes, full_matrices=False)
-    good = sizes > np.maximum(RESOLVED * np.linalg.norm(wrong @ axes.T, axis=0), np.finfo(float).tiny)
-    null, axes, sizes = axes[~good], axes[good], sizes[good]
+    data, n = problem.data.size, len(q)
+    chi2 = float((problem.residuals(q, Ruler.strict(problem.data))[:data] ** 2).sum())
+    growth = math.sqrt(max(1.0, chi2 / (data - n)))
+    slopes = _slopes(problem, q, np.eye(n), STEP)
+    wrong = _slopes(problem, q, np.eye(n), 3 * STEP) - slopes
+    slopes[np.linalg.norm(wrong, axis=1) > ROUGH * np.linalg.norm(slopes, axis=1)] = 0
+    axes = np.eye(n)
     for _ in range(ROUNDS):
-        _, sizes, turn = np.linalg.svd(_slopes(problem, q, axes, np.minimum(1 / sizes, FARTHEST)), full_matrices=False)
-        axes = turn @ axes
-    covariance = (axes.T / sizes**2) @ axes
-    errors = np.sqrt(np.diag(covariance))
-    lost = (np.abs(null) > SHARE).any(axis=0)
-    correlation = np.full(covariance.shape, np.nan)
-    known = np.flatnonzero(~lost)
-    correlation[np.ix_(known, known)] = covariance[np.ix_(known, known)] / np.outer(errors[known], errors[known])
-    np.fill_diagonal(correlation, 1.0)
-    errors[lost] = np.inf
-    return Knowledge(errors, correlation, null)
+        sizes, turn = np.linalg.eigh(slopes.T @ slopes / growth**2 + np.eye(n))
+        axes = turn.T @ axes
+        slopes = _slopes(problem, q, axes, np.minimum(sizes**-0.5, FARTHEST))
+    information = slopes.T @ slopes / growth**2 + np.eye(n)
+    covariance = axes.T @ np.linalg.inv(information) @ axes
+    evidence = -data * math.log(growth) - 0.5 * (chi2 / growth**2 + q @ q + np.linalg.slogdet(information)[1])
+    return Solution(q, chi2, growth, covariance, float(evidence), tried)
 
 
 def _slopes(problem: Problem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:

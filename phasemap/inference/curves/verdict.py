@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._shared.sentences import listed
-from phasemap.inference.curves.data import DIRECTIONS, Data, Setup
+from phasemap.inference.curves.data import DIRECTIONS, FILM, MATERIAL, REACH, Data, Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.curves.result import SHOWN, Fit
-from phasemap.inference.curves.solve import UNLIKELY, Knowledge, Solution, knowledge
-from phasemap.inference.verdict import chance
+from phasemap.inference.curves.solve import UNLIKELY, Solution
+from phasemap.inference.verdict import DETERMINED, OPEN, chance, codes_of, say_codes
 from phasemap.results.variables import coded, float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 
@@ -19,49 +18,91 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WORSE = 9.0  # in chi2, by which the orbit visited must fit a datum worse than another one to be the wrong one
-UNKNOWN = 1.0  # error of a logarithm: as large, and the value is not known within a factor of e
 END = 0.98  # of the range searched: a parameter beyond has run away
-SMALL = -2.0  # on a logarithmic scale: a value as far below its start goes to 0
-ALONE = 0.98  # share of one parameter in a combination that the data do not see: it is that parameter
+APART = 10.0  # factor between moduli of which nobody would say that they are of one material
 MOST_NAMED = 6  # data that a sentence names
 
 
-def make_fit(problem: Problem, solution: Solution, tried: int) -> Fit:
+def make_fit(problem: Problem, solution: Solution) -> Fit:
     """Judge a solution."""
     import xarray as xr
 
     data, q = problem.data, solution.q
     names = [parameter.name for parameter in problem.parameters]
-    setup, known = problem.at(q), knowledge(problem, q)
+    setup = problem.at(q)
     choice = problem.choose(q, Ruler.strict(data))
     curve = _sweep(setup, data)
     off, excused = _off_branch(setup, data, choice, curve)
     _add(curve, data, choice, off)
-    lost = _not_determined(problem, solution, known)
+    own = np.sqrt(np.diag(solution.covariance))
+    correlation = solution.covariance / np.outer(own, own)
+    np.fill_diagonal(correlation, 1.0)
+    codes = _codes(problem, solution)
     errors = {
-        p.name: np.inf if p.name in lost else p.error(float(at), float(error))
-        for p, at, error in zip(problem.parameters, q, known.errors, strict=True)
+        p.name: np.inf if code == OPEN else p.error(float(at), float(error))
+        for p, at, error, code in zip(problem.parameters, q, own, codes, strict=True)
     }
     degrees = data.size - len(names)
-    wrong = [sentence for sentence in lost.values() if sentence]
-    if chance(solution.chi2, degrees) < UNLIKELY:
-        wrong.insert(0, _unlikely(solution.chi2 / degrees, tried))
+    of_material = np.array([name in MATERIAL + FILM for name in names])
+    said = say_codes([name.replace("_", " ") for name in names], codes, correlation)
+    lost = bool((codes[of_material] != DETERMINED).any())
+    wrong = [_unlikely(solution, degrees)] if chance(solution.chi2, degrees) < UNLIKELY else []
+    wrong += _run_away(problem, solution)
     aside = _named(data, off & excused, "next to a jump")
     wrong += _named(data, off & ~excused, "that its sweep does not visit")
-    if not wrong and tried > 1:
-        aside.append(f"it needed {tried} starting points.")
-    status = " ".join(wrong + aside) or "the curve agrees with the data, and the data determine every parameter."
+    wrong += [said] if lost else []
+    if not wrong and solution.tried > 1:
+        aside.append(f"it needed {solution.tried} starting points.")
+    if not wrong and not aside:
+        aside = ["the curve agrees with the data, and the data determine every property of the material."]
+    if not lost and (codes != DETERMINED).any():
+        aside.append(said)
+    aside += _softer(problem, setup, float(own[names.index("modulus")]) if "modulus" in names else np.inf)
     return Fit(
         material=setup.material, scope=setup.scope,
         values={p.name: p.value(float(at)) for p, at in zip(problem.parameters, q, strict=True)},
         errors=errors, units={p.name: p.units for p in problem.parameters},
         correlation=xr.DataArray(
-            known.correlation, {"parameter": names, "other": names}, ("parameter", "other"),
+            correlation, {"parameter": names, "other": names}, ("parameter", "other"),
             attrs={"long_name": "correlation of the errors", "units": "1"},
         ),
-        chi2=solution.chi2, degrees=degrees, good=not wrong, status=status, curve=curve,
-        starts=tried, evaluations=problem.evaluations,
+        chi2=solution.chi2, degrees=degrees, discrepancy=solution.growth, evidence=solution.evidence,
+        good=not wrong, status=" ".join(wrong + aside), curve=curve,
+        starts=solution.tried, evaluations=problem.evaluations,
     )  # fmt: skip
+
+
+def _codes(problem: Problem, solution: Solution) -> np.ndarray:
+    """How well each parameter is known: as `codes_of`, and better than beforehand."""
+    own, held = np.sqrt(np.diag(solution.covariance)), 1 / np.sqrt(np.diag(np.linalg.inv(solution.covariance)))
+    sizes = np.array([max(p.size, 1.0) if p.logarithmic else 1.0 for p in problem.parameters])
+    codes = codes_of(own * sizes, held * sizes)
+    codes[np.abs(solution.q) > END * REACH] = OPEN
+    return codes
+
+
+def _run_away(problem: Problem, solution: Solution) -> list[str]:
+    """A sentence for each parameter that is at the end of what was searched."""
+    found = []
+    for parameter, q in zip(problem.parameters, solution.q, strict=True):
+        if abs(q) > END * REACH:
+            word, factor = SHOWN[parameter.units]
+            value = f"{parameter.value(float(q)) * factor:.3g} {word}".rstrip()
+            found.append(f"{parameter.name.replace('_', ' ')} has run to {value}, the end of the range searched.")
+    return found
+
+
+def _softer(problem: Problem, setup: Setup, error: float) -> list[str]:
+    """A sentence where the modulus is not that of the material that the fit started from."""
+    ratio = setup.material.modulus / problem.setup.material.modulus
+    if not (abs(np.log(ratio)) > np.log(APART) and error < 1):
+        return []
+    start = f"{problem.setup.material.modulus / 1e9:.3g} GPa that it started from"
+    how = f"1/{1 / ratio:.0f} of" if ratio < 1 else f"{ratio:.0f} times"
+    return [
+        f"The modulus is {how} the {start}: what the tip presses is not that material, but a film on it, or radius, "
+        "sensitivity or law are not those of the measurement."
+    ]
 
 
 def _sweep(setup: Setup, data: Data) -> xr.Dataset:
@@ -111,36 +152,12 @@ def _add(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None
     curve["off_branch"] = (dims, flags, coded("whether the sweep visits the datum's branch", "visited", "off_branch"))
 
 
-def _not_determined(problem: Problem, solution: Solution, known: Knowledge) -> dict[str, str]:
-    """A sentence for each parameter that the data do not determine."""
-    found = {}
-    together = []
-    for i, parameter in enumerate(problem.parameters):
-        name, q = parameter.name, float(solution.q[i])
-        word, factor = SHOWN[parameter.units]
-        value = f"{parameter.value(q) * factor:.3g} {word}".rstrip()
-        if abs(q) > END * parameter.reach:
-            found[name] = f"{name} has run to {value}, the end of the range searched: the data do not determine it."
-        elif np.isinf(known.errors[i]):
-            if np.abs(known.null[:, i]).max(initial=0.0) > ALONE:
-                found[name] = f"The data do not depend on {name}."
-            else:
-                together.append(name)
-        elif parameter.logarithmic and known.errors[i] * parameter.size > UNKNOWN:
-            found[name] = f"{name} is not determined: its error is larger than its value, {value}."
-            if q < SMALL:
-                most = (parameter.value(q) + 2 * parameter.error(q, float(known.errors[i]))) * factor
-                found[name] += f" Anything from 0 to about {most:.2g} {word}".rstrip() + " fits as well."
-    if together:
-        found |= dict.fromkeys(together, "")
-        found[together[0]] = f"{listed(together)} are not determined one by one: hold one of them."
-    return found
-
-
-def _unlikely(ratio: float, tried: int) -> str:
+def _unlikely(solution: Solution, degrees: int) -> str:
+    tried = solution.tried
     return (
-        f"chi2 is {ratio:.3g} times the degrees of freedom after {tried} starting point{'s' * (tried > 1)}: the model "
-        "does not describe the data, or the data have larger errors than stated."
+        f"chi2 is {solution.chi2 / degrees:.3g} times the degrees of freedom after {tried} starting "
+        f"point{'s' * (tried > 1)}: the model describes the data to within {solution.growth:.2g} times their errors "
+        "only, which the errors of all parameters allow for."
     )
 
 
