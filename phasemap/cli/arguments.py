@@ -15,13 +15,7 @@ SURFACE_UNUSED = "the scene file; its surface is not used"
 
 
 def whole(text: str) -> int:
-    """Read a whole number of at least 1.
-
-    Examples
-    --------
-    >>> whole("12")
-    12
-    """
+    """Read a whole number of at least 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
     return int(text)
@@ -36,9 +30,7 @@ def add_scene(parser: argparse.ArgumentParser, about: str = "the scene file", ov
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
     """Declare keys of a scene to be set."""
-    parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="set a key of the scene, such as tip.radius=20nm"
-    )
+    parser.add_argument("overrides", metavar="key=value", nargs="*", help="key of the scene, such as tip.radius=20nm")
 
 
 def add_files(

@@ -19,13 +19,7 @@ def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
 
 
 def colours_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What was given, by the arguments of `phasemap.plot.plot`; of several variables by name.
-
-    Examples
-    --------
-    >>> colours_of(argparse.Namespace(vmin="-30", vmax="height=5 nm,phase=60", cmap=None))
-    {'vmin': -30.0, 'vmax': {'height': '5 nm', 'phase': 60.0}, 'cmap': None}
-    """
+    """What was given, by the arguments of `phasemap.plot.plot`; of several variables by name."""
     return {name: _by_name(getattr(arguments, name)) for name in NAMES}
 
 

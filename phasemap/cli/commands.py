@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from phasemap._shared.errors import ExistsError, InputErrors, PhasemapError, on_one_line
@@ -55,6 +55,40 @@ EXAMPLES = """examples:
   phasemap validate samples/particles.toml
   phasemap bench --quick
 """
+
+COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], str, str], ...] = (
+    ("run", run.run, run.add_arguments, run.EXAMPLES, "simulate the image of a scene and write it as netCDF"),
+    ("plot", plot.plot, plot.add_arguments, plot.EXAMPLES,
+     "draw an image (height and phase), a sweep, a contrast map, a comparison, a series or an inversion"),
+    ("explore", explore.explore, explore.add_arguments, explore.EXAMPLES,
+     "open a page in the browser with a slider for every parameter"),
+    ("warm", warm.warm, warm.add_arguments, warm.EXAMPLES,
+     "compile the numerical code in advance, so that no later command has to wait for it"),
+    ("sweep", sweep.sweep, sweep.add_arguments, sweep.EXAMPLES,
+     "sweep distance, setpoint, frequency or a parameter on one material"),
+    ("contrast", contrast.contrast, contrast.add_arguments, contrast.EXAMPLES,
+     "map the phase contrast between two materials and recommend a setpoint"),
+    ("compare", compare.compare, compare.add_arguments, compare.EXAMPLES,
+     "compare a measured image with a simulated one, and say how much of it the simulation explains"),
+    ("invert", invert.invert, invert.add_arguments, invert.EXAMPLES,
+     "find modulus, adhesion and damping from images at several setpoints or amplitudes"),
+    ("series", series.series, series.add_arguments, series.EXAMPLES,
+     "explain the contrast in several measured files of one sample"),
+    ("fit", fit.fit, fit.add_arguments, fit.EXAMPLES,
+     "fit a material and a contact law to a measured curve of amplitude and phase against distance"),
+    ("scene", measured.scene, measured.add_scene, measured.SCENE_EXAMPLES,
+     "make a scene file from a measured image: topography, materials and microscope"),
+    ("export", measured.export, measured.add_export, measured.EXPORT_EXAMPLES,
+     "write an image for Gwyddion, as .gwy or .gsf"),
+    ("check", check.check, check.add_arguments, check.EXAMPLES,
+     "verify a simulated image: test what it states, and solve its pixels again"),
+    ("presets", presets.presets, presets.add_arguments, presets.EXAMPLES,
+     "list the presets of materials and levers, or show one with its sources"),
+    ("validate", run.validate, run.add_validate, "", "check a scene file and print what would be simulated"),
+    ("bench", bench.bench, bench.add_arguments, "",
+     "measure time and error of every solver and of general-purpose integrators (in a clone of the repository)"),
+)  # fmt: skip
+"""Name, what it does, what declares its arguments, examples, and what it is, of every command."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -161,7 +195,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    for name, do, add_arguments, about, examples in _commands():
+    for name, do, add_arguments, examples, about in COMMANDS:
         command = commands.add_parser(
             name, help=about, description=about, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter,
             add_help=do is not bench.bench,  # which is asked for by the words that it takes
@@ -169,40 +203,6 @@ def make_parser() -> argparse.ArgumentParser:
         command.set_defaults(command=do, parser=command)
         add_arguments(command)
     return parser
-
-
-def _commands() -> Iterator[tuple[str, Command, Callable[[argparse.ArgumentParser], None], str, str]]:
-    """Name, what it does, what declares its arguments, what it is, and examples, of every command."""
-    yield "run", run.run, run.add_arguments, "simulate the image of a scene and write it as netCDF", run.EXAMPLES
-    about = "draw an image (height and phase), a sweep, a contrast map, a comparison, a series or an inversion"
-    yield "plot", plot.plot, plot.add_arguments, about, plot.EXAMPLES
-    about = "open a page in the browser with a slider for every parameter"
-    yield "explore", explore.explore, explore.add_arguments, about, explore.EXAMPLES
-    about = "compile the numerical code in advance, so that no later command has to wait for it"
-    yield "warm", warm.warm, warm.add_arguments, about, warm.EXAMPLES
-    about = "sweep distance, setpoint, frequency or a parameter on one material"
-    yield "sweep", sweep.sweep, sweep.add_arguments, about, sweep.EXAMPLES
-    about = "map the phase contrast between two materials and recommend a setpoint"
-    yield "contrast", contrast.contrast, contrast.add_arguments, about, contrast.EXAMPLES
-    about = "compare a measured image with a simulated one, and say how much of it the simulation explains"
-    yield "compare", compare.compare, compare.add_arguments, about, compare.EXAMPLES
-    about = "find modulus, adhesion and damping from images at several setpoints or amplitudes"
-    yield "invert", invert.invert, invert.add_arguments, about, invert.EXAMPLES
-    about = "explain the contrast in several measured files of one sample"
-    yield "series", series.series, series.add_arguments, about, series.EXAMPLES
-    about = "fit a material and a contact law to a measured curve of amplitude and phase against distance"
-    yield "fit", fit.fit, fit.add_arguments, about, fit.EXAMPLES
-    about = "make a scene file from a measured image: topography, materials and microscope"
-    yield "scene", measured.scene, measured.add_scene, about, measured.SCENE_EXAMPLES
-    about = "write an image for Gwyddion, as .gwy or .gsf"
-    yield "export", measured.export, measured.add_export, about, measured.EXPORT_EXAMPLES
-    about = "verify a simulated image: test what it states, and solve its pixels again"
-    yield "check", check.check, check.add_arguments, about, check.EXAMPLES
-    about = "list the presets of materials and levers, or show one with its sources"
-    yield "presets", presets.presets, presets.add_arguments, about, presets.EXAMPLES
-    yield "validate", run.validate, run.add_validate, "check a scene file and print what would be simulated", ""
-    about = "measure time and error of every solver and of general-purpose integrators (in a clone of the repository)"
-    yield "bench", bench.bench, bench.add_arguments, about, ""
 
 
 def _complain(sentence: str) -> int:

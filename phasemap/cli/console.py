@@ -81,11 +81,6 @@ def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str
     """Lay out words, each where it changes, beside what is said of them.
 
     `first`: width of the column of words.
-
-    Examples
-    --------
-    >>> in_two_columns([("file", "a.nc"), ("file", "b.nc")], 6)
-    ['file  a.nc', '      b.nc']
     """
     lines, before = [], ""
     for word, text in said:

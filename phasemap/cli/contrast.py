@@ -45,19 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = "%(prog)s SCENE.toml [--materials FIRST,SECOND] [options] [key=value ...]"
     add_scene(parser, SURFACE_UNUSED)
-    parser.add_argument(
-        "--materials", metavar="FIRST,SECOND", help="names of two materials of the scene; not needed if it has only two"
-    )
-    parser.add_argument(
-        "--setpoints", default=SETPOINTS, metavar="VALUES", help=f"setpoints of the map; default: {SETPOINTS}"
-    )
-    parser.add_argument(
-        "--free-amplitudes", metavar="VALUES", help="free amplitudes at resonance [m]; default: the scene's"
-    )
+    about = "two materials of the scene; not needed if it has only two"
+    parser.add_argument("--materials", metavar="FIRST,SECOND", help=about)
+    parser.add_argument("--setpoints", default=SETPOINTS, metavar="VALUES", help=f"setpoints; default: {SETPOINTS}")
+    parser.add_argument("--free-amplitudes", metavar="VALUES", help="at resonance [m]; default: the scene's")
     parser.add_argument("--frequencies", metavar="VALUES", help="drive frequencies [Hz]; default: the scene's")
-    parser.add_argument(
-        "--solver", default="auto", metavar="NAME", help="solver: auto (default), averaging, orbit or march"
-    )
+    parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
     add_files(parser)
     add_colours(parser, "the map's contrast", "-60")
     add_quiet(parser)

@@ -58,6 +58,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("output", metavar="OUT", type=Path, help="file to write, .gwy or .gsf")
     parser.add_argument("--variable", metavar="NAME", help="write this variable only; a .gsf file holds one")
     parser.add_argument("--direction", metavar="NAME", help="write trace or retrace only")
+    parser.add_argument("--lag", action="store_true", help="write the phase as the lag, 90 degrees for the free lever")
     parser.add_argument("--overwrite", action="store_true", help="replace an existing file")
 
 
@@ -92,9 +93,12 @@ def export(arguments: argparse.Namespace) -> None:
     """Write an image for Gwyddion."""
     from phasemap.io.export import export as write
     from phasemap.io.read import read_image
+    from phasemap.results.variables import phase_lag
 
     with untold():
         image = read_image(arguments.image)
+    if arguments.lag and "phase" in image:
+        image = image.assign(phase=phase_lag(image["phase"]))
     write(image, arguments.output, arguments.variable, arguments.direction, overwrite=arguments.overwrite)
     _print_warnings(image)
     print(f"written to  {arguments.output}")

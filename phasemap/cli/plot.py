@@ -35,9 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", type=Path, help=about)
     add_columns(parser)
     what = parser.add_mutually_exclusive_group()
-    what.add_argument(
-        "--quantities", metavar="A,B", help="variables of an image or a sweep to draw, such as phase,dissipation"
-    )
+    what.add_argument("--quantities", metavar="A,B", help="variables to draw, such as phase,dissipation")
     what.add_argument("--sample", metavar="N", type=int, help="image of an ensemble, counted from 0")
     what.add_argument("--trace", metavar="AT", help="draw one period at this value, of a sweep made with --samples")
     parser.add_argument("--mark-irregular", action="store_true", help="mark pixels with irregular motion by dots")
@@ -54,10 +52,8 @@ def plot(arguments: argparse.Namespace) -> None:
     from phasemap.plot import trace
 
     if arguments.file.suffix == ".toml":
-        image = arguments.file.with_suffix(".nc").name
-        raise PhasemapError(
-            f"{arguments.file} is a scene: phasemap run {arguments.file} -o {image}, then plot {image}."
-        )
+        file, image = arguments.file, arguments.file.with_suffix(".nc").name
+        raise PhasemapError(f"{file} is a scene: phasemap run {file} -o {image}, then plot {image}.")
     output = arguments.output or arguments.file.with_suffix(".png")
     check_target(output, arguments.overwrite)
     ds = _load(arguments) if arguments.sample is None else load_sample(arguments.file, arguments.sample)

@@ -45,9 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser, "file to write; default: [output] file", plot=None)
     add_quiet(parser)
     add_threads(parser)
-    parser.add_argument(
-        "--workers", type=whole, metavar="N", help="number of processes for an ensemble; default: all cores"
-    )
+    parser.add_argument("--workers", type=whole, metavar="N", help="processes for an ensemble; default: all cores")
     parser.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
     add_strict_units(parser)
 

@@ -72,23 +72,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("-n", "--points", type=whole, default=200, metavar="N", help="number of values; default: 200")
     parser.add_argument("--log", action="store_true", help="space the values logarithmically")
-    parser.add_argument(
-        "--material", metavar="NAME", help="name of a material of the scene; not needed if it has only one"
-    )
+    parser.add_argument("--material", metavar="NAME", help="material of the scene; not needed if it has only one")
     held = parser.add_mutually_exclusive_group()
-    held.add_argument(
-        "--setpoint",
-        type=number_in("--setpoint", "1"),
-        metavar="S",
-        help="setpoint, amplitude over free amplitude; default: the scene's",
-    )
-    held.add_argument(
-        "--tip-offset", type=number_in("--tip-offset", "m"), metavar="Z",
-        help="hold the tip at this rest position, in m or such as 35nm",
-    )  # fmt: skip
-    parser.add_argument(
-        "--samples", type=int, default=0, metavar="N", help="also keep N points of deflection and force over a period"
-    )
+    about = "setpoint, amplitude over free amplitude; default: the scene's"
+    held.add_argument("--setpoint", type=number_in("--setpoint", "1"), metavar="S", help=about)
+    about = "hold the tip at this rest position, in m or such as 35nm"
+    held.add_argument("--tip-offset", type=number_in("--tip-offset", "m"), metavar="Z", help=about)
+    about = "also keep N points of deflection and force over a period"
+    parser.add_argument("--samples", type=int, default=0, metavar="N", help=about)
     add_files(parser)
     add_quiet(parser, "no summary")
     add_strict_units(parser)

@@ -86,7 +86,7 @@ class Raster(Shown):
     engage: str = "line"
 
     def __post_init__(self) -> None:
-        check_engage(self.engage)
+        check_choice("engage", self.engage, _WHEN)
 
     @property
     def carried(self) -> bool:
@@ -164,7 +164,7 @@ class Feedback(Shown):
             known = "proportional_gain" if self.integral_gain is None else "integral_gain"
             raise InputError(known, getattr(self, known), "both gains, or None for both, which tunes them")
         whole("order", self.order, 1, 4)
-        check_engage(self.engage)
+        check_choice("engage", self.engage, _WHEN)
 
     @property
     def carried(self) -> bool:
@@ -183,8 +183,3 @@ class Feedback(Shown):
         """
         whole("pixels", pixels, 1)
         return 1 / (self.line_rate * 2 * (1 + 4 * self.overscan) * pixels)
-
-
-def check_engage(engage: object) -> None:
-    """Refuse what is neither "line" nor "image"."""
-    check_choice("engage", engage, ("line", "image"))

@@ -25,6 +25,7 @@ from phasemap._shared.arrays import is_uniform, read_only
 from phasemap._shared.checks import number
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import unquestioned
+from phasemap.experiment.surface_variables import QUANTITIES
 
 if TYPE_CHECKING:
     from phasemap.experiment.microscope import Tip
@@ -97,13 +98,9 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
     `pixels` (shape (ny, nx)): where the material of each pixel is taken from, as ``row * nx + column``.
     `topography` (shape (ny, nx)): [m].
     """
-    names = (
-        "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus",
-        "relaxation_time",
-    )  # fmt: skip
     maps: dict[str, Any] = {"topography": None if topography is None else read_only(topography)}
-    for name in names:
-        values = getattr(surface, name)
+    for name in QUANTITIES:
+        values = getattr(surface, name) if name != "topography" else None
         if values is not None and not is_uniform(values):
             maps[name] = read_only(values.reshape(-1)[pixels])
     with unquestioned():

@@ -72,9 +72,8 @@ def _whole_numbers(labels: Any) -> NDArray[Any]:
     """The labels as a 2-D array of whole numbers, or of bool."""
     if np.ma.is_masked(labels):
         count = int(np.ma.getmaskarray(labels).sum())
-        raise InputError(
-            "labels", f"masked in {count} pixels", "a label in every pixel", "labels.filled(N) gives them one."
-        )
+        hint = "labels.filled(N) gives them one."
+        raise InputError("labels", f"masked in {count} pixels", "a label in every pixel", hint)
     label_map = as_array("labels", labels, "a 2-D map of whole numbers")
     if label_map.ndim != 2 or not label_map.size:
         raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")

@@ -122,10 +122,7 @@ class Maps:
     @property
     def columns(self) -> list[FloatArray]:
         """The maps that make up a material."""
-        fields = (
-            self.modulus, self.adhesion, self.damping, self.viscosity, self.poisson_ratio, self.thickness,
-            self.relaxed_modulus, self.relaxation_time,
-        )  # fmt: skip
+        fields = (getattr(self, name) for name in QUANTITIES if name != "topography")
         return [column for column in fields if column is not None]
 
     @asked_as()
@@ -181,17 +178,8 @@ class Maps:
         rows, columns = self.shape
         tall, wide = (say(side, "m") for side in self.pixel_size)
         found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
-        for name in (
-            "modulus",
-            "adhesion",
-            "damping",
-            "viscosity",
-            "topography",
-            "thickness",
-            "relaxed_modulus",
-            "relaxation_time",
-        ):
-            value = getattr(self, name)
+        for name in QUANTITIES:
+            value = getattr(self, name) if name != "poisson_ratio" else None
             if is_lazy(value):
                 blocks = chunks_of(value)
                 found[name] = f"in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels"

@@ -98,12 +98,8 @@ class Material(Shown):
 
     def __post_init__(self) -> None:
         if self.viscosity is not None and self.damping:
-            raise InputError(
-                "viscosity",
-                self.viscosity,
-                "either damping or viscosity, not both",
-                f"damping is {self.damping:g}.",
-            )
+            hint = f"damping is {self.damping:g}."
+            raise InputError("viscosity", self.viscosity, "either damping or viscosity, not both", hint)
         check_relaxation(self.modulus, self.relaxed_modulus, self.relaxation_time, self.damping or self.viscosity)
         if self.relaxation_time is not None and self.thickness is not None:
             raise InputError("relaxation_time", self.relaxation_time, "None of a film: only half-spaces remember")

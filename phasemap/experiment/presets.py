@@ -20,13 +20,7 @@ LOSSES = {"damping", "viscosity", "relaxed_modulus", "relaxation_time"}  # ways 
 
 @dataclass(frozen=True)
 class Quoted:
-    """A number as it is quoted.
-
-    Examples
-    --------
-    >>> materials()["PS"].numbers["adhesion"].is_estimate
-    True
-    """
+    """A number as it is quoted."""
 
     value: float  # in the SI unit of its field
     # low, high: the range in which it is found
@@ -42,13 +36,7 @@ class Quoted:
 
 @dataclass(frozen=True)
 class Preset:
-    """A material or a lever.
-
-    Examples
-    --------
-    >>> materials()["PS"].title, materials()["PS"].values["modulus"]
-    ('polystyrene', 2800000000.0)
-    """
+    """A material or a lever."""
 
     name: str  # as on the box
     title: str  # in words
@@ -63,24 +51,12 @@ class Preset:
 
 
 def materials() -> Mapping[str, Preset]:
-    """Every preset of a material by its name.
-
-    Examples
-    --------
-    >>> len(materials()) >= 25, "gold" in materials()
-    (True, True)
-    """
+    """Every preset of a material by its name."""
     return _read()["materials"]
 
 
 def levers() -> Mapping[str, Preset]:
-    """Every preset of a lever by its name.
-
-    Examples
-    --------
-    >>> levers()["PPP-NCHR"].numbers["stiffness"].high
-    130.0
-    """
+    """Every preset of a lever by its name."""
     return _read()["levers"]
 
 

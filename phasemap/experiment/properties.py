@@ -35,9 +35,8 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
     """
     law, radius = scope.interaction.law, scope.tip.radius
     if scope.interaction.damping_exponent != law.spread:
-        allowed = f"{law.spread:g} where materials have a viscosity" + (
-            "" if law.spread == 0.5 else f" and the contact is {law.name!r}"
-        )
+        beside = "" if law.spread == 0.5 else f" and the contact is {law.name!r}"
+        allowed = f"{law.spread:g} where materials have a viscosity{beside}"
         raise InputError("damping_exponent", scope.interaction.damping_exponent, allowed)
     omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
     contact = float(law.radius_at(np.array(radius), radius))

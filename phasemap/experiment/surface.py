@@ -115,16 +115,10 @@ class Surface(Maps):
         elif damping is not None and viscosity is not None:
             raise InputError("viscosity", "given beside damping", "damping or viscosity, not both")
         given = {
-            "modulus": modulus,
-            "adhesion": adhesion,
-            "damping": damping,
-            "viscosity": viscosity,
-            "poisson_ratio": poisson_ratio,
-            "topography": topography,
-            "thickness": thickness,
-            "relaxed_modulus": relaxed_modulus,
-            "relaxation_time": relaxation_time,
-        }
+            "modulus": modulus, "adhesion": adhesion, "damping": damping, "viscosity": viscosity,
+            "poisson_ratio": poisson_ratio, "topography": topography, "thickness": thickness,
+            "relaxed_modulus": relaxed_modulus, "relaxation_time": relaxation_time,
+        }  # fmt: skip
         maps = {
             name: found
             for name, value in given.items()

@@ -44,6 +44,7 @@ DEEPEST, HIGHEST = 0.15, 1.12  # tip offsets of a curve, over the free amplitude
 BEYOND = 6e-9  # m above the free amplitude from where the tip is attracted
 SETPOINTS = np.linspace(0.3, 0.96, 18)
 AMPLITUDES = np.geomspace(0.4, 2.5, 13)  # of the map, over the one in its middle
+INFINITE = (math.inf, -math.inf)
 SAME = 1.0  # degrees between the orbit that engaging finds and the same on a curve
 
 
@@ -181,22 +182,13 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, pixel: int, bistable: bo
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
     status = Status.of(values["status"])
     return Found(
-        name=name,
-        regime=words["branch"],
-        bistable=bistable,
-        motion=words["motion"],
-        solver=words["solver"],
-        advice="" if status is Status.good else status.value,
-        phase=values["phase"],
-        tip_phase=math.degrees(float(tip_phase)),
-        lost=values["dissipation"],
-        air=float(lost_in_air(lever, tip_amplitude)),
-        most=float(supplied(lever, tip_amplitude, np.zeros(()))),
-        virial=values["virial"],
-        indentation=values["indentation"],
-        tip_offset=values["tip_offset"],
+        name=name, regime=words["branch"], bistable=bistable, motion=words["motion"], solver=words["solver"],
+        advice="" if status is Status.good else status.value, phase=values["phase"],
+        tip_phase=math.degrees(float(tip_phase)), lost=values["dissipation"],
+        air=float(lost_in_air(lever, tip_amplitude)), most=float(supplied(lever, tip_amplitude, np.zeros(()))),
+        virial=values["virial"], indentation=values["indentation"], tip_offset=values["tip_offset"],
         height=values["tip_offset"] - amplitude,
-    )
+    )  # fmt: skip
 
 
 def _word(name: str, code: int) -> str:
@@ -208,9 +200,7 @@ def _word(name: str, code: int) -> str:
 def _plain(found: Found, setting: Setting) -> dict[str, Any]:
     """A material as JSON has it."""
     values = {**found._asdict(), "phase": setting.counted(found.phase)}
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()
-    }
+    return {key: None if value != value or value in INFINITE else value for key, value in values.items()}
 
 
 def _curve(setting: Setting, material: Material) -> dict[str, Any]:

@@ -29,13 +29,7 @@ class Knob(NamedTuple):
 
 @cache
 def knobs() -> dict[str, Knob]:
-    """Every slider with ends of its own, by the key of a scene that it sets; * stands for any material.
-
-    Examples
-    --------
-    >>> knobs()["tip.radius"]
-    Knob(label='tip radius', unit='nm', size=1e-09, low=1e-09, high=2e-07)
-    """
+    """Every slider with ends of its own, by the key of a scene that it sets; * stands for any material."""
     return {
         one["key"]: Knob(one["label"], one["unit"], one.get("size", 1.0), one["low"], one["high"])
         for one in _declared()
@@ -44,26 +38,12 @@ def knobs() -> dict[str, Knob]:
 
 
 def starred(key: str) -> str:
-    """The key with * in place of the number of a material.
-
-    Examples
-    --------
-    >>> starred("materials.1.modulus"), starred("tip.radius")
-    ('materials.*.modulus', 'tip.radius')
-    """
+    """The key with * in place of the number of a material."""
     return re.sub(r"^materials\.\d+\.", "materials.*.", key)
 
 
 def values_of(subject: Subject) -> dict[str, Any]:
-    """What a subject has in each slider and choice; a law of the user's own by its name.
-
-    Examples
-    --------
-    >>> from phasemap.explorer.subject import subject_of
-    >>> values = values_of(subject_of("samples/step.toml"))
-    >>> values["scan.setpoint"], values["interaction.contact"], values["materials.1.modulus"]
-    (0.7, 'dmt', 3000000000.0)
-    """
+    """What a subject has in each slider and choice; a law of the user's own by its name."""
     control = describe(subject.options.get("control") or Engage())
     found: dict[str, Any] = {}
     for one in _declared():

@@ -53,9 +53,8 @@ class Offered:
     def describe(self, name: object) -> dict[str, Any]:
         """What the page needs to know of a subject: materials, what each slider begins with, and how it is scanned."""
         subject, note = self._found(name)
-        simplified = ["with sharp edges"] * subject.blurred + ["with uniform materials"] * (
-            subject.variation is not None
-        )
+        simplified = ["with sharp edges"] * subject.blurred
+        simplified += ["with uniform materials"] * (subject.variation is not None)
         return {
             "name": subject.name,
             "materials": list(subject.materials),

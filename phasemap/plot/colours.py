@@ -140,17 +140,15 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     """
     name = str(variable.name)
     low, high = limits_of(variable.values)
-    offset = (
-        float(np.min(variable.values, where=np.isfinite(variable.values), initial=low)) if name == "height" else 0.0
-    )
+    known = np.isfinite(variable.values)
+    offset = float(np.min(variable.values, where=known, initial=low)) if name == "height" else 0.0
     low, high = low - offset, high - offset
     if name == "amplitude_error":
         low, high = -max(-low, high), max(-low, high)
     margin = max(MARGIN * (high - low), (LEAST.get(name, 0.0) - (high - low)) / 2)
     margin = margin or 0.5 * abs(high) or 0.5 * (1e-9 if units_of(variable) == "m" else 1.0)
-    low, high = (
-        edge if given is None else given for edge, given in ((low - margin, asked.vmin), (high + margin, asked.vmax))
-    )
+    low = low - margin if asked.vmin is None else asked.vmin
+    high = high + margin if asked.vmax is None else asked.vmax
     if low >= high:
         raise InputError(f"limits of {name}", f"{low:g} to {high:g}", "vmin below vmax; give both")
     unit = _in_thousands(max(-low, high), readable(max(-low, high), units_of(variable)))
@@ -177,13 +175,7 @@ def _in_thousands(largest: float, unit: Unit) -> Unit:
 
 
 def words_of(name: str) -> str:
-    """What a variable is called in a picture.
-
-    Examples
-    --------
-    >>> words_of("mode2_phase"), words_of("tip_offset")
-    ('phase of mode 2', 'tip offset')
-    """
+    """What a variable is called in a picture."""
     return WORDS.get(name, name.replace("_", " "))
 
 
@@ -193,13 +185,7 @@ def units_of(variable: xr.DataArray) -> str:
 
 
 def limits_of(values: np.ndarray, percentiles: Sequence[float] = SHOWN) -> tuple[float, float]:
-    """The percentiles shown; (0, 0) if there is no finite value.
-
-    Examples
-    --------
-    >>> limits_of(np.array([1.0, 2.0, np.nan])), limits_of(np.array([np.nan]))
-    ((1.005, 1.995), (0.0, 0.0))
-    """
+    """The percentiles shown; (0, 0) if there is no finite value."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0.0, 0.0

@@ -43,13 +43,7 @@ def side_lengths(ds: xr.Dataset) -> tuple[float, float]:
 
 
 def shortened(text: str, most: int) -> str:
-    """Return text, or its beginning where there is no room for all of it.
-
-    Examples
-    --------
-    >>> shortened("polystyrene", 5)
-    'poly…'
-    """
+    """Return text, or its beginning where there is no room for all of it."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
 

@@ -228,9 +228,8 @@ def _levelled(ds: xr.Dataset) -> xr.Dataset:
     from phasemap.comparison.levelling import level_map
 
     maps = ds["height"].values.reshape(-1, ds.sizes["y"], ds.sizes["x"])
-    flat = [
-        level_map(one, np.zeros(one.shape, bool), rows=False) if np.isfinite(one).sum() > 2 else one for one in maps
-    ]
+    none = np.zeros(maps.shape[1:], bool)
+    flat = [level_map(one, none, rows=False) if np.isfinite(one).sum() > 2 else one for one in maps]
     height = ds["height"].copy(data=np.reshape(flat, ds["height"].shape)).assign_attrs(levelled="by a plane")
     return ds.assign(height=height)
 
@@ -249,9 +248,7 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
         if "sample" in dims:
             raise InputError("the dataset", f"an ensemble of {ds.sizes['sample']} images", "one of them (--sample N)")
         if dims[-2:] != ("y", "x") or not set(dims[:-2]) <= set(LEADING):
-            raise InputError(
-                f"dims of {name}", dims, "('y', 'x'), with 'direction' or 'setpoint' before them or without"
-            )
+            raise InputError(f"dims of {name}", dims, "('y', 'x'), alone or after 'direction' or 'setpoint'")
     for dim in ("y", "x"):
         if dim not in ds.coords:
             raise InputError("the dataset", "without coordinates", f"an image with a coordinate {dim} [m]")
@@ -303,9 +300,8 @@ def _draw_histogram(axes: Axes, shown: np.ndarray, scale: Scale) -> None:
     """How often each value occurs, in the colours of the image."""
     counts, edges = np.histogram(shown[np.isfinite(shown)], bins=100, range=(scale.low, scale.high))
     centres = 0.5 * (edges[1:] + edges[:-1])
-    axes.bar(
-        centres, counts, width=np.diff(edges), color=scale.cmap(scale.norm(centres)), edgecolor="0.25", linewidth=0.25
-    )
+    edge: dict[str, Any] = {"edgecolor": "0.25", "linewidth": 0.25}
+    axes.bar(centres, counts, width=np.diff(edges), color=scale.cmap(scale.norm(centres)), **edge)
     axes.set(xlim=(scale.low, scale.high), yticks=[])
     axes.set_xlabel(scale.label, fontsize=9)
     axes.spines["left"].set_visible(False)

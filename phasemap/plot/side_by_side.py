@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -184,9 +184,8 @@ def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None
         axes.stairs(shares[-1], edges, color=colour, fill=True, alpha=0.15)
     low, high = sorted(float(share.max()) for share in shares)
     top = 2 * low if high > DWARFS * low > 0 else high or 1.0
-    spikes = [
-        (share[k], edges[k + 1], c) for share, c in zip(shares, COLOURS, strict=True) for k in np.where(share > top)[0]
-    ]
+    pairs = list(zip(shares, COLOURS, strict=True))
+    spikes = [(share[k], edges[k + 1], colour) for share, colour in pairs for k in np.where(share > top)[0]]
     for n, (share, x, colour) in enumerate(spikes[:MOST_SPIKES]):
         axes.annotate(
             f"{share:.0f} %", (x, top), xytext=(2, -10 * n), textcoords="offset points", color=colour, fontsize=7.5,
@@ -198,9 +197,8 @@ def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None
     shifted = f"; zero at {zero:.4g} in the file" if zero else ""
     axes.set_xlabel(f"phase (degrees){shifted}", fontsize=8.5)
     axes.set_ylabel("share of pixels (%)", fontsize=8.5)
-    axes.legend(
-        fontsize=8, frameon=False, ncols=2, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.1, handlelength=1.4
-    )
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0.1}
+    axes.legend(fontsize=8, frameon=False, ncols=2, handlelength=1.4, **place)
 
 
 def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:

@@ -99,9 +99,8 @@ class Sweep:
             return kept
         marks = ("amplitude", "phase", "tip_offset")
         known = np.stack([*(ds[f"curve_{mark}"].values for mark in marks), self.points], axis=1)
-        seen = np.stack(
-            [np.broadcast_to(v, ds["status"].shape).ravel() for v in (*(ds[m].values for m in marks), self.x)]
-        )
+        saw = *(ds[mark].values for mark in marks), self.x
+        seen = np.stack([np.broadcast_to(values, ds["status"].shape).ravel() for values in saw])
         sought = np.stack([*(ds[f"jump_{word}_{mark}"].values for mark in marks), self.jumps[:, int(word == "to")]], 1)
         size = np.ptp(known, axis=0)
         known, seen, sought = (values / np.where(size > 0, size, 1.0) for values in (known, seen.T, sought))

@@ -15,12 +15,6 @@ def titles(ds: xr.Dataset) -> list[str]:
     """Title, material and microscope of a sweep, a line each; what is swept is left out.
 
     `ds`: of a sweep, with its ``configuration``.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> titles(xr.Dataset(attrs={"title": "ps of blend.toml", "configuration": "{}"}))
-    ['ps of blend.toml']
     """
     about = json.loads(ds.attrs.get("configuration", "{}"))
     swept = about.get("sweep", "")
@@ -43,11 +37,6 @@ def microscope_in_words(scope: dict[str, Any], swept: str = "") -> list[str]:
 
     `scope`: the microscope of a ``configuration``.
     `swept`: what is left out.
-
-    Examples
-    --------
-    >>> microscope_in_words({"cantilever": {"stiffness": 40.0}, "tip": {"radius": 1e-8}})
-    ['lever 40 N/m', 'tip radius 10 nm']
     """
     lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
     return [

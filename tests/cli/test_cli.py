@@ -18,6 +18,7 @@ import phasemap.scenes.scene
 import phasemap.sweeps.sweep
 from phasemap.cli import main
 from phasemap.io.netcdf import load
+from phasemap.io.read import read_image
 from phasemap.plot.colours import scale_of
 
 SAMPLES = Path(__file__).parents[2] / "samples"
@@ -229,7 +230,7 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["run", STEP, "-o", "x.nc", "--threads", "-2"], "--threads"),
         (["plot", "nowhere.nc", "-o", "x.png"], "cannot read nowhere.nc: there is no such file."),
         (["plot", STEP, "-o", "x.png"], "step.toml is a scene: phasemap run "),
-        (["plot", __file__, "-o", "x.png"], "it is not a netCDF file, or it is damaged"),
+        (["plot", __file__, "-o", "x.png"], "it is text, with no image in it"),
         (["run", STEP, "-o", "x.png"], "the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file."),
         (["run", STEP, "-o", "x.toml", "--overwrite"], "'.toml'; allowed: .nc, for it becomes a netCDF file. A scene"),
         (["run", STEP, "-o", "x" * 243 + ".nc"], "its name is longer than 230 bytes; choose a shorter one."),
@@ -274,6 +275,20 @@ def test_what_cannot_be_used_is_said_in_one_sentence(
     monkeypatch.chdir(tmp_path)
     assert sentence in fails(capsys, *arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_a_microscope_is_drawn_and_exported_with_its_lag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("gwyddionpy")
+    pytest.importorskip("gwyfile")
+    image, measured, turned = (tmp_path / name for name in ("image.nc", "measured.gwy", "turned.gwy"))
+    assert main(["run", STEP, SMALL, "-o", str(image), "--quiet"]) == 0
+    assert main(["export", str(image), str(measured)]) == main(["export", str(image), str(turned), "--lag"]) == 0
+    plain, lag = (read_image(path)["phase"].values for path in (measured, turned))
+    np.testing.assert_allclose(lag, 90 - plain, atol=1e-5)
+    assert main(["plot", str(measured)]) == 0
+    assert (tmp_path / "measured.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_plot_draws_beside_the_image_and_does_not_overwrite_unasked(

@@ -94,9 +94,7 @@ class Interaction(Shown):
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)
         law = self.law
         if self.bias and law.attraction is not InverseSquare:
-            raise InputError(
-                "bias", self.bias, f"0 where the contact is {law.name!r}, for its force is that of a sphere"
-            )
+            raise InputError("bias", self.bias, f"0 where the contact is {law.name!r}: it is that of a sphere")
         check_choice("withdrawal", self.withdrawal, WITHDRAWALS)
         if self.withdrawal == "ting":
             check_half_space(law)
@@ -193,9 +191,8 @@ class Interaction(Shown):
         rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film)
         name, depth, energy = self.law.name, float(rows[0, RELEASE]), float(self._loop_energies(rows)[0])
         if not np.isfinite(rows).all():
-            raise InputError(
-                "modulus", 0.0, f"a number above 0 Pa where {name} contact has adhesion", "Its neck would never break."
-            )
+            allowed = f"a number above 0 Pa where {name} contact has adhesion"
+            raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
         if energy < 0 and not self.law.may_do_without_neck:
             raise InputError(
                 "contact", name, "a law whose neck loses energy beside the long-range force",
@@ -257,9 +254,8 @@ class Interaction(Shown):
             except Exception as error:  # whatever a user's law does
                 if not self._is_own:
                     raise
-                raise InputError(
-                    "contact", law.name, "a law whose methods run", f"It raised {type(error).__name__}: {error}."
-                ) from error
+                hint = f"It raised {type(error).__name__}: {error}."
+                raise InputError("contact", law.name, "a law whose methods run", hint) from error
         reach: tuple[np.ndarray | float, ...] = ()
         with np.errstate(all="ignore"):  # as above
             if self.bias:
