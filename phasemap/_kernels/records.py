@@ -17,6 +17,7 @@ numbers.
 
 from __future__ import annotations
 
+import ctypes
 import typing
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -99,8 +100,13 @@ def _get(context: Any, builder: Any, kind: RecordType, address: Any, name: str) 
     place = _place(builder, address, first, context.get_data_type(types.float64 if of is COLUMN else of))
     if of is not COLUMN:
         return builder.load(place)
+    return _view(context, builder, place, count)
+
+
+def _view(context: Any, builder: Any, place: Any, count: int) -> Any:
+    """Array of the numbers at a place on the stack, which counts no references."""
     view = context.make_array(COLUMN)(context, builder)
-    view.data, view.meminfo = place, cgutils.get_null_value(view.meminfo.type)  # the stack counts no references
+    view.data, view.meminfo = place, cgutils.get_null_value(view.meminfo.type)
     view.parent = cgutils.get_null_value(view.parent.type)
     view.nitems, view.itemsize = cgutils.intp_t(count), cgutils.intp_t(WORD)
     view.shape, view.strides = (cgutils.pack_array(builder, [cgutils.intp_t(n)]) for n in (count, WORD))
@@ -233,6 +239,17 @@ def clear(_context: Any, one: Any) -> Any:
     return (types.void(one), generate) if isinstance(one, RecordType) else None
 
 
+@intrinsic
+def numbers_of(_context: Any, one: Any) -> Any:
+    """All numbers of a record of floats in their order, as an array that is its memory."""
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        place = builder.bitcast(arguments[0], ir.DoubleType().as_pointer())
+        return _view(context, builder, place, one.words)
+
+    return (COLUMN(one), generate) if isinstance(one, RecordType) else None
+
+
 def _assign(to: Any, source: Any) -> None:
     for name in to.dtype.names:
         to[name] = source[name]
@@ -243,5 +260,10 @@ def _clear(one: Any) -> None:
         one[name] = np.zeros_like(one[name])
 
 
+def _numbers_of(one: Any) -> np.ndarray:
+    place, _ = one.__array_interface__["data"]
+    return np.ctypeslib.as_array((ctypes.c_double * (one.nbytes // WORD)).from_address(place))
+
+
 if numba.config.DISABLE_JIT:
-    assign, clear = _assign, _clear
+    assign, clear, numbers_of = _assign, _clear, _numbers_of

@@ -29,7 +29,7 @@ from phasemap._kernels.law import (
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
-from phasemap._kernels.orbits.time import march
+from phasemap._kernels.orbits.time import elastic, march
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
 from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
@@ -638,7 +638,7 @@ def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
     problem = Oscillator(interaction.token(), row_of(interaction, damping=damping), LEVER)
     y, acc = np.array([0.5e-9, 14.7e-9, 0.0]), PeriodResult()
     compiled, acc_compiled = marched(problem, 14e-9, y, 0.5, 1)
-    assert march.march_elastic.py_func(problem, 14e-9, 0.5, y, acc) > 0
+    assert elastic.march_elastic.py_func(problem, 14e-9, 0.5, y, acc) > 0
     np.testing.assert_allclose(y, compiled, rtol=1e-10, atol=0)
     np.testing.assert_allclose(acc.tolist(), acc_compiled.tolist(), rtol=1e-10)
 

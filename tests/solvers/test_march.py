@@ -12,7 +12,7 @@ from cases import Case, label, load
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import holding, in_time
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time import linear_map, march, runge_kutta
+from phasemap._kernels.orbits.time import elastic, linear_map, march, period, runge_kutta
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.lever import one_mode
@@ -105,8 +105,8 @@ def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
     def v(t: float) -> float:
         return 1.2 - 1.8 * t - 0.6 * t * t
 
-    assert v(march.time_of_turn.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
-    assert x(march.time_of_crossing.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert v(period.time_of_turn.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert x(period.time_of_crossing.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
 
 
 @pytest.mark.parametrize("count", [2, 4, 8])
@@ -173,7 +173,7 @@ def test_a_period_with_contact_agrees_with_another_integrator() -> None:
 def test_the_compiled_period_is_the_python_one() -> None:
     problem = problem_of(TAPPING)
     y, acc = state_of(TAPPING_ORBIT), PeriodResult()
-    steps = march.march_elastic.py_func(problem, TAPPING_ORBIT["tip_offset"], 0.5, y, acc)
+    steps = elastic.march_elastic.py_func(problem, TAPPING_ORBIT["tip_offset"], 0.5, y, acc)
     compiled, acc_compiled = marched(problem, TAPPING_ORBIT["tip_offset"], state_of(TAPPING_ORBIT), 0.5)
     assert steps > 0
     np.testing.assert_allclose(y, compiled, rtol=1e-12)

@@ -35,7 +35,8 @@ from phasemap._kernels.excitation import seen_phasor, sees_tip
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.elements import CONTACT_MODE, OFF_SURFACE
+from phasemap._kernels.orbits.time.contact import OFF_SURFACE
+from phasemap._kernels.orbits.time.elements import CONTACT_MODE
 from phasemap._kernels.orbits.time.forming import form_dents
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, skip
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, divide_result, new_state

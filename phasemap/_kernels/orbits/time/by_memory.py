@@ -70,7 +70,7 @@ def by_memory(_context: Any, law: Any, p: Any, lever: Any, z0: Any, eta: Any, y:
 
 
 IN_PYTHON: list[Any] = []
-"""`remember_period`, put here by `compiled_memory` where numba's compiler is off."""
+"""`march_relaxing`, put here by `compiled_memory` where numba's compiler is off."""
 
 
 def _by_python(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:

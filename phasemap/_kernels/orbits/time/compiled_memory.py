@@ -9,10 +9,11 @@ from numba import carray, typeof
 from numba.core import types
 from numba.core.ccallback import CFunc
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.disk_cache import DiskCache
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time.by_memory import ADDRESSES, IN_PYTHON
-from phasemap._kernels.orbits.time.remembering import remember_period
+from phasemap._kernels.orbits.time.relaxing_events import march_relaxing
 from phasemap._kernels.orbits.time.tip import PeriodResult
 
 _NUMBERS = types.CPointer(types.float64)
@@ -20,6 +21,7 @@ _ARGUMENTS = (
     *(types.int64,) * ADDRESSES, _NUMBERS, _NUMBERS, types.float64, types.float64, _NUMBERS, types.int64,
     typeof(PeriodResult()),
 )  # fmt: skip
+LEVER_SIZE = (col.MODE + col.MODE_NUMBERS * col.MOST_MODES,)  # at most: what is not there is not read
 _KEPT: list[CFunc] = []
 
 
@@ -27,13 +29,13 @@ _KEPT: list[CFunc] = []
 def address() -> int:
     """Where the compiled march is; 1 where numba's compiler is off."""
     if numba.config.DISABLE_JIT:
-        IN_PYTHON.append(remember_period)
+        IN_PYTHON.append(march_relaxing)
         return 1
 
     def march(f0, f1, f2, f3, f4, f5, f6, p, lever, z0, eta, y, size, acc):  # type: ignore[no-untyped-def]
         row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
         law = Law(f0, f1, f2, f3, f4, f5, f6)
-        return remember_period(Oscillator(law, row, carray(lever, (5,))), z0, eta, carray(y, (size,)), acc)
+        return march_relaxing(Oscillator(law, row, carray(lever, LEVER_SIZE)), z0, eta, carray(y, (size,)), acc)
 
     code = CFunc(march, (_ARGUMENTS, types.int64), {}, {"error_model": "numpy"})
     code._cache = DiskCache(march)

@@ -28,19 +28,18 @@ if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 # Entries of a tip's state over a surface that remembers, after those that `tip` names.
-CONTACT_MODE = 4  # what the contact does: OFF_SURFACE, GROWING or SHRINKING
-CONTACT_EDGE = 5  # q [m^(1/2)]
-DASHPOT_DEPTH = 6  # D [m]: depth of the tip as the dashpots see it
-INNER_SUM = 7  # Y [m^(3/2)]: integral of y over the contact
-INNER_COUNT = 8  # nodes of the stack inside the contact
-OUTER_COUNT = 9  # nodes of the stack outside
-LAST_PEAK = 10  # xi at which the contact last turned [m]
-PERIOD_BEGIN = 11  # drive phase at which periods begin [rad]
-FIRST_NODE = 12  # where the nodes begin: all of the inner stack, then all of the outer one
-# Contact modes.
-OFF_SURFACE = 0.0
-GROWING = 1.0
-SHRINKING = 2.0
+CONTACT_MODE = 10  # what the contact does: OFF_SURFACE, GROWING or SHRINKING
+CONTACT_EDGE = 11  # q [m^(1/2)]
+DASHPOT_DEPTH = 12  # D [m]: depth of the tip as the dashpots see it
+INNER_SUM = 13  # Y [m^(3/2)]: integral of y over the contact
+INNER_COUNT = 14  # nodes of the stack inside the contact
+OUTER_COUNT = 15  # nodes of the stack outside
+LAST_PEAK = 16  # xi at which the contact last turned [m]
+PERIOD_BEGIN = 17  # drive phase at which periods begin [rad]
+FIRST_NODE = 18  # where the nodes begin: all of the inner stack, then all of the outer one
+# Contact modes, beside OFF_SURFACE.
+GROWING = 1
+SHRINKING = 2
 # Entries of a node, and of the polynomial between it and the node below it on its stack.
 NODE_XI = 0  # [m]
 NODE_TIME = 1  # when it was laid [1/omega_c]

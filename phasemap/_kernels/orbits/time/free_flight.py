@@ -9,17 +9,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.orbits.time.runge_kutta import End, Medium, Start
+from phasemap._kernels.orbits.time.contact import Beam, Motion
 from phasemap._kernels.records import column, record
-
-if TYPE_CHECKING:
-    from phasemap._kernels.orbits.time.modes import Modes
 
 SAMPLE_STEP = 0.4  # radian of the fastest mode, between two samples of a flight
 MOST_FLIGHT_NEWTON = 60  # steps to a contact or a turn, bisections among them
@@ -44,13 +40,14 @@ class FreeFlight:
 
 
 @kernel
-def begin_flight(fixed: Medium, modes: Modes, start: Start, flight: FreeFlight) -> None:
+def begin_flight(beam: Beam, motion: Motion, flight: FreeFlight) -> None:
     """Split the motion of each mode at the start of a flight into driven and own motion."""
-    omega, phase, higher, n = fixed.omega, complex(start.cos, start.sin), modes.now, modes.count
-    flight.omega, flight.z0, flight.count = omega, fixed.z0, n
+    omega, modes, n, start = beam.omega, beam.modes, beam.modes.count, motion.here.at
+    phase, higher = complex(motion.cos, motion.sin), motion.here.at.modes
+    flight.omega, flight.z0, flight.count = omega, beam.z0, n
     flight.own_re[n] = flight.own_im[n] = flight.decay[n] = 0.0
     flight.turning[n] = omega
-    first, first_speed = fixed.z0 + start.x, start.v
+    first, first_speed = beam.z0 + start.x, start.v
     for i in range(1, n):
         first -= higher[2 * i - 2]
         first_speed -= higher[2 * i - 1]
@@ -145,8 +142,9 @@ def _grown(mu: complex, t: float) -> complex:
 
 
 @kernel
-def _end_flight(modes: Modes, start: Start, flight: FreeFlight, t: float, x: float) -> End:
-    """End of a flight after a time t, at depth x [m], and the integrals over it."""
+def _end_flight(beam: Beam, motion: Motion, flight: FreeFlight, t: float, x: float) -> None:
+    """Fill in the end of a flight after a time t, at depth x [m], and the integrals over it."""
+    modes, end = beam.modes, motion.end.at
     sine_pole = complex(0.0, flight.omega)
     speed = air = mean = 0.0
     turned = cmath.exp(sine_pole * t)
@@ -170,21 +168,22 @@ def _end_flight(modes: Modes, start: Start, flight: FreeFlight, t: float, x: flo
         y, u = (own * decayed + forced * turned).real, (of_own * decayed + of_forced * turned).real
         speed += u
         if i > 0:
-            modes.end[2 * i - 2], modes.end[2 * i - 1] = y, u
-    harmonic *= complex(start.cos, start.sin)
-    return End(x, speed, t, harmonic.real, harmonic.imag, mean, 0.0, 0.0, air)
+            end.modes[2 * i - 2], end.modes[2 * i - 1] = y, u
+    harmonic *= complex(motion.cos, motion.sin)
+    end.x, end.v, end.passed, end.mean_z, end.air = x, speed, t, mean, air
+    end.cos, end.sin, end.loss, end.virial, motion.end.known = harmonic.real, harmonic.imag, 0.0, 0.0, 0
 
 
-@kernel(shared=True)
-def fly(fixed: Medium, modes: Modes, start: Start, left: float) -> tuple[End, float]:
+@kernel
+def fly(beam: Beam, motion: Motion) -> float:
     """Fly from a start off the surface to the next contact, where x = 0, or for the time that is left.
 
-    Returns the end, and the largest depth [m] on the way.
+    Returns the largest depth [m] on the way.
     """
-    flight, samples, step = FreeFlight(), Samples(), SAMPLE_STEP / math.sqrt(modes.fastest)
-    begin_flight(fixed, modes, start, flight)
+    flight, samples, step, left = FreeFlight(), Samples(), SAMPLE_STEP / math.sqrt(beam.modes.fastest), motion.left
+    begin_flight(beam, motion, flight)
     _begin_samples(flight, step, samples)
-    t, d, v, highest = 0.0, start.x, start.v, start.x
+    t, d, v, highest = 0.0, motion.here.at.x, motion.here.at.v, motion.here.at.x
     while t < left:
         at = t + step
         if at < left:
@@ -200,7 +199,9 @@ def fly(fixed: Medium, modes: Modes, start: Start, left: float) -> tuple[End, fl
             if height > 0.0:
                 d, high = height, top
         if d > 0.0:
-            return _end_flight(modes, start, flight, _zero(flight, t, high, False), 0.0), 0.0
+            _end_flight(beam, motion, flight, _zero(flight, t, high, False), 0.0)
+            return 0.0
         t, v = at, v_at
         highest = max(highest, d)
-    return _end_flight(modes, start, flight, left, d), highest
+    _end_flight(beam, motion, flight, left, d)
+    return highest

@@ -29,8 +29,6 @@ class Modes:
     shares: np.ndarray = column(col.MOST_MODES)  # acceleration of each by a force over k [1]
     drive_re: np.ndarray = column(col.MOST_MODES)  # D_i [m]
     drive_im: np.ndarray = column(col.MOST_MODES)
-    now: np.ndarray = column(2 * col.MOST_MODES - 2)  # displacement and velocity of each mode above the first [m]
-    end: np.ndarray = column(2 * col.MOST_MODES - 2)  # the same at the end of the step tried last
     loss: np.ndarray = column(col.MOST_MODES)  # what its damping takes, over what that of the first does [1]
 
 

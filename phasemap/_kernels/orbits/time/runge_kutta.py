@@ -4,68 +4,60 @@ E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 
 y + h times row 6 of the tableau applied to the slopes k, without the coefficients that are zero; `total` is the same
 with the weights b: the end of the step. Newest slopes come last, because only they are waited for.
 
-The equation, its variables and `touching` are explained in `march`. Everything is passed by value, as numbers and
-tuples: an array here would cost two atomic reference counts a stage, more than the arithmetic. Where a lever has
-several modes, the slopes of all stages are columns of a record on the stack.
+The equation and its variables are explained in `march`; what the surface does is a plug-in, `contact`. Loops over the
+numbers of a lever with one mode have a length that LLVM knows: they are written out, and nothing is kept in memory.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from phasemap._kernels.columns import DAMPING, LONGRANGE
+from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import contact_force, damping, longrange_force
-from phasemap._kernels.records import column, record
+from phasemap._kernels.orbits.time.contact import (
+    OFF_SURFACE,
+    Here,
+    Motion,
+    Moved,
+    Point,
+    fill_own_slopes,
+    first_moved,
+    push_of,
+)
+from phasemap._kernels.records import numbers_of, record
 
-if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
-    from phasemap._kernels.orbits.time.modes import Modes
+ONE_MODE = 5  # numbers that a step moves, with one mode; each other one has two more
+INTEGRALS = ONE_MODE + 2 * col.MOST_MODES - 2  # where those begin that a step adds up
+
 
 Numbers = tuple[float, ...]
-OF_TIP = 3  # numbers of a step before those of the higher modes: x, v and the time passed
-SLOPES = 15
-Row = Any  # a tuple where formulas are typed for an array: all they do is index it
 
 
-class Medium(NamedTuple):
-    """What stays as it is over many steps."""
+class Instant(NamedTuple):
+    """When a step starts: time since the period began [1/omega_c], and cosine and sine of the drive's phase."""
 
-    omega: float
-    alpha0: float
-    compliance: float  # 1/k [m/N]
-    drive: float  # u0 [m]
-    z0: float  # [m]
-    edge_force: float  # the long-range force at contact, over k [m]
-    edge_slope: float  # its derivative there, over k
-    bottom: float  # depth where x = 0 [m]: 0, in the neck that of release
-    lever_rate: float  # density of steps by the lever's own motion, squared; 1 of one mode
-    share: float  # acceleration of the tip by a force over k [1]; 1 of one mode
-
-
-class Start(NamedTuple):
-    """Where a step starts: depth or its root, velocity, and cosine and sine of the drive's phase."""
-
-    x: float
-    v: float
+    time: float
     cos: float
     sin: float
 
 
-class End(NamedTuple):
-    """Where a step ends, and integrals over it."""
+@record
+class Stages:
+    """Moved of a stage, and the slopes in all but the first."""
 
-    x: float
-    v: float
-    passed: float  # time tau
-    cos: float  # of z cos(omega tau) [m]
-    sin: float  # of z sin(omega tau) [m]
-    mean_z: float  # of z [m]
-    loss: float  # of 2 alpha_s v^2 [m2]
-    virial: float  # of -F z/k, with the damping force [m2]
-    air: float  # of v^2 [m2]; of several modes the sum of that, each times its `Modes.loss`
+    now: Moved
+    k1: Moved
+    k2: Moved
+    k3: Moved
+    k4: Moved
+    k5: Moved
+    k6: Moved
+    k7: Moved
+    k8: Moved
+    k9: Moved
+    k10: Moved
+    k11: Moved
+    k12: Moved
 
 
 # fmt: off
@@ -175,217 +167,125 @@ def turn(angle: float) -> tuple[float, float]:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def force_of_stage(law: Law, p: Row, fixed: Medium, touching: bool, x: float) -> tuple[float, float, float, float]:
-    """Slope w of tau, depth, force over k, and its damping 2 alpha_s [1] at x."""
-    force = drag = 0.0
-    if touching:
-        d = fixed.bottom + x * x
-        w = 2 * x
-        force = contact_force(law, d, p) * fixed.compliance
-        if p[DAMPING] != 0.0 and fixed.bottom == 0.0:
-            drag = 2 * damping(law, d, p)
+def _fill_slopes(here: Here, start: Instant, off: bool, count: int, y: Moved, k: Moved, integrals: bool) -> None:
+    """Fill in the slopes of `count` numbers, and of the integrals if they are wanted."""
+    beam, modes, v = here.beam, here.beam.modes, y.v
+    c, s = turn(beam.omega * y.passed)
+    c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
+    push = push_of(here.contact, off, start.time, y)
+    w, z, whole = push.w, beam.z0 + push.depth, push.force + push.drag * v
+    if count == ONE_MODE:
+        a = beam.drive * c - z - push.force - (2 * beam.alpha0 + push.drag) * v
+        air = v * v
     else:
-        d = x
-        w = 1.0
-        if p[LONGRANGE] != 0.0:
-            # Stages of the step that ends at contact stray past d = 0, where the law does not hold: its tangent there
-            # is off by the square of a distance that is itself O(h^5), so order 8 stands.
-            force = (
-                longrange_force(law, d, p) * fixed.compliance if d <= 0.0 else fixed.edge_force + fixed.edge_slope * d
-            )
-    return w, d, force, drag
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def stage(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, x: float, v: float, time: float) -> Numbers:
-    """Slopes w of tau and w z'' of v, and the integrands that `End` names, at (x, v), `time` after the step's start."""
-    c, s = turn(fixed.omega * time)
-    c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
-    w, d, force, drag = force_of_stage(law, p, fixed, touching, x)
-    z = fixed.z0 + d
-    a = fixed.drive * c - z - force - (2 * fixed.alpha0 + drag) * v
-    return w, w * a, w * z * c, w * z * s, w * z, w * drag * v * v, -w * (force + drag * v) * z, w * v * v
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def _step(law: Law, p: Row, fixed: Medium, touching: bool, start: Start, h: float) -> End:
-    x1, v1 = start.x, start.v
-    w1, a1, c1, s1, m1, e1, f1, o1 = stage(law, p, fixed, touching, start, x1, v1, 0.0)
-    x2 = row2(x1, h, v1)
-    v2 = row2(v1, h, a1)
-    t2 = row2(0.0, h, w1)
-    w2, a2 = stage(law, p, fixed, touching, start, x2, v2, t2)[:2]
-    x3 = row3(x1, h, v1, v2)
-    v3 = row3(v1, h, a1, a2)
-    t3 = row3(0.0, h, w1, w2)
-    w3, a3 = stage(law, p, fixed, touching, start, x3, v3, t3)[:2]
-    x4 = row4(x1, h, v1, v3)
-    v4 = row4(v1, h, a1, a3)
-    t4 = row4(0.0, h, w1, w3)
-    w4, a4 = stage(law, p, fixed, touching, start, x4, v4, t4)[:2]
-    x5 = row5(x1, h, v1, v3, v4)
-    v5 = row5(v1, h, a1, a3, a4)
-    t5 = row5(0.0, h, w1, w3, w4)
-    w5, a5 = stage(law, p, fixed, touching, start, x5, v5, t5)[:2]
-    x6 = row6(x1, h, v1, v4, v5)
-    v6 = row6(v1, h, a1, a4, a5)
-    t6 = row6(0.0, h, w1, w4, w5)
-    w6, a6, c6, s6, m6, e6, f6, o6 = stage(law, p, fixed, touching, start, x6, v6, t6)
-    x7 = row7(x1, h, v1, v4, v5, v6)
-    v7 = row7(v1, h, a1, a4, a5, a6)
-    t7 = row7(0.0, h, w1, w4, w5, w6)
-    w7, a7, c7, s7, m7, e7, f7, o7 = stage(law, p, fixed, touching, start, x7, v7, t7)
-    x8 = row8(x1, h, v1, v4, v5, v6, v7)
-    v8 = row8(v1, h, a1, a4, a5, a6, a7)
-    t8 = row8(0.0, h, w1, w4, w5, w6, w7)
-    w8, a8, c8, s8, m8, e8, f8, o8 = stage(law, p, fixed, touching, start, x8, v8, t8)
-    x9 = row9(x1, h, v1, v4, v5, v6, v7, v8)
-    v9 = row9(v1, h, a1, a4, a5, a6, a7, a8)
-    t9 = row9(0.0, h, w1, w4, w5, w6, w7, w8)
-    w9, a9, c9, s9, m9, e9, f9, o9 = stage(law, p, fixed, touching, start, x9, v9, t9)
-    x10 = row10(x1, h, v1, v4, v5, v6, v7, v8, v9)
-    v10 = row10(v1, h, a1, a4, a5, a6, a7, a8, a9)
-    t10 = row10(0.0, h, w1, w4, w5, w6, w7, w8, w9)
-    w10, a10, c10, s10, m10, e10, f10, o10 = stage(law, p, fixed, touching, start, x10, v10, t10)
-    x11 = row11(x1, h, v1, v4, v5, v6, v7, v8, v9, v10)
-    v11 = row11(v1, h, a1, a4, a5, a6, a7, a8, a9, a10)
-    t11 = row11(0.0, h, w1, w4, w5, w6, w7, w8, w9, w10)
-    w11, a11, c11, s11, m11, e11, f11, o11 = stage(law, p, fixed, touching, start, x11, v11, t11)
-    x12 = row12(x1, h, v1, v4, v5, v6, v7, v8, v9, v10, v11)
-    v12 = row12(v1, h, a1, a4, a5, a6, a7, a8, a9, a10, a11)
-    t12 = row12(0.0, h, w1, w4, w5, w6, w7, w8, w9, w10, w11)
-    w12, a12, c12, s12, m12, e12, f12, o12 = stage(law, p, fixed, touching, start, x12, v12, t12)
-    return End(
-        total(x1, h, v1, v6, v7, v8, v9, v10, v11, v12),
-        total(v1, h, a1, a6, a7, a8, a9, a10, a11, a12),
-        total(0.0, h, w1, w6, w7, w8, w9, w10, w11, w12),
-        total(0.0, h, c1, c6, c7, c8, c9, c10, c11, c12),
-        total(0.0, h, s1, s6, s7, s8, s9, s10, s11, s12),
-        total(0.0, h, m1, m6, m7, m8, m9, m10, m11, m12),
-        total(0.0, h, e1, e6, e7, e8, e9, e10, e11, e12),
-        total(0.0, h, f1, f6, f7, f8, f9, f10, f11, f12),
-        total(0.0, h, o1, o6, o7, o8, o9, o10, o11, o12),
-    )
-
-
-@kernel
-def step_off_surface(law: Law, p: Row, fixed: Medium, start: Start, h: float) -> End:
-    """Take one step of length h [s] out of contact."""
-    return _step(law, p, fixed, False, start, h)
-
-
-@kernel
-def step_in_contact(law: Law, p: Row, fixed: Medium, start: Start, h: float) -> End:
-    """Take one step in contact or in the neck: as `step_off_surface`."""
-    return _step(law, p, fixed, True, start, h)
-
-
-class Beam(NamedTuple):
-    """A lever of several modes over a material, during a step."""
-
-    law: Law
-    p: Row
-    fixed: Medium
-    modes: Modes
-    touching: bool
-
-
-@record
-class Stages:
-    """Numbers of a step of a lever with several modes: at its start, in a stage, and the slopes of all stages.
-
-    They are x, v and the time passed, displacement and velocity of each higher mode, and the integrals of `End`.
-    """
-
-    start: np.ndarray = column(SLOPES)
-    now: np.ndarray = column(SLOPES)
-    k1: np.ndarray = column(SLOPES)
-    k2: np.ndarray = column(SLOPES)
-    k3: np.ndarray = column(SLOPES)
-    k4: np.ndarray = column(SLOPES)
-    k5: np.ndarray = column(SLOPES)
-    k6: np.ndarray = column(SLOPES)
-    k7: np.ndarray = column(SLOPES)
-    k8: np.ndarray = column(SLOPES)
-    k9: np.ndarray = column(SLOPES)
-    k10: np.ndarray = column(SLOPES)
-    k11: np.ndarray = column(SLOPES)
-    k12: np.ndarray = column(SLOPES)
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def _fill_slopes(here: Beam, start: Start, y: np.ndarray, k: np.ndarray, integrals: bool) -> None:
-    """Fill in the slopes `k` of the numbers `y` of a step, those of the integrals if they are wanted."""
-    fixed, modes, v = here.fixed, here.modes, y[1]
-    c, s = turn(fixed.omega * y[2])
-    c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
-    w, d, force, drag = force_of_stage(here.law, here.p, fixed, here.touching, y[0])
-    z, push = fixed.z0 + d, force + drag * v
-    first, first_speed, a, air = z, v, 0.0, 0.0
-    for i in range(1, modes.count):
-        own, speed = y[OF_TIP + 2 * i - 2], y[OF_TIP + 2 * i - 1]
-        rise = modes.drive_re[i] * c - modes.drive_im[i] * s - modes.shares[i] * push
-        rise -= modes.square[i] * own + modes.damping[i] * speed
-        k[OF_TIP + 2 * i - 2], k[OF_TIP + 2 * i - 1] = w * speed, w * rise
-        a += rise
-        air += modes.loss[i] * speed * speed
-        first -= own
-        first_speed -= speed
-    a += modes.drive_re[0] * c - modes.drive_im[0] * s - modes.shares[0] * push
-    a -= modes.square[0] * first + modes.damping[0] * first_speed
-    k[0], k[1], k[2] = v, w * a, w
+        first, first_speed, a, air = z, v, 0.0, 0.0
+        for i in range(1, modes.count):
+            own, speed = y.modes[2 * i - 2], y.modes[2 * i - 1]
+            rise = modes.drive_re[i] * c - modes.drive_im[i] * s - modes.shares[i] * whole
+            rise -= modes.square[i] * own + modes.damping[i] * speed
+            k.modes[2 * i - 2], k.modes[2 * i - 1] = w * speed, w * rise
+            a += rise
+            air += modes.loss[i] * speed * speed
+            first -= own
+            first_speed -= speed
+        a += modes.drive_re[0] * c - modes.drive_im[0] * s - modes.shares[0] * whole
+        a -= modes.square[0] * first + modes.damping[0] * first_speed
+        air += modes.loss[0] * first_speed * first_speed
+    k.v, k.passed = w * a, w
+    taken = fill_own_slopes(here.contact, off, push, y, a, k)
     if integrals:
-        k[9], k[10], k[11] = w * z * c, w * z * s, w * z
-        k[12], k[13] = w * drag * v * v, -w * push * z
-        k[14] = w * (air + modes.loss[0] * first_speed * first_speed)
+        k.cos, k.sin, k.mean_z = w * z * c, w * z * s, w * z
+        k.loss, k.virial, k.air = taken + w * push.drag * v * v, -w * whole * z, w * air
 
 
-@kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
-def step_of_modes(here: Beam, start: Start, h: float) -> End:
-    """Take one step of a lever with several modes, from modes.now to modes.end; else as `step_in_contact`."""
-    m = Stages()
-    y, now, k1, k2, k3, k4, k5, k6 = m.start, m.now, m.k1, m.k2, m.k3, m.k4, m.k5, m.k6
-    k7, k8, k9, k10, k11, k12 = m.k7, m.k8, m.k9, m.k10, m.k11, m.k12
-    y[0], y[1] = start.x, start.v
-    count, higher = OF_TIP + 2 * here.modes.count - 2, here.modes.now
-    for j in range(OF_TIP, count):
-        y[j] = higher[j - OF_TIP]
-    _fill_slopes(here, start, y, k1, True)
-    for j in range(count):
+@kernel(inline=True, fastmath=ANY_ORDER)
+def _step(here: Here, start: Instant, off: bool, count: int, point: Point, h: float, end: Moved) -> None:
+    m, first = Stages(), 2 if off else first_moved(here.contact)
+    slope = point.slope if first == 0 else m.k1  # kept where it is wanted: memory would cost 3 % of a step
+    if first != 0 or point.known == 0:
+        point.at.passed, point.known = 0.0, 1
+        _fill_slopes(here, start, off, count, point.at, slope, True)
+    y, out, k1, now = numbers_of(point.at), numbers_of(end), numbers_of(slope), numbers_of(m.now)
+    k2, k3, k4, k5 = numbers_of(m.k2), numbers_of(m.k3), numbers_of(m.k4), numbers_of(m.k5)
+    k6, k7, k8, k9 = numbers_of(m.k6), numbers_of(m.k7), numbers_of(m.k8), numbers_of(m.k9)
+    k10, k11, k12 = numbers_of(m.k10), numbers_of(m.k11), numbers_of(m.k12)
+    for j in range(first, count):
         now[j] = row2(y[j], h, k1[j])
-    _fill_slopes(here, start, now, k2, False)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k2, False)
+    for j in range(first, count):
         now[j] = row3(y[j], h, k1[j], k2[j])
-    _fill_slopes(here, start, now, k3, False)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k3, False)
+    for j in range(first, count):
         now[j] = row4(y[j], h, k1[j], k3[j])
-    _fill_slopes(here, start, now, k4, False)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k4, False)
+    for j in range(first, count):
         now[j] = row5(y[j], h, k1[j], k3[j], k4[j])
-    _fill_slopes(here, start, now, k5, False)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k5, False)
+    for j in range(first, count):
         now[j] = row6(y[j], h, k1[j], k4[j], k5[j])
-    _fill_slopes(here, start, now, k6, True)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k6, True)
+    for j in range(first, count):
         now[j] = row7(y[j], h, k1[j], k4[j], k5[j], k6[j])
-    _fill_slopes(here, start, now, k7, True)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k7, True)
+    for j in range(first, count):
         now[j] = row8(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j])
-    _fill_slopes(here, start, now, k8, True)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k8, True)
+    for j in range(first, count):
         now[j] = row9(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j])
-    _fill_slopes(here, start, now, k9, True)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k9, True)
+    for j in range(first, count):
         now[j] = row10(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j])
-    _fill_slopes(here, start, now, k10, True)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k10, True)
+    for j in range(first, count):
         now[j] = row11(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j])
-    _fill_slopes(here, start, now, k11, True)
-    for j in range(count):
+    _fill_slopes(here, start, off, count, m.now, m.k11, True)
+    for j in range(first, count):
         now[j] = row12(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j])
-    _fill_slopes(here, start, now, k12, True)
-    for j in range(SLOPES):
-        now[j] = total(y[j], h, k1[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
-    for j in range(OF_TIP, count):
-        here.modes.end[j - OF_TIP] = now[j]
-    return End(now[0], now[1], now[2], now[9], now[10], now[11], now[12], now[13], now[14])
+    _fill_slopes(here, start, off, count, m.now, m.k12, True)
+    for j in range(first, count):
+        out[j] = total(y[j], h, k1[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+    for j in range(INTEGRALS, len(out)):
+        out[j] = total(0.0, h, k1[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+
+
+@kernel
+def _step_off_surface(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    _step(here, start, True, ONE_MODE, point, h, end)
+
+
+@kernel
+def _step_in_contact(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    _step(here, start, False, ONE_MODE, point, h, end)
+
+
+@kernel(fastmath=ANY_ORDER)
+def _step_of_several_modes(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    count = ONE_MODE + 2 * here.beam.modes.count - 2
+    _step(here, start, here.contact.now.mode == OFF_SURFACE, count, point, h, end)
+
+
+@kernel(inline=True)
+def take_step(here: Here, motion: Motion, h: float, to: Point) -> None:
+    """Take a step of length h from where the motion is."""
+    start = Instant(motion.time, motion.cos, motion.sin)
+    to.known = 0
+    if here.beam.modes.count > 1:
+        _step_of_several_modes(here, start, motion.here, h, to.at)
+    elif here.contact.now.mode == OFF_SURFACE:
+        _step_off_surface(here, start, motion.here, h, to.at)
+    else:
+        _step_in_contact(here, start, motion.here, h, to.at)
+
+
+@kernel
+def find_slopes(here: Here, motion: Motion, point: Point) -> None:
+    """Fill in the slopes at a point of the step that starts where the motion is."""
+    start, modes, off = Instant(motion.time, motion.cos, motion.sin), here.beam.modes.count, False
+    if modes > 1:
+        off = here.contact.now.mode == OFF_SURFACE
+        _fill_slopes(here, start, off, ONE_MODE + 2 * modes - 2, point.at, point.slope, True)
+    elif here.contact.now.mode == OFF_SURFACE:
+        _fill_slopes(here, start, True, ONE_MODE, point.at, point.slope, True)
+    else:
+        _fill_slopes(here, start, False, ONE_MODE, point.at, point.slope, True)
+    point.known = 1

@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import amplitude_seen
 from phasemap._kernels.lever import modes_of, slowest_decay, static_share
-from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
+from phasemap._kernels.orbits.time.elements import CONTACT_MODE, MEMORY_STATE, PERIOD_BEGIN
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.records import column, record
 
@@ -199,7 +199,7 @@ def divide_result(total: PeriodResult, count: float) -> None:
 def copy_memory(u: np.ndarray, to: np.ndarray) -> None:
     """Copy what the surface remembers, if it does, from one state to another."""
     if len(u) > PERIOD_BEGIN:
-        for i in range(PLAIN_STATE, len(u)):
+        for i in range(CONTACT_MODE, len(u)):
             to[i] = u[i]
 
 

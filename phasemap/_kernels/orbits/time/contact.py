@@ -1,0 +1,165 @@
+"""What a contact is to the march: a plug-in, and what a step moves.
+
+A kind of contact is a named tuple with the fields law, p, compliance, pull, edge_force and edge_slope, as `Elastic` has
+them, and now, a record whose mode says what it does; and one kernel for each function here that is `Chosen`. `elastic`
+has surfaces that remember nothing, with a neck or without; `relaxing` those that relax.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.chosen import Chosen
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, longrange_force, longrange_slope
+from phasemap._kernels.orbits.time.tip import PeriodResult
+from phasemap._kernels.records import column, record
+
+if TYPE_CHECKING:
+    from phasemap._kernels.orbits.time.modes import Modes
+
+Row = Any  # parameters of a material: a tuple where formulas are typed for an array, for all they do is index it
+OFF_SURFACE = 0  # what a contact does: nothing; each kind has more
+NO_EVENT = 0  # what happens at the end of a step
+FIRST_TOUCH = 1  # the tip comes to the surface; each kind has more
+
+
+@record
+class Moved:
+    """Moved that a step moves, and integrals over it; or the slopes of all that by s."""
+
+    seen: float  # of a contact that relaxes: depth of the tip as the dashpots see it [m]
+    inside: float  # integral of what elements remember over the contact [m^(3/2)]
+    x: float  # depth [m], in contact the root of that above where x = 0 [m^(1/2)]
+    v: float  # z' [m]
+    passed: float  # time since the step began [1/omega_c]
+    modes: np.ndarray = column(2 * col.MOST_MODES - 2)  # displacement and velocity of each mode above the first [m]
+    cos: float  # integral of z cos(omega tau) [m]
+    sin: float  # of z sin(omega tau) [m]
+    mean_z: float  # of z [m]
+    loss: float  # of the energy into the surface, over stiffness [m2]
+    virial: float  # of -F z/k, with the damping force [m2]
+    air: float  # of v^2 [m2]; of several modes the sum of that, each times its `Modes.loss`
+
+
+@record
+class Point:
+    """A point of the motion, and the slopes there."""
+
+    at: Moved
+    slope: Moved
+    known: int  # 1 where the slopes are
+
+
+@record
+class Motion:
+    """The march through a period: where it is, and what it has added up."""
+
+    here: Point
+    end: Point  # of the step
+    trial: Point
+    h: float  # length of the step, of the variable s
+    time: float  # since the period began [1/omega_c]
+    left: float  # of the period
+    cos: float  # of the drive's phase
+    sin: float
+    event: int  # at the end of the step
+    sums: PeriodResult  # over the period, before they are made means
+
+
+class Beam(NamedTuple):
+    """The lever under its drive, over a tip offset."""
+
+    omega: float
+    alpha0: float
+    drive: float  # u0 [m]
+    z0: float  # [m]
+    rate: float  # density of steps by its own motion, squared; 1 of one mode
+    share: float  # acceleration of the tip by a force over k [1]; 1 of one mode
+    modes: Modes
+
+
+class Here(NamedTuple):
+    """What moves: the lever, and a contact of any kind."""
+
+    contact: Any
+    beam: Beam
+
+
+class Push(NamedTuple):
+    """What a contact does to the tip."""
+
+    w: float  # slope of time
+    depth: float  # of the tip [m]
+    force: float  # over k [m]
+    drag: float  # 2 alpha_s [1]
+
+
+@Chosen
+def push_of(contact: Any, off: bool, time: float, y: Moved) -> Push:
+    """What the contact does in a step that began at a time, `off` the surface or not; a kind may add more numbers."""
+    raise NotImplementedError
+
+
+@Chosen
+def first_moved(contact: Any) -> int:
+    """Which number of `Moved` is the first that a step in contact moves: 2, or 0 where it has numbers of its own."""
+    raise NotImplementedError
+
+
+@Chosen
+def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
+    """Fill in the slope of x, and of what the contact has of its own, at an acceleration z''.
+
+    Returns that of the energy into the surface, over stiffness and beside that of `Push.drag`.
+    """
+    raise NotImplementedError
+
+
+@Chosen
+def step_length(contact: Any, beam: Beam, eta: float, motion: Motion) -> float:
+    """Length of the next step."""
+    raise NotImplementedError
+
+
+@Chosen
+def edge_of(contact: Any, event: int, time: float) -> tuple[float, float]:
+    """Where x is when an event happens that x decides, and how fast that moves, off the surface."""
+    raise NotImplementedError
+
+
+@Chosen
+def stop_at_event(contact: Any, here: Here, motion: Motion) -> None:
+    """Shorten a step in contact to what happens in it first, if anything does; says so in ``motion.event``."""
+    raise NotImplementedError
+
+
+@Chosen
+def pass_event(contact: Any, here: Here, motion: Motion) -> bool:
+    """Let the contact go on from the end of a step, where something may happen; False if it cannot."""
+    raise NotImplementedError
+
+
+@kernel
+def attraction_at_contact(law: Law, p: Row, compliance: float) -> tuple[float, float]:
+    """The long-range force at d = 0, over k [m], and its slope: ``edge_force`` and ``edge_slope`` of any contact."""
+    if p[col.LONGRANGE] == 0.0:
+        return 0.0, 0.0
+    return longrange_force(law, 0.0, p) * compliance, longrange_slope(law, 0.0, p) * compliance
+
+
+@kernel(inline=True, fastmath=ANY_ORDER)
+def attraction(contact: Any, d: float) -> float:
+    """The long-range force over k [m].
+
+    Stages of the step that ends at contact stray past d = 0, where the law does not hold: its tangent there is off by
+    the square of a distance that is itself O(h^5), so order 8 stands.
+    """
+    if contact.p[col.LONGRANGE] == 0.0:
+        return 0.0
+    if d <= 0.0:
+        return longrange_force(contact.law, d, contact.p) * contact.compliance
+    return contact.edge_force + contact.edge_slope * d

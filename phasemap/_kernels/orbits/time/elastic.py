@@ -1,0 +1,211 @@
+"""Contact with a surface that remembers nothing: elastic or damped, with a neck if the law has one.
+
+In contact x = q = sqrt(d); in the neck, which a law with a depth of release d_r < 0 draws out on the way back,
+q = sqrt(d - d_r), in which the force of JKR, a power series in q, is analytic up to release. `Touch.bottom`, 0 or d_r,
+is the depth where q = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Law, Oscillator, contact_force, damping
+from phasemap._kernels.neck import loop_energy
+from phasemap._kernels.orbits.time.contact import (
+    NO_EVENT,
+    OFF_SURFACE,
+    Beam,
+    Here,
+    Motion,
+    Moved,
+    Push,
+    Row,
+    attraction,
+    attraction_at_contact,
+    edge_of,
+    fill_own_slopes,
+    first_moved,
+    pass_event,
+    push_of,
+    step_length,
+    stop_at_event,
+)
+from phasemap._kernels.orbits.time.modes import Modes, fill_modes
+from phasemap._kernels.orbits.time.period import (
+    beam_over,
+    begin_period,
+    end_period,
+    march_through,
+    stop_at_turn,
+    to_edge,
+    try_turn,
+)
+from phasemap._kernels.orbits.time.step_density import (
+    CONTACT_WEIGHT,
+    contact_rate,
+    depth_reached,
+    flight_rate,
+    pull_in_contact,
+)
+from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult
+from phasemap._kernels.records import record
+
+# What the contact does, beside OFF_SURFACE.
+IN_CONTACT = 1
+IN_NECK = 2
+# What happens at the end of a step, beside FIRST_TOUCH.
+LAST_TOUCH = 2  # d = 0 on the way out
+NECK_CLOSES = 3  # d = 0 on the way in
+RELEASE = 4
+
+
+@record
+class Touch:
+    """What the contact does now."""
+
+    mode: int
+    bottom: float  # depth where x = 0 [m]
+    deep: float  # q of the depth to which it goes, roughly [m^(1/2)]
+
+
+class Elastic(NamedTuple):
+    """A surface that remembers nothing."""
+
+    law: Law
+    p: Row  # parameters of the material
+    compliance: float  # 1/k [m/N]
+    pull: float  # force at d = 0 in contact, over k [m]
+    edge_force: float  # the long-range force at contact, over k [m]
+    edge_slope: float  # its derivative there, over k
+    neck: float  # q of the surface in the neck; 0 without one
+    now: Touch
+
+
+@push_of.of(Elastic)
+@kernel(inline=True, fastmath=ANY_ORDER)
+def _push(contact: Elastic, off: bool, time: float, y: Moved) -> Push:
+    if off:
+        return Push(1.0, y.x, attraction(contact, y.x), 0.0)
+    law, p, bottom, drag = contact.law, contact.p, contact.now.bottom, 0.0
+    d = bottom + y.x * y.x
+    if p[col.DAMPING] != 0.0 and bottom == 0.0:
+        drag = 2 * damping(law, d, p)
+    return Push(2 * y.x, d, contact_force(law, d, p) * contact.compliance, drag)
+
+
+@first_moved.of(Elastic)
+@kernel(inline=True)
+def _first_moved(contact: Elastic) -> int:
+    return 2
+
+
+@fill_own_slopes.of(Elastic)
+@kernel(inline=True)
+def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
+    k.x = y.v
+    return 0.0
+
+
+@step_length.of(Elastic)
+@kernel(inline=True)
+def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> float:
+    u, now, neck = motion.here.at, contact.now, contact.neck
+    if now.mode == OFF_SURFACE:
+        return eta / flight_rate(contact, beam, u.x, u.v)
+    # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
+    rate = contact_rate(contact, beam, now.bottom, u.x)
+    rate += pull_in_contact(contact, beam, beam.z0 + now.bottom + u.x * u.x, u) + (CONTACT_WEIGHT * u.v / now.deep) ** 2
+    if neck > 0 and now.mode == IN_CONTACT:
+        rate += (CONTACT_WEIGHT * u.v) ** 2 / (u.x * u.x + neck * neck)  # the root at release, seen from contact
+    return eta / math.sqrt(rate)
+
+
+@edge_of.of(Elastic)
+@kernel(inline=True)
+def _edge(contact: Elastic, event: int, time: float) -> tuple[float, float]:
+    return contact.neck if event == NECK_CLOSES else 0.0, 0.0
+
+
+@stop_at_event.of(Elastic)
+@kernel(inline=True)
+def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
+    now, u, end, inside = contact.now, motion.here.at, motion.end.at, motion.trial.at
+    in_neck = now.mode == IN_NECK
+    if u.v > 0 > end.v:
+        h, top = try_turn(here, motion)
+        if in_neck and inside.x > contact.neck:
+            stop_at_turn(motion, h)
+        else:
+            motion.sums.deepest = max(motion.sums.deepest, now.bottom + top * top)
+    elif in_neck and u.v < 0 < end.v:
+        h, _ = try_turn(here, motion)
+        if inside.x <= 0:
+            stop_at_turn(motion, h)
+    if in_neck and end.x > contact.neck:
+        to_edge(here, motion, NECK_CLOSES)
+    elif end.x <= 0:
+        to_edge(here, motion, RELEASE if in_neck else LAST_TOUCH)
+
+
+@kernel
+def _enter_contact(contact: Elastic, beam: Beam, q: float, motion: Motion) -> None:
+    """Let the tip be in contact, at q."""
+    now, u = contact.now, motion.here.at
+    now.mode, now.bottom, u.x = IN_CONTACT, 0.0, q
+    now.deep = depth_reached(contact, beam, 0.0, q, u.v, pull_in_contact(contact, beam, beam.z0 + q * q, u))
+
+
+@kernel
+def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
+    """Let the tip be in the neck, at q."""
+    now = contact.now
+    now.mode, now.bottom, now.deep, motion.here.at.x = IN_NECK, contact.p[col.RELEASE], contact.neck, q
+
+
+@pass_event.of(Elastic)
+@kernel(inline=True)
+def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
+    event, u = motion.event, motion.here.at
+    if event == NO_EVENT:
+        return True
+    if event == LAST_TOUCH and contact.neck > 0 and u.v <= 0:
+        _enter_neck(contact, contact.neck, motion)
+    elif event != RELEASE and u.v > 0:
+        _enter_contact(contact, here.beam, 0.0, motion)
+    else:
+        contact.now.mode, u.x = OFF_SURFACE, 0.0
+    if event == RELEASE:
+        u.x = contact.p[col.RELEASE]
+        motion.sums.loss += loop_energy(contact.law, contact.p) * contact.compliance
+    return True
+
+
+@kernel(shared=True)
+def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
+    """March for a period of the drive over a surface without memory: see `march.march_period`."""
+    # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
+    law, p, lever = oscillator
+    row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
+    motion, modes, compliance = Motion(), Modes(), 1 / lever[col.STIFFNESS]
+    fill_modes(lever, modes)
+    beam, u = beam_over(lever, z0, modes), motion.here.at
+    begin_period(beam, y, motion)
+    edge_force, edge_slope = attraction_at_contact(law, row, compliance)
+    pull, neck = contact_force(law, 0.0, row) * compliance, math.sqrt(-row[col.RELEASE])
+    contact = Elastic(law, row, compliance, pull, edge_force, edge_slope, neck, Touch())
+    if u.x > 0 or (u.x == 0 and u.v > 0):
+        _enter_contact(contact, beam, math.sqrt(u.x), motion)
+    elif contact.neck > 0 and y[TOUCHES] != 0.0 and u.x > row[col.RELEASE]:
+        _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
+    here = Here(contact, beam)
+    steps = march_through(here, eta, motion)
+    touches = contact.now.mode != OFF_SURFACE
+    if contact.neck > 0:
+        y[TOUCHES] = 1.0 if touches else 0.0
+    end_period(lever, here, motion, contact.now.bottom + u.x * u.x if touches else u.x, y, acc)
+    return steps

@@ -1,0 +1,261 @@
+"""A period of the drive, marched over a contact of any kind, in steps that end where something happens.
+
+A step goes to the first event in it: the cubic through both ends says where about, Newton's method on the step's length
+where exactly. Free flights of a lever with several modes are one step.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.orbits.time.contact import (
+    FIRST_TOUCH,
+    NO_EVENT,
+    OFF_SURFACE,
+    Beam,
+    Here,
+    Motion,
+    Point,
+    edge_of,
+    first_moved,
+    pass_event,
+    step_length,
+    stop_at_event,
+)
+from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
+from phasemap._kernels.orbits.time.free_flight import fly
+from phasemap._kernels.orbits.time.modes import Modes
+from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step, turn
+from phasemap._kernels.orbits.time.step_density import HIGHER_WEIGHT
+from phasemap._kernels.orbits.time.tip import PLAIN_STATE, PeriodResult, V, Z
+from phasemap._kernels.records import assign, numbers_of
+
+MOST_MARCH_STEPS = 100_000  # in one period, after which it is given up
+MOST_EDGE_STEPS = 50  # of Newton's method to an event, bisections among them
+LAST_NEWTON_STEP = 1e-7  # of a step's length, from which on the tangent does the rest, and leaves 1e-14
+INSTANT_ERROR = 4e-16  # [1/omega_c], of the end of a period in contact
+LEFT_BY_ROUNDING = 1e-14  # [1/omega_c], of a period: it would take twenty steps more to go
+SMALL_TURN = 1.0  # [rad] of the drive's phase, up to which its series serves
+
+
+@kernel
+def _cubic(x0: float, v0: float, x1: float, v1: float, h: float) -> tuple[float, float, float]:
+    """Coefficients of t, t^2, t^3 of the cubic through both ends of a step, t = 0 ... 1 along it."""
+    rise = x1 - x0
+    return h * v0, 3 * rise - h * (2 * v0 + v1), h * (v0 + v1) - 2 * rise
+
+
+@kernel
+def time_of_turn(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+    """Where in a step with v0 > 0 > v1 the cubic is highest."""
+    a, b, c = _cubic(x0, v0, x1, v1, h)
+    return h * a / (math.sqrt(b * b - 3 * a * c) - b)
+
+
+@kernel
+def time_of_crossing(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
+    """Where in a step the cubic last changes sign before its end."""
+    a, b, c = _cubic(x0, v0, x1, v1, h)
+    low, high, t = 0.0, 1.0, 1.0
+    for _ in range(8):
+        x = x0 + t * (a + t * (b + t * c))
+        if (x > 0) == (x1 > 0):
+            high = t
+        else:
+            low = t
+        t -= x / (a + t * (2 * b + t * 3 * c))
+        if not low <= t <= high:
+            t = 0.5 * (low + high)
+    return t * h
+
+
+@kernel(inline=True)
+def advance(here: Here, motion: Motion, h: float) -> None:
+    """Take a step of length h, in which nothing happens yet."""
+    motion.h, motion.event = h, NO_EVENT
+    take_step(here, motion, h, motion.end)
+
+
+@kernel
+def try_turn(here: Here, motion: Motion) -> tuple[float, float]:
+    """Take a trial step to where x turns inside the step, by the cubic; returns its length, and what x has there."""
+    u, end, top = motion.here.at, motion.end.at, motion.trial.at
+    sign = 1.0 if u.v > 0 else -1.0
+    h = time_of_turn(sign * u.x, sign * u.v, sign * end.x, sign * end.v, motion.h)
+    take_step(here, motion, h, motion.trial)
+    return h, top.x + 0.5 * motion.h * top.v**2 / (u.v - end.v)
+
+
+@kernel
+def stop_at_turn(motion: Motion, h: float) -> None:
+    """Let the step end where the trial step of this length did: both its ends may hide an event."""
+    motion.h = h
+    assign(motion.end, motion.trial)
+
+
+@kernel
+def _speed(here: Here, motion: Motion, point: Point) -> float:
+    """Slope of x at a point of the step; all of its slopes are found where a contact makes that other than v."""
+    if here.contact.now.mode == OFF_SURFACE or first_moved(here.contact) != 0:
+        return point.at.v
+    if point.known == 0:
+        find_slopes(here, motion, point)
+    return point.slope.x
+
+
+@kernel
+def to_edge(here: Here, motion: Motion, event: int) -> None:
+    """Shorten a step across the edge of an event to end on it: Newton's method, kept between one side and the other.
+
+    The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
+    """
+    u, end, low, high, whole = motion.here.at, motion.end.at, 0.0, motion.h, motion.h
+    before, moved = edge_of(here.contact, event, motion.time)
+    edge, moves = edge_of(here.contact, event, motion.time + end.passed)
+    above = end.x <= edge
+    first, last = _speed(here, motion, motion.here) - moved, _speed(here, motion, motion.end) - moves
+    h = time_of_crossing(u.x - before, first, end.x - edge, last, whole)
+    for _ in range(MOST_EDGE_STEPS):
+        take_step(here, motion, h, motion.end)
+        edge, moves = edge_of(here.contact, event, motion.time + end.passed)
+        more = (edge - end.x) / (_speed(here, motion, motion.end) - moves)
+        if abs(more) <= LAST_NEWTON_STEP * whole:
+            find_slopes(here, motion, motion.end)
+            to, rates = numbers_of(end), numbers_of(motion.end.slope)
+            for j in range(len(to)):
+                to[j] += more * rates[j]
+            end.x = edge + more * moves
+            h += more
+            break
+        if (end.x > edge) == above:
+            low = h
+        else:
+            high = h
+        h += more
+        if not low <= h <= high:
+            h = 0.5 * (low + high)
+    motion.h, motion.event, motion.end.known = h, event, 0
+
+
+@kernel
+def _to_end(here: Here, motion: Motion) -> None:
+    """Shorten a step in contact to the end of the period: Newton's method on the time passed, whose slope is 2 x."""
+    end, low, high, h = motion.end.at, 0.0, motion.h, motion.h
+    for _ in range(MOST_EDGE_STEPS):
+        h -= (end.passed - motion.left) / (2 * end.x)
+        if not low <= h <= high:
+            h = 0.5 * (low + high)
+        take_step(here, motion, h, motion.end)
+        if abs(end.passed - motion.left) <= INSTANT_ERROR:
+            break
+        if end.passed < motion.left:
+            low = h
+        else:
+            high = h
+    motion.event, end.passed = NO_EVENT, motion.left
+
+
+@kernel
+def _fly_freely(here: Here, motion: Motion) -> None:
+    """Fly on to the next contact or the end of the period, where no force reaches beyond contact."""
+    top = fly(here.beam, motion)
+    motion.sums.deepest = max(motion.sums.deepest, top)
+    motion.event = FIRST_TOUCH if motion.end.at.x >= 0.0 else NO_EVENT
+
+
+@kernel(inline=True)
+def _step_aloft(here: Here, eta: float, motion: Motion) -> None:
+    """Take a step off the surface, to the first touch if there is one."""
+    u, end = motion.here.at, motion.end.at
+    advance(here, motion, min(motion.left, step_length(here.contact, here.beam, eta, motion)))
+    if u.v > 0 > end.v:  # grazing: the tip may touch there, and be off again at the end
+        h, top = try_turn(here, motion)
+        if motion.trial.at.x > edge_of(here.contact, FIRST_TOUCH, motion.time + motion.trial.at.passed)[0]:
+            stop_at_turn(motion, h)
+        else:
+            motion.sums.deepest = max(motion.sums.deepest, top)
+    if end.x > edge_of(here.contact, FIRST_TOUCH, motion.time + end.passed)[0]:
+        to_edge(here, motion, FIRST_TOUCH)
+
+
+@kernel(inline=True)
+def _move_on(beam: Beam, motion: Motion) -> None:
+    """Take up the end of a step as where the next one starts, and add up its integrals."""
+    u, end, sums, angle = motion.here.at, motion.end.at, motion.sums, beam.omega * motion.end.at.passed
+    sums.cos += end.cos
+    sums.sin += end.sin
+    sums.mean_z += end.mean_z
+    sums.loss += end.loss
+    sums.virial += end.virial
+    sums.air += end.air
+    c, s = turn(angle) if angle < SMALL_TURN else (math.cos(angle), math.sin(angle))
+    motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
+    motion.time += end.passed
+    motion.left -= end.passed
+    u.x, u.v, u.seen, u.inside = end.x, end.v, end.seen, end.inside
+    for j in range(2 * beam.modes.count - 2):
+        u.modes[j] = end.modes[j]
+    u.passed, motion.here.known = 0.0, motion.end.known
+    if motion.end.known == 1:
+        assign(motion.here.slope, motion.end.slope)
+
+
+@kernel
+def march_through(here: Here, eta: float, motion: Motion) -> int:
+    """March to the end of a period; returns the steps taken, or minus a status."""
+    contact, steps = here.contact, 0
+    several = here.beam.modes.count > 1 and contact.p[col.LONGRANGE] == 0.0
+    while motion.left > LEFT_BY_ROUNDING:
+        steps += 1
+        if steps > MOST_MARCH_STEPS:
+            return -col.NOT_SETTLED
+        if contact.now.mode != OFF_SURFACE:
+            advance(here, motion, step_length(contact, here.beam, eta, motion))
+            stop_at_event(contact, here, motion)
+            if motion.end.at.passed >= motion.left:
+                _to_end(here, motion)
+        elif several and edge_of(contact, FIRST_TOUCH, motion.time)[0] == 0.0:
+            _fly_freely(here, motion)
+        else:
+            _step_aloft(here, eta, motion)
+        _move_on(here.beam, motion)
+        if not pass_event(contact, here, motion):
+            return -col.NOT_SETTLED
+    return steps if math.isfinite(motion.here.at.x + motion.here.at.v) else -col.NOT_SETTLED
+
+
+@kernel(light=True)
+def beam_over(lever: np.ndarray, z0: float, modes: Modes) -> Beam:
+    """The lever over a tip offset [m]."""
+    rate = 1.0 + HIGHER_WEIGHT * HIGHER_WEIGHT * (modes.fastest - 1.0)
+    return Beam(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], z0, rate, modes.share, modes)
+
+
+@kernel
+def begin_period(beam: Beam, y: np.ndarray, motion: Motion) -> None:
+    """Put the lever where a state has it."""
+    u, begin = motion.here.at, y[PERIOD_BEGIN] if len(y) == MEMORY_STATE else 0.0
+    u.x, u.v = y[Z] - beam.z0, y[V]
+    for j in range(2 * beam.modes.count - 2):
+        u.modes[j] = y[PLAIN_STATE + j]
+    motion.cos, motion.sin, motion.sums.deepest = math.cos(begin), math.sin(begin), u.x
+    motion.left = 2 * math.pi / beam.omega
+
+
+@kernel
+def end_period(lever: np.ndarray, here: Here, motion: Motion, depth: float, y: np.ndarray, acc: PeriodResult) -> None:
+    """Put a tip that is this deep [m] into a state, and turn integrals over the period into what it gives."""
+    sums, omega, stiffness = motion.sums, lever[col.OMEGA], lever[col.STIFFNESS]
+    y[Z], y[V] = here.beam.z0 + depth, motion.here.at.v
+    for j in range(2 * here.beam.modes.count - 2):
+        y[PLAIN_STATE + j] = motion.here.at.modes[j]
+    acc.cos, acc.sin = sums.cos * omega / math.pi, sums.sin * omega / math.pi
+    acc.mean_z = sums.mean_z * omega / (2 * math.pi)
+    acc.loss = sums.loss * stiffness
+    acc.virial = sums.virial * stiffness * omega / (2 * math.pi)
+    acc.deepest = max(sums.deepest, depth)
+    acc.air = sums.air * 2 * lever[col.ALPHA0] * stiffness

@@ -1,0 +1,193 @@
+"""A contact that relaxes, Ting's for all histories: how its edge moves, and what it does to the tip.
+
+The variable in contact is the edge q = a/sqrt(R), which is sqrt(d) only on a surface that nothing has touched. With
+dtau = 2 q ds, and y of `elements` at the edge,
+
+    d = q^2 + kappa y,    q' = (v + kappa y/tau_c) / (1 + kappa dy/dxi),    v' = 2 q z'',    D' = 2 q (d - D)/tau,
+    Y' = 2 q (q d - q^3/3 - Y)/tau + y q',    F = (3/2) K0 sqrt(R) (q d - q^3/3 - kappa Y)
+
+(theory, Eqs. (memory-4) and (memory-5)). Where a Kelvin-Voigt surface lets go, its edge is at q^2 = d + t0 d'. Out of
+contact the tip is attracted by a surface that comes back with the time tau_c.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, longrange_force
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.contact import (
+    OFF_SURFACE,
+    Moved,
+    attraction,
+    fill_own_slopes,
+    first_moved,
+    push_of,
+)
+from phasemap._kernels.quadrature import gauss
+from phasemap._kernels.records import record
+
+_X, _W = gauss(10)
+FAR_LENGTHS = _X / (1 - _X)  # to infinity, with weights: exact for what falls with their square
+FAR_WEIGHTS = _W / (1 - _X) ** 2
+THIRD = 1 / 3
+
+
+class Pace(NamedTuple):
+    """What the lengths of steps in a period depend on."""
+
+    kelvin: bool  # whether the surface is a Kelvin-Voigt one
+    free: float  # free amplitude [m]
+    flight: float  # step out of contact, over its density [1/omega_c]
+    contact: float  # eta
+    relaxation: float  # longest step of a solid that relaxes [1/omega_c]
+    past_turn: float  # of q
+    finer: float  # see `sizes_over`
+    growth: float
+    layers: float
+
+
+@record
+class Memory:
+    """What the contact does now, beside what its elements remember."""
+
+    mode: int
+    dent: float  # under a tip that is off the surface, when it left it [m]
+    since: float  # when the tip left it [1/omega_c]
+    turned: float  # when the contact last turned
+    share: float  # of the length that a step should have
+    deep: float  # q that the contact may come to [m^(1/2)]
+
+
+class Relaxing(NamedTuple):
+    """A surface that remembers."""
+
+    law: Law
+    p: Any  # parameters of the material
+    compliance: float  # 1/k [m/N]
+    pull: float  # force at d = 0 in contact, over k [m]
+    edge_force: float  # the long-range force at contact, over k [m]
+    edge_slope: float  # its derivative there, over k
+    m: np.ndarray  # what it remembers: `elements`
+    stiff: float  # (3/2) K0 sqrt(R)/k [m^(-1/2)]
+    kappa: float
+    rate: float  # 1/tau
+    recovery: float  # rate at which dents recover
+    t0: float  # of a Kelvin-Voigt surface, 0 of others
+    pace: Pace
+    now: Memory
+
+
+class Pressed(NamedTuple):
+    """What the contact does to the tip, as `contact.Push` has it, and slopes of its own."""
+
+    w: float
+    depth: float
+    force: float
+    drag: float
+    speed: float  # slope of x, but where a Kelvin-Voigt surface lets go
+    seen: float  # slope of D
+    inside: float  # of Y
+    taken: float  # of the energy into the surface, over stiffness, but in a Kelvin-Voigt contact
+    y: float  # at the edge [m]
+
+
+@first_moved.of(Relaxing)
+@kernel(inline=True)
+def _first_moved(contact: Relaxing) -> int:
+    return 0
+
+
+@kernel(inline=True)
+def dent_at(contact: Relaxing, t: float) -> float:
+    """Depth [m] of the surface under a tip that does not touch it."""
+    now = contact.now
+    return now.dent * math.exp((now.since - t) * contact.recovery) if now.dent > 0 else 0.0
+
+
+@kernel
+def work_from_far(law: Law, p: Any, d: float) -> float:
+    """Work [J] of the long-range force on a tip that comes to depth d <= 0 over a surface that does not move.
+
+    Steps out of contact leave it out: they add up what the force works on a surface that recovers.
+    """
+    if p[col.LONGRANGE] == 0.0:
+        return 0.0
+    size, total_ = reach_of(law, p) - d, 0.0
+    for i in range(len(FAR_LENGTHS)):
+        total_ += FAR_WEIGHTS[i] * longrange_force(law, d - size * FAR_LENGTHS[i], p)
+    return size * total_
+
+
+@kernel
+def potential(contact: Relaxing, q: float, d: float, t: float) -> float:
+    """Energy [J] over stiffness that the tip has to give back: of the attraction, and of springs in viscous contacts.
+
+    0 in contact with a solid that relaxes, whose steps add up all the work. Where the energy into the surface is not
+    F z' but what dashpots and a recovering dent take, it does not close by itself if steps are too long.
+    """
+    if contact.now.mode == OFF_SURFACE:
+        return work_from_far(contact.law, contact.p, d - dent_at(contact, t)) * contact.compliance
+    if contact.t0 > 0:
+        return contact.stiff * q * (0.5 * d * d - q * q * (d * THIRD - 0.1 * q * q)) + contact.pull * d
+    return 0.0
+
+
+@kernel(inline=True)
+def at_edge(contact: Relaxing, q: float, seen: float, t: float) -> tuple[float, float]:
+    """Y of the element at the edge and its slope by xi; not where a Kelvin-Voigt surface lets go."""
+    xi = q * q
+    if contact.now.mode == on.SHRINKING:
+        left, slope = on.inside(contact.m, xi, t, contact.rate)
+        return seen - xi - left, -1 - slope
+    return on.outside(contact.m, xi, t, contact.recovery)
+
+
+@kernel
+def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
+    """Depth d [m] of the tip."""
+    if contact.now.mode == OFF_SURFACE:
+        return u.x
+    if contact.now.mode == on.SHRINKING and contact.t0 > 0:
+        return u.x * u.x - contact.t0 * u.v
+    return u.x * u.x + contact.kappa * at_edge(contact, u.x, u.seen, t)[0]
+
+
+@push_of.of(Relaxing)
+@kernel(inline=True)
+def _push(contact: Relaxing, off: bool, time: float, y: Moved) -> Pressed:
+    x, v, t, mode, t0 = y.x, y.v, time + y.passed, contact.now.mode, contact.t0
+    if off:
+        dent = dent_at(contact, t) if contact.p[col.LONGRANGE] != 0.0 else 0.0
+        force = attraction(contact, x - dent)
+        return Pressed(1.0, x, force, 0.0, v, 0.0, 0.0, -force * contact.recovery * dent, 0.0)
+    stiff, kappa, rate, xi, w = contact.stiff, contact.kappa, contact.rate, x * x, 2 * x
+    if mode == on.SHRINKING and t0 > 0:
+        force = stiff * x * xi * (2 / 3) + contact.pull
+        return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, 0.0, 0.0, -t0 * v)
+    last, slope = at_edge(contact, x, y.seen, t)
+    d = xi + kappa * last
+    speed = (v + kappa * last * contact.recovery) / (1 + kappa * slope)
+    whole = x * (d - xi * THIRD)
+    if t0 > 0:
+        return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, 0.0, 0.0, last)
+    force = stiff * (whole - kappa * y.inside) + contact.pull
+    inside = w * (whole - y.inside) * rate + last * speed
+    return Pressed(w, d, force, 0.0, speed, w * (d - y.seen) * rate, inside, w * force * v, last)
+
+
+@fill_own_slopes.of(Relaxing)
+@kernel(inline=True)
+def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: float, k: Moved) -> float:
+    k.x, k.seen, k.inside = push.speed, push.seen, push.inside
+    if off or contact.t0 == 0:
+        return push.taken
+    if contact.now.mode == on.SHRINKING:
+        k.x += contact.t0 * a
+    return contact.stiff * (contact.t0 * push.w * y.x * y.v * y.v - 0.5 * push.y * push.y * k.x)

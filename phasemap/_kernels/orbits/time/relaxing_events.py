@@ -1,0 +1,352 @@
+"""What happens to a contact that relaxes at the end of a step: it begins, ends, turns or passes an old turn.
+
+The contact turns where q' changes its sign and ends where q falls through 0. At each end of a step `lay_edge` lays down
+what the surface is to remember.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Oscillator, contact_force
+from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.by_memory import recovery_of
+from phasemap._kernels.orbits.time.contact import (
+    FIRST_TOUCH,
+    NO_EVENT,
+    OFF_SURFACE,
+    Beam,
+    Here,
+    Motion,
+    Moved,
+    attraction_at_contact,
+    edge_of,
+    pass_event,
+    stop_at_event,
+)
+from phasemap._kernels.orbits.time.modes import Modes, fill_modes
+from phasemap._kernels.orbits.time.period import (
+    advance,
+    beam_over,
+    begin_period,
+    end_period,
+    march_through,
+    time_of_crossing,
+    to_edge,
+)
+from phasemap._kernels.orbits.time.relaxing import Memory, Relaxing, at_edge, dent_at, potential, tip_depth
+from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over
+from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
+from phasemap._kernels.orbits.time.step_density import depth_reached, pull_in_contact
+from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult
+
+MOST_TURN_STEPS = 50  # of a search for a turn, or for an edge
+NEAR_TURN = 1e-5  # of a step: how far from the turn of the contact
+NEAR_KINK = 1e-12  # the same where the speed of the edge has a step
+JUST_PAST = 1e-9  # of q
+STRAY_SHARE = 0.3  # of a step: how far it may be off a line's
+SHORTEST_SHARE = 1e-4  # of a step's length: the least that is taken
+MOST_NODES_PASSED = 5  # of a dent, in a step
+
+# What happens at the end of a step, beside FIRST_TOUCH.
+LAST_TOUCH = 2
+CONTACT_TURN = 3
+OLD_TURN = 4  # the edge passes where an earlier contact turned
+
+
+@kernel
+def to_turn(here: Here, motion: Motion) -> None:
+    """Shorten a step to the turn of the contact, q' = 0.
+
+    At first q' is the quadratic with its values at both ends and its mean; then by secants between two sides.
+    """
+    end, h = motion.end, motion.h
+    first, last, mean = motion.here.slope.x, end.slope.x, (end.at.x - motion.here.at.x) / h
+    b, a = 6 * mean - 4 * first - 2 * last, 3 * (first + last) - 6 * mean
+    root = math.sqrt(max(b * b - 4 * a * first, 0.0))
+    share = -2 * first / (b - root) if first > 0 else -2 * first / (b + root)
+    low, high, bend = 0.0, h, (b + 2 * a * share) / h
+    old, old_speed = 0.0, 0.0
+    near = NEAR_KINK if here.contact.t0 > 0 else NEAR_TURN
+    h = h * share if 0 < share < 1 else 0.5 * h
+    for i in range(MOST_TURN_STEPS):
+        take_step(here, motion, h, end)
+        find_slopes(here, motion, end)
+        speed = end.slope.x
+        if (speed > 0) == (first > 0):
+            low = h
+        else:
+            high = h
+        if i > 0 and old_speed != speed:
+            bend = (speed - old_speed) / (h - old)
+        way = -speed / bend
+        if abs(way) < near * high or high - low < near * high:
+            break
+        old, old_speed = h, speed
+        h += way
+        if not low < h < high:
+            h = 0.5 * (low + high)
+    motion.h, motion.event = h, CONTACT_TURN
+
+
+@kernel
+def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
+    """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
+    q = u.x
+    xi = q * q
+    rate, recovery = contact.rate, contact.recovery
+    if contact.now.mode == on.GROWING:
+        if contact.t0 == 0:
+            y, slope = on.outside(contact.m, xi, t, recovery)
+            curve = on.outside_curve(contact.m, xi, t, recovery, slope)
+            bent = ((1 + slope) * rate - slope * recovery) / speed if speed != 0 else 0.0
+            on.lay_node(contact.m, False, xi, t, (u.seen - xi - y, -1 - slope, -curve - bent), on.OPEN_PEAK, rate)
+        on.take_outer(contact.m, xi)
+    elif contact.t0 > 0:
+        on.lay_node(
+            contact.m, True, xi, t, (-contact.t0 * u.v, -1.0, -recovery / speed), contact.m[on.LAST_PEAK], recovery
+        )
+    else:
+        y, slope = on.inside(contact.m, xi, t, rate)
+        curve = -on.inside_curve(contact.m, xi, t, rate, slope)
+        y, slope = u.seen - xi - y, -1 - slope
+        if speed != 0:
+            curve -= ((1 + slope) * rate - slope * recovery) / speed
+        else:  # it has a root there: what it is in the mean, from the node before
+            top = on.node_at(contact.m, True, int(contact.m[on.OUTER_COUNT]) - 1)
+            curve = (slope - contact.m[top + on.NODE_SLOPE]) / (xi - contact.m[top + on.NODE_XI])
+        on.lay_node(contact.m, True, xi, t, (y, slope, curve), contact.m[on.LAST_PEAK], recovery)
+        on.take_inner(contact.m, xi)
+
+
+@kernel
+def lay_between(contact: Relaxing, motion: Motion) -> None:
+    """Lay the element half-way along a step over a surface without dents.
+
+    It lies on polynomials of degree 7 through both ends, of the time, whose slope is 2 q, and of D. Without it those of
+    degree 5 between nodes are the largest error.
+    """
+    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
+    q0, v0, d0, a0, b0 = u.x, u.v, u.seen, of.v, of.seen
+    q1, v1, d1, a1, b1 = end.x, end.v, end.seen, to.v, to.seen
+    rate, w0, w1 = contact.rate, 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # of d - D, whose slopes are these
+    c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
+    e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
+    e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
+    time = end.passed / 2 + h * (11 * (q0 - q1) / 32 + h * (3 * (v0 + v1) / 64 + h * (a0 - a1) / 384))
+    q = 35 * end.passed / (32 * h) - 19 * (q0 + q1) / 32 + h * ((v1 - v0) / 16 - h * (a0 + a1) / 384)
+    v = 15 * (q1 - q0) / (8 * h) - 7 * (v0 + v1) / 16 + h * (a1 - a0) / 32
+    seen = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
+    on.lay_node(contact.m, False, q * q, motion.time + time, (seen - q * q, -1.0, -rate / v), on.OPEN_PEAK, rate)
+
+
+@kernel
+def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
+    """Edge q of a contact whose tip is at depth d at time 0: Newton from the one that it had, 0 if there is none."""
+    if contact.now.mode == on.SHRINKING and contact.t0 > 0:
+        return math.sqrt(max(d + contact.t0 * u.v, 0.0))
+    q = u.x if u.x > 0 else math.sqrt(max(d, 0.0))
+    for _ in range(MOST_TURN_STEPS):
+        y, slope = at_edge(contact, q, u.seen, 0.0)
+        off = q * q + contact.kappa * y - d
+        if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
+            break
+        q = max(q - off / (2 * q * (1 + contact.kappa * slope)), 0.1 * q)
+    return q
+
+
+@kernel
+def off_line(first: float, last: float, way: float, h: float) -> bool:
+    """Whether what moves by `way` in a step strays from a line between the slopes at both ends."""
+    return not abs(way - 0.5 * h * (first + last)) <= STRAY_SHARE * h * max(abs(first), abs(last))
+
+
+@kernel
+def strays(contact: Relaxing, motion: Motion) -> bool:
+    """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
+
+    Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
+    """
+    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
+    if off_line(of.x, to.x, end.x - u.x, h) or off_line(of.v, to.v, end.v - u.v, h):
+        return True
+    j = int(contact.m[on.OUTER_COUNT]) - MOST_NODES_PASSED
+    if contact.now.mode != on.GROWING or j < 0:
+        return False
+    return u.x < math.sqrt(contact.m[on.node_at(contact.m, True, j) + on.NODE_XI]) < end.x
+
+
+@edge_of.of(Relaxing)
+@kernel
+def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
+    if event == FIRST_TOUCH:
+        dent = dent_at(contact, time)
+        return dent, -dent * contact.recovery
+    return on.passing(contact.m) if event == OLD_TURN else 0.0, 0.0
+
+
+@stop_at_event.of(Relaxing)
+@kernel
+def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
+    u, end, m, now = motion.here.at, motion.end, contact.m, contact.now
+    find_slopes(here, motion, end)
+    while strays(contact, motion) and now.share > SHORTEST_SHARE:
+        now.share *= 0.5
+        advance(here, motion, 0.5 * motion.h)
+        find_slopes(here, motion, end)
+    if now.mode == on.SHRINKING and end.at.x <= 0:
+        to_edge(here, motion, LAST_TOUCH)
+        find_slopes(here, motion, end)
+    elif (end.slope.x < 0) == (now.mode == on.GROWING):
+        to_turn(here, motion)
+    if now.mode == on.GROWING:
+        if u.x < on.passing(m) < (1 - contact.pace.past_turn) * end.at.x:
+            to_edge(here, motion, OLD_TURN)
+            find_slopes(here, motion, end)
+            end.at.x = (1 + JUST_PAST) * on.passing(m)
+        whole = motion.event in (NO_EVENT, CONTACT_TURN) and end.at.passed < motion.left
+        if whole and contact.t0 == 0 and m[on.OUTER_COUNT] == 0:
+            lay_between(contact, motion)
+    if u.v > 0 > end.at.v and m[on.OUTER_COUNT] > 0:
+        _note_depth(contact, here, motion)
+
+
+@kernel
+def _note_depth(contact: Relaxing, here: Here, motion: Motion) -> None:
+    """Note the largest depth in a step over a dent, on which a contact still grows where the tip is deepest."""
+    u, end, trial, h = motion.here, motion.end, motion.trial, motion.h
+    take_step(here, motion, time_of_crossing(u.at.v, u.slope.v, end.at.v, end.slope.v, h), trial)
+    more = h * trial.at.v**2 * trial.at.x / (u.at.v - end.at.v)
+    depth = tip_depth(contact, trial.at, motion.time + trial.at.passed) + more
+    motion.sums.deepest = max(motion.sums.deepest, depth)
+
+
+@kernel
+def expect_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Moved) -> None:
+    """Note what depth the contact of a tip at z [m] may come to, for the lengths of steps."""
+    contact.now.deep = depth_reached(contact, beam, 0.0, q, u.v, pull_in_contact(contact, beam, z, u))
+
+
+@kernel
+def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
+    """Let a contact begin at the depth to which the tip has come."""
+    u, depth = motion.here.at, motion.here.at.x
+    motion.sums.loss += potential(contact, 0.0, depth, motion.time)
+    contact.now.mode, u.seen, u.inside, u.x = on.GROWING, depth, 0.0, 0.0
+    motion.sums.loss -= potential(contact, 0.0, depth, motion.time)
+    contact.m[on.INNER_COUNT] = 0.0
+    expect_depth(contact, here.beam, 0.0, here.beam.z0, u)
+
+
+@kernel
+def end_contact(contact: Relaxing, motion: Motion) -> None:
+    """Let a contact end, over the dent that it leaves."""
+    now, depth = contact.now, tip_depth(contact, motion.here.at, motion.time)
+    motion.sums.loss += potential(contact, 0.0, depth, motion.time)
+    now.mode, now.dent, now.since, motion.here.at.x, contact.m[on.INNER_COUNT] = (
+        OFF_SURFACE,
+        depth,
+        motion.time,
+        depth,
+        0.0,
+    )
+    motion.sums.loss -= potential(contact, 0.0, depth, motion.time)
+
+
+@kernel
+def turn_contact(contact: Relaxing, motion: Motion) -> bool:
+    """Let a contact that grew shrink, or the other way round; False where a Kelvin-Voigt surface cannot."""
+    u, m, now, t = motion.here.at, contact.m, contact.now, motion.time
+    now.share = STEP_AFTER_TURN
+    if now.mode == on.GROWING:
+        if m[on.OUTER_COUNT] == 0 or u.v >= 0:  # next to where the tip is deepest, on either side
+            top = tip_depth(contact, u, t) - u.v**2 * u.x / motion.here.slope.v
+            motion.sums.deepest = max(motion.sums.deepest, top)
+        on.turn_back(m, u.x * u.x, t, contact.recovery, contact.rate)
+        now.mode, now.turned = on.SHRINKING, t
+        return True
+    if contact.t0 > 0:
+        return False
+    on.turn_forth(m, u.x * u.x, t, contact.rate)
+    now.mode = on.GROWING
+    return True
+
+
+@pass_event.of(Relaxing)
+@kernel
+def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
+    event, u, speed = motion.event, motion.here, 0.0
+    if event == FIRST_TOUCH:
+        begin_contact(contact, here, motion)
+    elif event == LAST_TOUCH:
+        u.at.x = 0.0
+    if contact.now.mode != OFF_SURFACE:
+        if event not in (NO_EVENT, CONTACT_TURN) or u.known == 0:
+            find_slopes(here, motion, u)
+        if event != CONTACT_TURN:
+            speed = u.slope.x
+        lay_edge(contact, u.at, motion.time, speed)
+    if event != NO_EVENT:
+        u.known = 0
+    if event == LAST_TOUCH:
+        end_contact(contact, motion)
+    return event != CONTACT_TURN or turn_contact(contact, motion)
+
+
+@kernel
+def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
+    """Let the march begin: in contact as the elements say, pushed in at once, or off the surface."""
+    m, u, now, d = contact.m, motion.here.at, contact.now, motion.here.at.x
+    if now.mode != OFF_SURFACE:
+        u.x, u.seen, u.inside = m[on.CONTACT_EDGE], m[on.DASHPOT_DEPTH], m[on.INNER_SUM]
+        q = find_edge(contact, d, u)
+        u.inside += at_edge(contact, q, u.seen, 0.0)[0] * (q - u.x) if contact.t0 == 0 else 0.0
+        u.x = q
+    elif d > now.dent:  # all elements touched at the same time
+        now.mode, u.x, u.seen = on.GROWING, 0.0, d
+        u.x = find_edge(contact, d, u)
+        m[on.INNER_COUNT] = 0.0
+        if contact.t0 == 0:
+            touched = d - on.outside(m, 0.0, 0.0, contact.recovery)[0]
+            on.lay_node(m, False, 0.0, 0.0, (touched, -1.0, 0.0), on.OPEN_PEAK, contact.rate)
+        find_slopes(here, motion, motion.here)
+        lay_edge(contact, u, 0.0, motion.here.slope.x)
+        motion.here.known = 0
+    if now.mode != OFF_SURFACE:
+        expect_depth(contact, here.beam, max(u.x, 0.0), here.beam.z0 + d, u)
+    motion.sums.loss = -potential(contact, u.x, d, 0.0)
+
+
+@kernel
+def march_relaxing(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
+    """As `march.march_period`, over a surface that remembers; y has what `elements` names."""
+    law, p, lever = oscillator
+    motion, modes, now, compliance = Motion(), Modes(), Memory(), 1 / lever[col.STIFFNESS]
+    fill_modes(lever, modes)
+    beam, u = beam_over(lever, z0, modes), motion.here.at
+    begin_period(beam, y, motion)
+    relaxes, recovery, free = p[col.RELAXATION] > 0, recovery_of(p, lever), beam.drive / (2 * beam.alpha0)
+    kappa, rate, t0 = (p[col.RELAXING], 1 / p[col.RELAXATION], 0.0) if relaxes else (1.0, 0.0, 1 / recovery)
+    now.mode, now.share, met = int(y[on.CONTACT_MODE]), 1.0, free
+    if now.mode == OFF_SURFACE:
+        met = now.dent = kappa * on.outside(y, 0.0, 0.0, recovery)[0] if y[on.OUTER_COUNT] > 0 else 0.0
+        if now.dent < DENT_FORGOTTEN * free:
+            y[on.OUTER_COUNT] = now.dent = 0.0
+    stiff, pull = 1.5 * p[col.CONTACT] * compliance, contact_force(law, 0.0, p) * compliance
+    edge_force, edge_slope = attraction_at_contact(law, p, compliance)
+    pace = pace_over(p, free, eta, rate, met)
+    contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, kappa, rate, recovery, t0, pace, now)
+    here = Here(contact, beam)
+    begin_on_surface(contact, here, motion)
+    steps, t = march_through(here, eta, motion), motion.time
+    depth = tip_depth(contact, u, t)
+    motion.sums.loss += potential(contact, u.x, depth, t)
+    y[on.CONTACT_MODE], y[on.CONTACT_EDGE], y[on.DASHPOT_DEPTH], y[on.INNER_SUM] = now.mode, u.x, u.seen, u.inside
+    on.shift(y, t)
+    y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE else 0.0
+    end_period(lever, here, motion, depth, y, acc)
+    return steps

@@ -1,0 +1,135 @@
+"""How long the steps of the march are over a surface that remembers.
+
+As over others, and shorter where a solid relaxes fast, next to a turn of the contact, and over dents.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, longrange_force, longrange_slope
+from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, Point, step_length
+from phasemap._kernels.orbits.time.relaxing import Pace, Relaxing, dent_at
+from phasemap._kernels.orbits.time.runge_kutta import find_slopes
+from phasemap._kernels.orbits.time.step_density import (
+    CONTACT_WEIGHT,
+    contact_rate,
+    flight_rate,
+    pull_in_contact,
+)
+
+KELVIN_STEPS = 0.7  # steps of a Kelvin-Voigt contact, over others: its dents have kinks
+FAINT_STEPS = 1.4  # steps of the others where the dent met is FAINT_DENT of the free amplitude or less
+FAINT_DENT = 1e-5
+DEEP_DENT = 1e-2  # of the free amplitude, from which on they are as long as others
+GROWING_STEPS = 1.3  # steps of a contact that grows, over others
+GROWING_OVER_DENT = 0.7  # the same over dents that are not so faint
+MOST_RELAXATION = 4.0  # relaxation times that a step takes: explicit ones are stable up to 6
+RATE_BEFORE_TURN = 8.0  # of relaxation in the density of steps
+RATE_BEHIND_TURN = 2.0
+RATE_OF_STIFFNESS = 0.5  # where little stays stiff
+LEAST_FADING = 0.3  # of 1/tau, at which that ends after a turn: with 1/tau_c a stiff solid takes twice the steps
+RATE_OVER_DENT = 3.0  # times the former, where the next tap meets what this one leaves
+STEP_AFTER_TURN = 0.1  # over others
+FLIGHT_STEPS = 2.0  # steps out of contact, over those of `march`, where nothing attracts
+ATTRACTED_STEPS = 1.0  # the same where a force does
+RECOVERY_WEIGHT = 0.25  # of the rate at which a dent under an attracted tip recovers, in the density of steps
+LONGEST_FLIGHT = 0.5  # step [1/omega_c]
+PAST_TURN = 3e-3  # of q: how far past an old turn an edge has to come to stop there
+PAST_KINK = 1e-6  # the same of a Kelvin-Voigt contact
+DENT_FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
+
+
+@kernel(inline=True)
+def relaxation_rate(contact: Relaxing, u: Point, t: float) -> float:
+    """Density of steps in s that relaxation asks for, squared.
+
+    Next to a turn, on both sides, they are short against the relaxation time, `Pace.layers` times as much over dents,
+    for most of what a contact remembers as it shrinks is what happened there.
+    """
+    q, v, slows, rate, kappa, now = u.at.x, u.at.v, u.slope.v, contact.rate, contact.kappa, contact.now
+    fast = contact.pace.layers * q * q * rate * rate
+    if now.mode == on.SHRINKING:
+        return q * q * rate * RATE_OF_STIFFNESS / (1 - kappa) + RATE_BEHIND_TURN * fast * math.exp(
+            -max(1 - kappa, LEAST_FADING) * rate * (t - now.turned)
+        )
+    return RATE_BEFORE_TURN * fast * math.exp(2 * q * max(v, 0.0) * rate / slows) if slows < 0 else 0.0
+
+
+@kernel(inline=True)
+def dented_share(law: Law, p: Any, gap: float, dent: float) -> float:
+    """Share of the long-range force that a dent under the tip takes away, at most 1."""
+    force = abs(longrange_force(law, gap, p))
+    less = dent * abs(longrange_slope(law, gap, p))
+    return less / (force + less) if less > 0 else 0.0
+
+
+@kernel
+def sizes_over(dent: float, kelvin: bool) -> tuple[float, float, float]:
+    """Steps of a contact, those while it grows, both over others, and weight of its layers about a turn.
+
+    They go with the dent met, over the free amplitude: the error that a dent adds is of order 6 in them.
+    """
+    if kelvin:
+        return KELVIN_STEPS, 1.0, RATE_OVER_DENT
+    share = min(max(math.log(dent / FAINT_DENT), 0.0) / math.log(DEEP_DENT / FAINT_DENT), 1.0) if dent > 0 else 0.0
+    return (
+        FAINT_STEPS ** (1 - share),
+        GROWING_STEPS * (GROWING_OVER_DENT / GROWING_STEPS) ** share,
+        RATE_OVER_DENT**share,
+    )
+
+
+@kernel
+def pace_over(p: Any, free: float, eta: float, rate: float, dent: float) -> Pace:
+    """Return what steps depend on over a dent [m], of a lever with this free amplitude [m]."""
+    kelvin = rate == 0.0
+    flight = min((ATTRACTED_STEPS if p[col.LONGRANGE] != 0.0 else FLIGHT_STEPS) * eta, max(eta, LONGEST_FLIGHT))
+    relaxation, past = (0.0, PAST_KINK) if kelvin else (MOST_RELAXATION / rate, PAST_TURN)
+    finer, growth, layers = sizes_over(dent / free, kelvin)
+    return Pace(kelvin, free, flight, eta, relaxation, past, finer, growth, layers)
+
+
+@kernel(inline=True)
+def _contact_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
+    """Length of a step in contact [s]: by stiffness, the rate of sinking in, and relaxation."""
+    u, now, pace = motion.here.at, contact.now, contact.pace
+    if motion.here.known == 0:
+        find_slopes(Here(contact, beam), motion, motion.here)
+    fast = max(abs(u.v), abs(motion.here.slope.x))
+    density = contact_rate(contact, beam, 0.0, u.x) + pull_in_contact(contact, beam, beam.z0 + u.x * u.x, u)
+    density += (CONTACT_WEIGHT * (fast / now.deep)) ** 2
+    if not pace.kelvin:
+        density += relaxation_rate(contact, motion.here, motion.time)
+    size = pace.finer * (pace.growth if now.mode == on.GROWING else 1.0) / math.sqrt(density)
+    h = now.share * pace.contact * size
+    now.share = min(2 * now.share, 1.0)
+    if not pace.kelvin:
+        h = min(h, pace.relaxation / (u.x + math.sqrt(u.x * u.x + pace.relaxation * fast)))  # 2 q h + q' h^2
+    return h
+
+
+@kernel(inline=True)
+def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
+    """Length of a step out of contact [1/omega_c]; what is next to nothing of a dent comes back at once."""
+    law, p, u, dent = contact.law, contact.p, motion.here.at, dent_at(contact, motion.time)
+    if 0.0 < dent < DENT_FORGOTTEN * contact.pace.free:
+        motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
+        contact.m[on.OUTER_COUNT] = contact.now.dent = dent = 0.0
+    density = flight_rate(contact, beam, u.x - dent, u.v)
+    if dent > 0:
+        share = dented_share(law, p, u.x - dent, dent)
+        density = math.hypot(density, RECOVERY_WEIGHT * contact.recovery * share**0.125)
+    return contact.pace.flight / density
+
+
+@step_length.of(Relaxing)
+@kernel
+def _step_length(contact: Relaxing, beam: Beam, eta: float, motion: Motion) -> float:
+    if contact.now.mode == OFF_SURFACE:
+        return _flight_step(contact, beam, motion)
+    return _contact_step(contact, beam, motion)
