@@ -73,7 +73,7 @@ class Remembering(FromFar):
     """The march for surfaces that remember, and another solver for the materials among them that do not.
 
     Where that does not march, solids are solved by the lever's response if one tap leaves the next no dent. Where it is
-    the march from far, all are engaged from far.
+    the march from far, or the lever has several modes, all are engaged from far.
     """
 
     rows_per_chunk = March.rows_per_chunk
@@ -87,10 +87,11 @@ class Remembering(FromFar):
         rows = work.rows[first:last]
         remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
         far = first + np.flatnonzero(remembers)
-        if len(far) and not isinstance(self.other, March):
+        one_mode = work.lever[col.MODES] < 2
+        if len(far) and one_mode and not isinstance(self.other, March):
             self._respond(work, far, answers)
             far = far[answers.status[far] != col.GOOD]
-        if len(far) and not isinstance(self.other, FromFar):
+        if len(far) and one_mode and not isinstance(self.other, FromFar):
             self._start_averaged(work, far, answers, accuracy.periods)
             far = far[answers.status[far] != col.GOOD]
         self.engage(work, far, answers, accuracy.periods)

@@ -90,9 +90,6 @@ def check_marched(marched: bool, scope: Microscope) -> None:
         raise InputError("surface", Word("one that remembers"), allowed, hint)
     if scope.drive.excitation != "direct":
         raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
-    if len(scope.cantilever.eigenmodes) > 1:
-        hint = "A surface that is still dented knows one mode of the lever only."
-        raise InputError("modes", len(scope.cantilever.eigenmodes), "1 where a surface remembers", hint)
     if scope.drive.second is not None:
         raise InputError("second", Word("given"), "None where a surface remembers: its mode feels a static law only")
 

@@ -370,10 +370,10 @@ def test_image_says_its_gains() -> None:
 @njit
 def wander(setup, row, tip, span, states):  # type: ignore[no-untyped-def]
     """Complex amplitude, and what the lock-in shows, of a tip far from the surface, again and again after a time."""
-    start_swinging(setup.lever, 1e-6, 0.0, 0j, tip)
+    start_swinging(tip, setup.lever, 1e-6, 0.0, 0j)
     tally = of.Tally()
     for i in range(len(states)):
-        move_over(setup, row, of.Stretch(0.0, 0.0, span), tip, tally)
+        move_over(tip, setup, row, of.Stretch(0.0, 0.0, span), tally)
         states[i, :2] = tip.y[of.A_REAL : of.A_IMAG + 1]
         states[i, 2:] = tip.y[of.FILTERS : of.FILTERS + 2]
 

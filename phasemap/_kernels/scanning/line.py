@@ -6,10 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core import types
-from numba.extending import overload
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.chosen import Chosen
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of, slowest_decay
@@ -62,14 +61,20 @@ class Recorded(NamedTuple):
     status: np.ndarray
 
 
-def move_over(setup: Any, row: Any, stretch: Any, tip: Any, tally: Any) -> int:
-    """Move the tip over a stretch of ground by `flow_on` or `march_on`, whichever the tip is; returns a status."""
+@Chosen
+def move_over(tip: Any, setup: Setup, row: np.ndarray, stretch: Stretch, tally: Tally) -> int:
+    """Move the tip over a stretch of ground, the averaged lever or the marched one; returns a status."""
     raise NotImplementedError
 
 
-def start_swinging(lever: Any, place: Any, mean: Any, a: Any, tip: Any) -> None:
+@Chosen
+def start_swinging(tip: Any, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
     """Set the lever swinging about a mean deflection [m] with a complex amplitude [m], at drive phase 0."""
     raise NotImplementedError
+
+
+move_over.of(Flow)(flow_on)
+move_over.of(Periods)(march_on)
 
 
 @kernel
@@ -82,37 +87,19 @@ def _set_loop(place: float, a: complex, y: np.ndarray) -> None:
     y[SCANNER], y[INTEGRAL] = place, -place
 
 
+@start_swinging.of(Flow)
 @kernel
-def _start_averaged(lever: np.ndarray, place: float, mean: float, a: complex, tip: Flow) -> None:
+def _start_averaged(tip: Flow, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
     _set_loop(place, a, tip.y)
     clear(tip.memory)
     tip.memory.shift = mean
 
 
+@start_swinging.of(Periods)
 @kernel
-def _start_marched(lever: np.ndarray, place: float, mean: float, a: complex, tip: Periods) -> None:
+def _start_marched(tip: Periods, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
     _set_loop(place, a, tip.y)
     begin_periods(lever, mean, a, tip)
-
-
-def _is_flow(tip: Any) -> bool:
-    return isinstance(tip, types.NamedTuple) and tip.instance_class is Flow
-
-
-def _choose_move_over(tip: Any) -> Any:
-    if _is_flow(tip):
-        return lambda setup, row, stretch, tip, tally: flow_on(setup, row, stretch, tip, tally)
-    return lambda setup, row, stretch, tip, tally: march_on(setup, row, stretch, tip, tally)
-
-
-def _choose_start_swinging(tip: Any) -> Any:
-    if _is_flow(tip):
-        return lambda lever, place, mean, a, tip: _start_averaged(lever, place, mean, a, tip)
-    return lambda lever, place, mean, a, tip: _start_marched(lever, place, mean, a, tip)
-
-
-overload(move_over)(lambda setup, row, stretch, tip, tally: _choose_move_over(tip))
-overload(start_swinging)(lambda lever, place, mean, a, tip: _choose_start_swinging(tip))
 
 
 @kernel
@@ -126,7 +113,7 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
     reach, free = reach_of(law, p), free_amplitude(lever)
     decay, y = 1.0 / slowest_decay(lever), tip.y
     far = free * far_start(Oscillator(law, p, lever), reach, free, loop.setpoint)
-    start_swinging(lever, ground + far, 0.0, free_phasor(lever), tip)
+    start_swinging(tip, lever, ground + far, 0.0, free_phasor(lever))
     lowering, tally, passed = Loop(), Tally(), 0.0
     assign(lowering, loop)
     lowering.proportional = lowering.integral = lowering.derivative = 0.0
@@ -137,7 +124,7 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
         passed += APPROACH_SPAN * decay
         lowering.ramp = APPROACH * max(free, y[SCANNER] - ground) / decay
         stretch = Stretch(ground, 0.0, APPROACH_SPAN * decay)
-        status = move_over(Setup(law, lever, lowering, noise), row, stretch, tip, tally)
+        status = move_over(tip, Setup(law, lever, lowering, noise), row, stretch, tally)
         if status != col.GOOD:
             return status
         if y[SCANNER] - ground < -LOST_DISTANCE * free:
@@ -158,7 +145,7 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
         lag = 0.5 * math.pi - orbit[col.PHASE]
         seen = goal * complex(math.cos(lag), -math.sin(lag))
         a = (seen - complex(loop.offset_re, loop.offset_im)) / complex(loop.factor_re, loop.factor_im)
-        start_swinging(lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a, tip)
+        start_swinging(tip, lever, ground + orbit[col.TIP_OFFSET], orbit[col.MEAN], a)
     else:
         status = approach_in_time(setup, row, ground, tip)
         if status != col.GOOD:
@@ -171,7 +158,7 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
     calm = 0
     for _ in range(MOST_SETTLING_SPANS):
         clear(tally)
-        status = move_over(setup, row, Stretch(ground, 0.0, span), tip, tally)
+        status = move_over(tip, setup, row, Stretch(ground, 0.0, span), tally)
         if status != col.GOOD:
             return status
         if abs(y[SCANNER] - ground) > LOST_DISTANCE * free:
@@ -206,7 +193,7 @@ def scan_segments(setup: Setup, rows: np.ndarray, program: Program, tip: Any, ma
             continue
         if done == col.GOOD:
             stretch = Stretch(program.ground[i], program.slope[i], program.span[i])
-            done = move_over(setup, rows[material], stretch, tip, tally)
+            done = move_over(tip, setup, rows[material], stretch, tally)
             away = y[SCANNER] - stretch.ground - stretch.slope * stretch.span
             if not abs(away) < farthest:
                 done = col.DIVERGED

@@ -92,7 +92,7 @@ def _add_noise(lever: np.ndarray, loop: Loop, period: float, noise: np.random.Ge
 
 
 @kernel
-def march_on(setup: Setup, row: np.ndarray, stretch: Stretch, state: Periods, tally: Tally) -> int:
+def march_on(state: Periods, setup: Setup, row: np.ndarray, stretch: Stretch, tally: Tally) -> int:
     """March the periods whose middle is over a stretch of ground; returns a status."""
     law, lever, loop, noise = setup
     ground, slope, span = stretch

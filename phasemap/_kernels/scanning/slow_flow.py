@@ -176,7 +176,7 @@ def _add_noise(lever: np.ndarray, loop: Loop, h: float, noise: np.random.Generat
 
 
 @kernel
-def flow_on(setup: Setup, row: np.ndarray, stretch: Stretch, flow: Flow, tally: Tally) -> int:
+def flow_on(flow: Flow, setup: Setup, row: np.ndarray, stretch: Stretch, tally: Tally) -> int:
     """Move the averaged lever over a stretch of ground; returns a status."""
     p = parameters(row)
     shares = Shares(row[FIRST_SHARE], row[FIRST_SHARE + 1])

@@ -7,7 +7,6 @@ comes by the same state after n periods, and the map of n periods has an orbit t
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, skip
 from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
-
-if TYPE_CHECKING:
-    pass
 
 LONGEST_PATTERN = 32  # periods after which a motion may repeat itself
 PERIODS_COMPARED = 3 * LONGEST_PATTERN  # periods that are compared with one another

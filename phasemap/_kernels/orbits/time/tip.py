@@ -18,13 +18,13 @@ from phasemap._kernels.records import column, record
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
-# Entries of a state. It goes on with the displacement and velocity of each mode above the first, or over a surface that
-# remembers, which knows one mode only, with what `elements` names.
+# Entries of a state. It goes on with displacement and velocity of each mode above the first, and over a surface that
+# remembers with what `elements` names.
 Z = 0  # [m]
 V = 1  # z' [m]
 TOUCHES = 2  # 1 in contact or in the neck, else 0
 Z0 = 3  # tip offset [m]
-PLAIN_STATE = 4  # entries of a state of one mode over other surfaces
+PLAIN_STATE = 4  # entries of a state of one mode over surfaces that remember nothing
 MOST_COORDINATES = 2 * col.MOST_MODES  # z, z' and those of the higher modes
 
 
@@ -119,10 +119,12 @@ def entry_of(i: int) -> int:
 
 @kernel(light=True)
 def fill_higher_modes(lever: np.ndarray, mean: float, u: np.ndarray) -> None:
-    """Fill the modes above the first in a state of harmonic motion about `mean`, at drive phase 0."""
-    tip = complex(u[Z] - mean, -u[V] / lever[col.OMEGA])
+    """Fill the modes above the first in a state of harmonic motion about `mean`, where its periods begin."""
+    begin = u[PERIOD_BEGIN] if len(u) > PERIOD_BEGIN else 0.0
+    turned = complex(math.cos(begin), math.sin(begin))
+    tip = complex(u[Z] - mean, -u[V] / lever[col.OMEGA]) * turned.conjugate()
     for i in range(1, modes_of(lever)):
-        own = harmonic_of_mode(lever, i, tip)
+        own = harmonic_of_mode(lever, i, tip) * turned
         u[entry_of(2 * i)] = mean * static_share(lever, i) + own.real
         u[entry_of(2 * i + 1)] = -lever[col.OMEGA] * own.imag
 
@@ -136,12 +138,12 @@ def swing_state(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarra
     the contact is widest, and a period begins there.
     """
     u[Z], u[V] = z, v
-    fill_higher_modes(lever, mean, u)
     if len(u) > PERIOD_BEGIN:
         across, along = z - mean, v / lever[col.OMEGA]
         size, leaves = math.hypot(across, along), mean - math.hypot(across, along) < u[Z0]
         u[Z], u[V] = mean - size if leaves else mean + size, 0.0
         u[PERIOD_BEGIN] = math.atan2(along, across) + (math.pi if leaves else 0.0)
+    fill_higher_modes(lever, mean, u)
 
 
 @kernel
