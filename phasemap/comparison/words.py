@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 from phasemap._shared.units import say
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
 WORTH_SAYING = 0.1  # share of the residual's variance
 NOTABLE = 1.0  # degree, between the means of two images
 MOSTLY = 0.5  # share of the measured variance
+SIMILAR = 0.7, 1.4  # ratios between which contrasts are called the same
 
 
 def names_of(found: xr.Dataset) -> tuple[str, str]:
@@ -54,6 +56,7 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     how = found.attrs.get("sign_from", "fitted")
     counts = "the same sign" if value["sign"] > 0 else f"the other sign ({how})"
     lines = [
+        ("differ in", differences_of(found)),
         ("phases", _alike(value["correlation"], value["ssim"]) + ("" if value["sign"] > 0 else ", SIGN TURNED")),
         ("residual", f"{value['rmse']:.3g}° rms; histograms {value['wasserstein']:.3g}° apart (Wasserstein)"),
         ("zero, sign", f"zero of the {first} phase: {value['offset']:.2f}°; {counts}"),
@@ -76,6 +79,42 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
         )
         lines.append((str(cause), f"explains {each} variance" if each else "explains nothing"))
     return lines
+
+
+def differences_of(found: xr.Dataset) -> str:
+    """Name what differs between the images: regime, sign, zero, contrast, resolution.
+
+    `found`: what `phasemap.compare` returned.
+    """
+    first, second = names_of(found)
+    held = found.attrs.get("offset_from", "fitted") != "fitted"
+    said = ["regime"] if held and _regimes(found) else []
+    if float(found["sign"]) < 0 and found.attrs.get("sign_from", "fitted") == "fitted":
+        said.append("sign of the phase")
+    if held and apart(found):
+        said.append(f"zero, by {apart(found):+.3g}°")
+    for region in range(1, found.sizes["region"]):
+        a, b = (float(one) for one in found["region_contrast"][:2, region])
+        if not SIMILAR[0] * abs(a) < b * math.copysign(1.0, a) < SIMILAR[1] * abs(a) and max(abs(a), abs(b)) > NOTABLE:
+            said.append(f"contrast of region {region}, {first} {a:+.3g}° and {second} {b:+.3g}°")
+    fine = [_detail(found[name].values) for name in ("measured", "simulated")]
+    if not 0.5 < fine[1] / fine[0] < 2.0:
+        said.append(f"resolution, details of {fine[0]:.2g} and {fine[1]:.2g} pixels")
+    same = "neither regime, sign, zero, contrast nor resolution" if held else "neither sign, contrast nor resolution"
+    return "; ".join(said) or same
+
+
+def _detail(values: np.ndarray) -> float:
+    """Size of the details of a map: pixels along a row over which its correlation, but for noise, falls to 0.8."""
+    import numpy as np
+
+    known = np.isfinite(values)
+    means = np.nansum(values, axis=1, keepdims=True) / np.maximum(known.sum(axis=1, keepdims=True), 1)
+    apart = np.nan_to_num(values - means)
+    power = np.square(np.abs(np.fft.rfft(apart, 2 * apart.shape[1], axis=1))).sum(axis=0)
+    alike = np.fft.irfft(power)[1 : apart.shape[1] // 2]  # at no distance noise is alike too
+    below = np.flatnonzero(alike < 0.8 * alike[0]) if alike[0] > 0 else np.array([])
+    return float(1 + below[0]) if len(below) else float(apart.shape[1])
 
 
 def verdict_of(found: xr.Dataset) -> str:

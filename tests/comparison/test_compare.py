@@ -6,6 +6,7 @@ import math
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -547,6 +548,27 @@ def test_what_to_install_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 # The page and the command
+
+
+@needs_skimage
+def test_the_first_line_names_what_differs() -> None:
+    from scipy.ndimage import gaussian_filter
+
+    one = grains()
+    phase = one["phase"] - float(one["phase"].median())
+
+    def differs(other: xr.DataArray, **options: Any) -> str:
+        images = one.assign(phase=phase + 20.0), one.assign(phase=other)
+        return dict(lines_of(pm.compare(*images, limit=0, **options)))["differ in"]
+
+    held: dict[str, Any] = {"offset": 0.0, "sign": 1}
+    assert differs(phase + 20.0, **held) == "neither regime, sign, zero, contrast nor resolution"
+    assert differs(phase + 60.0, **held) == "zero, by -40°"
+    assert differs(phase - 80.0, **held) == "regime; zero, by +100°"
+    assert differs(0.4 * phase).startswith("contrast of region 1, measured")
+    assert differs(-phase, sign="free").startswith("sign of the phase")
+    coarse = phase.copy(data=gaussian_filter(phase.values, 6.0))
+    assert "resolution, details of" in differs(coarse)
 
 
 @needs_skimage
