@@ -49,6 +49,7 @@ html_logo = html_favicon = "_static/logo.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
+html_sidebars = {"start": []}  # which has no pages below it
 html_theme_options = {
     "logo": {"text": "phasemap"},
     "show_prev_next": True,

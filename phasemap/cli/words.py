@@ -73,13 +73,7 @@ def labels_in(path: str) -> np.ndarray:
 
 
 def number_in(name: str, unit: str) -> Callable[[str], float]:
-    """Read one number as an option of argparse.
-
-    Examples
-    --------
-    >>> number_in("--limit", "m")("100 nm")
-    1e-07
-    """
+    """Read one number as an option of argparse."""
 
     def read(text: str) -> float:
         try:

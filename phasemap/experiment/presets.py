@@ -101,11 +101,6 @@ def stated_by(kind: str, name: object) -> set[str]:
     """The arguments that a preset states; a material's loss is one statement, in whichever way it is given.
 
     `kind` ("materials" or "levers"). Returns an empty set if there is no such preset.
-
-    Examples
-    --------
-    >>> sorted(stated_by("levers", "PPP-NCHR")), "damping" in stated_by("materials", "PS")
-    (['length', 'quality_factor', 'resonance_frequency', 'stiffness', 'width'], True)
     """
     try:
         stated = set(preset_of(kind, name).numbers)

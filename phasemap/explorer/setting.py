@@ -61,12 +61,6 @@ class Setting:
         `message`: a dict with changes (values by the keys of a scene, where materials have numbers for names), names
             (of the materials), pair (two numbers of materials), exact, lag and quick; what is missing is as it was to
             begin with.
-
-        Examples
-        --------
-        >>> from phasemap.explorer.subject import subject_of
-        >>> Setting.of(subject_of("samples/step.toml"), {"changes": {"tip.radius": 20e-9}}).scope.tip.radius
-        2e-08
         """
         check_keys("the message", message, KEYS)
         assert isinstance(message, dict)

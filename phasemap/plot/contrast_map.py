@@ -117,11 +117,6 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
 
     `centres` (shape (n,)).
     Returns an array of shape (n + 1,).
-
-    Examples
-    --------
-    >>> edges_of(np.array([1.0, 2.0, 4.0])).tolist()
-    [0.5, 1.5, 3.0, 5.0]
     """
     middle = (centres[1:] + centres[:-1]) / 2
     return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])

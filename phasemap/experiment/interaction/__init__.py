@@ -115,33 +115,19 @@ class Interaction(Shown):
         radius: float,
         film: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Parameter rows of the kernels, one a material.
+        """Parameter rows of the kernels, one a material, shape (n, 12).
 
-        Parameters
-        ----------
-        contact_stiffness : ndarray, shape (n,)
-            K [Pa], 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t].
-        adhesion : ndarray, shape (n,)
-            Work of adhesion [J/m2].
-        damping : ndarray, shape (n,)
-            alpha1 [1].
-        radius : float
-            Tip radius [m].
-        film : ndarray, shape (n, 2), optional
-            Poisson's ratio [1] and thickness [m] where materials are films on a rigid base.
+        `contact_stiffness` (shape (n,)): K [Pa], 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t].
+        `adhesion`, `damping` (shape (n,)): work of adhesion [J/m2], alpha1 [1].
+        `radius`: of the tip [m].
+        `film` (shape (n, 2)): Poisson's ratio [1] and thickness [m] where materials are films on a rigid base.
 
-        Returns
-        -------
-        ndarray, shape (n, 12)
-            Contact parameters in columns 0-3, long-range in 4-7 (4 is the whole attraction at d = 0 [N]), damping in 8
-            and 9, depth of release [m] in 10 (0 without a neck), constant attraction in contact [N] in 11; zeros where
-            a term is absent. A row is NaN where the law cannot have the material, and -inf in column 10 where breaking
-            the neck would give back more energy than forming the contact took.
+        Contact parameters are in columns 0-3, long-range in 4-7 (4 is the whole attraction at d = 0 [N]), damping in 8
+        and 9, depth of release [m] in 10 (0 without a neck), constant attraction in contact [N] in 11; zeros where a
+        term is absent. A row is NaN where the law cannot have the material, and -inf in column 10 where breaking the
+        neck would give back more energy than forming the contact took.
 
-        Raises
-        ------
-        InputError
-            If the formulas of a user's law fail, or the law does not go together with a film.
+        Raises InputError if the formulas of a user's law fail, or the law does not go together with a film.
         """
         import numpy as np
 
@@ -158,16 +144,8 @@ class Interaction(Shown):
     def remembering(self, rows: np.ndarray, relaxation: np.ndarray | None) -> bool:
         """Put what relaxes into the rows of `columns`, and say whether any of them remembers.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (n, 12)
-        relaxation : ndarray, shape (n, 2), optional
-            tau [1/omega_c], 0 where nothing relaxes, and 1 - E_inf/E_0 [1].
-
-        Raises
-        ------
-        InputError
-            If the contact law knows no memory.
+        `relaxation` (shape (n, 2)): tau [1/omega_c], 0 where nothing relaxes, and 1 - E_inf/E_0 [1].
+        Raises InputError if the contact law knows no memory.
         """
         if relaxation is not None and relaxation[:, 0].any():
             check_half_space(self.law)
@@ -179,13 +157,7 @@ class Interaction(Shown):
         return True
 
     def check(self, contact_stiffness: float, adhesion: float, radius: float, film: np.ndarray | None = None) -> None:
-        """Refuse one material that the laws cannot have.
-
-        Raises
-        ------
-        InputError
-            If `columns` would mark its row.
-        """
+        """Refuse one material that the laws cannot have: whose row `columns` would mark."""
         import numpy as np
 
         rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film)
@@ -204,10 +176,7 @@ class Interaction(Shown):
     def token(self, remembers: bool = False) -> Law:
         """Return the compiled formulas as one argument for the kernels; with the march of a memory if one is needed.
 
-        Raises
-        ------
-        InputError
-            If numba cannot compile the formulas of a user's law.
+        Raises InputError if numba cannot compile the formulas of a user's law.
         """
         from phasemap._kernels.law import law_of
 
@@ -305,12 +274,6 @@ class Interaction(Shown):
 
 
 def check_half_space(law: ContactLaw) -> None:
-    """Refuse a law other than that of a sphere on a half-space, whose contacts alone are known to remember.
-
-    Raises
-    ------
-    InputError
-        If it is another one.
-    """
+    """Refuse a law other than that of a sphere on a half-space, whose contacts alone are known to remember."""
     if law.force is not hertzian:
         raise InputError("contact", law.name, "'hertz' or 'dmt' where contacts remember what was done to them")
