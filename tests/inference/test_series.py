@@ -11,9 +11,10 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
-from phasemap.inference.series.contrasts import medians, regions_of
+from benchmarks.coverage import covered
+from phasemap.inference.series.contrasts import drift_of, medians, regions_of
 from phasemap.inference.series.settings import FREE, HELD, SHARED, scope_of, settings_of
-from phasemap.inference.series.words import _of_magnitude, _why, is_poor, tell
+from phasemap.inference.series.words import _of_magnitude, _of_tunes, _why, is_poor, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 HARD, SOFT = pm.Material(3.0e9, 0.15, 0.004), pm.Material(0.4e9, 0.02, 0.05)
@@ -114,6 +115,38 @@ def test_a_shared_zero_is_one_in_each_tune_wherever_it_is_on_the_circle():
         assert abs(apart) < 3 * ERROR, name
         assert (one.repulsive.values > 0.5).tolist() == (phases()[:, int(name[-1]) % 3] > 0).tolist(), (i, name)
     assert found.misfit < 20.5  # chi2 of 10 data, once in 40 series
+
+
+def test_what_repeats_at_one_setting_differ_by_is_an_error_of_all():
+    seen = np.array([[10.0, 13.0, 40.0], [30.0, 36.0, 90.0]])  # contrasts of 20 and 23 degrees at one setting
+    same = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 1]], bool)
+    contrasts, which = drift_of(seen, same, zeros_count=False)
+    assert contrasts == pytest.approx(1.5) and which == [
+        0,
+        1,
+    ]  # (+-0.75 twice each, squares over one contrast's degree)
+    assert drift_of(seen, same, zeros_count=True)[0] == pytest.approx(np.sqrt((3**2 + 6**2) / 4))
+    assert drift_of(seen, np.eye(3, dtype=bool), zeros_count=True) == (0.0, [])
+    files = measure(phases(), seed=3) + measure(phases(), seed=4)
+    for one in files[3:]:
+        one["phase"] = one["phase"] + 6.0 * xr.DataArray(labels_at(), dims=("y", "x"))
+        one.attrs["title"] += " again"
+    found = pm.series(files, pm.Microscope(LEVER, TIP, pm.Drive(1e-9)), labels=labels_at(), sign=1)
+    assert "Repeats at one setting differ by" in found.attrs["notes"]
+    assert (found.contrast_error[1] > 2.0).all()
+
+
+def test_a_tune_that_contradicts_the_others_is_named(found):
+    settings = SimpleNamespace(tunes=np.array([0, 0, 1]), tune_count=2)
+    problem = SimpleNamespace(settings=settings, errors=np.ones((2, 3)))
+    said = _of_tunes(found.assign(file_misfit=("file", [1.0, 2.0, 40.0])), problem)
+    assert len(said) == 1 and said[0].startswith("The tune of at 0.5 contradicts the others: chi2 is 40 for its 2")
+    assert not _of_tunes(found.assign(file_misfit=("file", [1.0, 2.0, 3.0])), problem)
+
+
+def test_the_truth_of_series_with_two_tunes_is_within_the_errors_as_often_as_they_say():
+    said = [one for seed in range(3) for one in covered(seed)]
+    assert len(said) >= 16 and np.mean(said) > 0.8  # of 24: 95 +- 4.5 %, and truths of one series go together
 
 
 def test_a_series_is_a_file_and_a_page(found, tmp_path):

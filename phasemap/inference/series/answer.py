@@ -53,6 +53,7 @@ def dataset_of(
     apart = (problem.values - fit.phases[likeliest] - fit.zeros[likeliest] + 180.0) % 360.0 - 180.0
     _put(ds, "sign_chance", (), float((fit.sign > 0).mean()), "chance of sign 1")
     _put(ds, "misfit", (), float(((apart / problem.errors) ** 2).sum()), "chi2 of the likeliest draw")
+    _put(ds, "file_misfit", "file", ((apart / problem.errors) ** 2).sum(axis=0), "what each file has of the misfit")
     said = "recorded phase of the free lever by the likeliest draw"
     _put(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
     _put(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")

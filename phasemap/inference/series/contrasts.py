@@ -98,6 +98,21 @@ def medians(images: Sequence[xr.Dataset], labels: Sequence[Labels]) -> Medians:
     return Medians(*(np.stack(part, axis=1) for part in zip(*columns, strict=True)))
 
 
+def drift_of(values: Array, same: NDArray[np.bool_], zeros_count: bool) -> tuple[float, list[int]]:
+    """Standard deviation of phases [degree] between repeats, and the files that repeat another; 0 without any.
+
+    `values` (shape (r, m)): medians; `same` (shape (m, m)): which files have the same settings.
+    `zeros_count`: whether phases are compared, or only contrasts, where a zero may be another in each file.
+    """
+    values = values if zeros_count else values - values.mean(axis=0)
+    groups = [np.flatnonzero(row) for row in np.unique(same, axis=0) if row.sum() > 1]
+    apart = [(values[:, some] - values[:, some[:1]] + 180.0) % 360.0 - 180.0 for some in groups]
+    rest = [one - one.mean(axis=1, keepdims=True) for one in apart]
+    count = sum((len(values) - (not zeros_count)) * (len(some) - 1) for some in groups)
+    size = float(np.sqrt(np.nansum([np.nansum(one**2) for one in rest]) / max(count, 1)))
+    return size, [int(i) for some in groups for i in some]
+
+
 def each_of(labels: Any, count: int) -> list[Any]:
     """The map of labels of each file: one for all, or one a file, whose sizes may differ."""
     allowed = f"one 2-D map of whole numbers, or {count}, one a file"

@@ -21,11 +21,11 @@ from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack
 from phasemap.inference.sampling import REACH, sample
 from phasemap.inference.series.answer import dataset_of
-from phasemap.inference.series.contrasts import each_of, medians, regions_of
+from phasemap.inference.series.contrasts import drift_of, each_of, medians, regions_of
 from phasemap.inference.series.orbits import Lever, make_table
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.recorded import read_files
-from phasemap.inference.series.settings import scope_of, settings_of
+from phasemap.inference.series.settings import FREE, scope_of, settings_of
 from phasemap.inference.verdict import PRIOR, check_known, check_prior
 from phasemap.io.measured import one_scan
 from phasemap.solvers.problem import material_row
@@ -166,7 +166,11 @@ def series(
     limits, levels = settings.ranges(REACH)
     table = make_table(lever, REACH * widths, limits, levels)
     there = np.isfinite(seen.values)
-    errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
+    drift, repeated = drift_of(seen.values, settings.repeats, settings.zero != FREE)
+    if drift > error:
+        listed = ", ".join(settings.names[i] for i in repeated)
+        told.append(f"Repeats at one setting differ by {drift:.2g} degrees ({listed}): all errors have that in them.")
+    errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), max(drift, error)), np.inf)
     problem = Problem(lever, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
     draws = sample(problem.likelihood, len(problem.names), seed)
     if draws is None:

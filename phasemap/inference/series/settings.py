@@ -83,6 +83,13 @@ class Settings:
         return same
 
     @property
+    def repeats(self) -> NDArray[np.bool_]:
+        """Which files have the same free amplitude and setpoint, shape (m, m)."""
+        close: NDArray[np.bool_] = np.abs(np.log(self.ratios[:, np.newaxis] / self.ratios)) < SAME
+        close &= self.alike & (self.tunes[:, np.newaxis] == self.tunes)
+        return close
+
+    @property
     def above(self) -> Array:
         """Which files (rows) have a larger setpoint than others (columns) at the same free amplitude, shape (m, m)."""
         return (self.alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)

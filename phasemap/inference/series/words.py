@@ -33,6 +33,7 @@ def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
         return
     poor = is_poor(ds, problem)
     said = [*_of_order(ds, problem), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
+    said += _of_tunes(ds, problem)
     if not poor:
         names = [int(one) for one in ds["region"].values]
         said += say_regions(names, ds["determination"].values, covariance, problem.unknown)
@@ -160,6 +161,21 @@ def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
             f"errors as stated give once in {1 / chance(chi2, data):.2g} series."
         )
     return f"The magnitude is reproduced within its errors: {data} {what} for {unknown} unknowns."
+
+
+def _of_tunes(ds: xr.Dataset, problem: Problem) -> list[str]:
+    """Sentences on tunes that contradict the others."""
+    tunes, said = problem.settings.tunes, []
+    for tune in range(problem.settings.tune_count if problem.settings.tune_count > 1 else 0):
+        mine = tunes == tune
+        chi2, count = float(ds["file_misfit"].values[mine].sum()), int(np.isfinite(problem.errors[:, mine]).sum())
+        if chance(chi2, max(count, 1)) < UNLIKELY:
+            names = ", ".join(ds["file"].values[mine])
+            said.append(
+                f"The tune of {names} contradicts the others: chi2 is {chi2:.3g} for its {count} phases, with one "
+                "sample and one lever in all. Explain it alone, or look for another tip."
+            )
+    return said
 
 
 def _of_sign(ds: xr.Dataset, problem: Problem) -> str:
