@@ -190,23 +190,14 @@ def _drift(value: object) -> tuple[float, float, float]:
 
 
 def check_realism(realism: object, control: Control, lines: int) -> Realism:
-    """Return `realism` if it goes with the control and the number of lines.
-
-    Examples
-    --------
-    >>> from phasemap.experiment.control import Engage
-    >>> check_realism(Realism(temperature=300.0), Engage(), 64)
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: temperature is 300.0; allowed: None. Noise acts in time: use control=pm.Feedback().
-    """
+    """Return `realism` if it goes with the control and the number of lines."""
     if not isinstance(realism, Realism):
         raise InputError("realism", realism, "a Realism")
     if not control.in_time:
         for name in IN_TIME:
             value = getattr(realism, name)
             if value is not None:
-                hint = "Noise acts in time: use control=pm.Feedback()."
+                hint = "Noise acts in time: take a feedback, control.kind=feedback or in Python control=pm.Feedback()."
                 raise InputError(name, value, "None", hint)
     if realism.tip_change is not None and realism.tip_change.line >= lines:
         raise InputError("tip_change line", realism.tip_change.line, f"a row from 1 to {lines - 1} of this image")

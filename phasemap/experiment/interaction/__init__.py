@@ -91,7 +91,7 @@ class Interaction(Shown):
             hint = "Derive its class from phasemap.ContactLaw." if hasattr(self.contact, "force") else ""
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
-            raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or a ContactLaw", hint)
+            raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or in Python a ContactLaw", hint)
         law = self.law
         if self.bias and law.attraction is not InverseSquare:
             raise InputError("bias", self.bias, f"0 where the contact is {law.name!r}: it is that of a sphere")
