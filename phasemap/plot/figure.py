@@ -15,6 +15,7 @@ from phasemap._shared.units import readable
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 RESOLUTION = 200  # of a saved picture [dots per inch]
 
@@ -67,6 +68,15 @@ def draw_scale_bar(axes: Axes) -> None:
         textcoords="offset points", ha="center", va="bottom", color="white", fontsize=9, fontweight="bold",
         path_effects=[withStroke(linewidth=1.5, foreground="black")],
     )  # fmt: skip
+
+
+def round_numbers(axis: Axis, digits: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Let a logarithmic axis have numbers at these digits of every power of ten, without exponents."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=digits))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def own_axes(ax: Any, names: Sequence[str], path: object) -> list[Axes]:

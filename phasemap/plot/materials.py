@@ -10,14 +10,13 @@ import numpy as np
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import FAILED, MAPS
-from phasemap.plot.figure import draw_scale_bar, side_lengths
+from phasemap.plot.figure import draw_scale_bar, round_numbers, side_lengths
 from phasemap.plot.region_fit import SHOWN, regions
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
 
 LIMITS = (1, 99)  # percentiles shown
 UNSURE = "0.85"
@@ -104,7 +103,8 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
                 draw_scale_bar(axes)
             bar = page.bar(image, [axes], extend="max" if row else "neither")
             if row == 0:
-                _few_numbers(bar.ax, image)
+                round_numbers(bar.ax.yaxis, (1.0,) if high > 18 * low else (1.0, 2.0, 5.0))
+                bar.ax.minorticks_off()
     return page.finished(path, overwrite)
 
 
@@ -117,17 +117,6 @@ def is_inversion(ds: xr.Dataset) -> bool:
 
 def _meanings(ds: xr.Dataset) -> list[str]:
     return str(ds["flag"].attrs.get("flag_meanings", "")).split()
-
-
-def _few_numbers(axes: Axes, image: AxesImage) -> None:
-    """Few numbers beside a logarithmic colour bar, without powers."""
-    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
-
-    low, high = image.get_clim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 20 * low else (1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray, extent: tuple[float, float, float, float]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._shared.asked import asked_as
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
-from phasemap.plot.figure import draw_scale_bar, side_lengths
+from phasemap.plot.figure import draw_scale_bar, round_numbers, side_lengths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -96,8 +96,6 @@ def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
 
 def _draw_property(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
     """One property of all regions, on a logarithmic scale."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     words = ds["determination"].attrs["flag_meanings"].split()
     for i in range(ds.sizes["region"]):
         value, error = factor * float(ds[name][i]), SURE * float(ds[f"{name}_error"][i])
@@ -115,9 +113,7 @@ def _draw_property(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None
         middle = np.sqrt(low * high)
         axes.set_ylim(min(low, middle / 3.3), max(high, middle * 3.3))
     low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 100 * low else (1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    round_numbers(axes.yaxis, (1.0,) if high > 100 * low else (1.0, 2.0, 5.0))
     axes.set(xlim=(-0.6, ds.sizes["region"] - 0.4), xticks=range(ds.sizes["region"]))
     axes.set_xticklabels([str(one) for one in ds["region"].values])
     axes.set_xlabel("region", fontsize=9)

@@ -14,7 +14,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
 from phasemap.plot.colours import PALETTE, words_of
-from phasemap.plot.figure import own_axes
+from phasemap.plot.figure import own_axes, round_numbers
 from phasemap.plot.sweep_axis import Sweep
 from phasemap.plot.titles import titles
 from phasemap.results.variables import phase_lag
@@ -301,12 +301,8 @@ def _keys(sweep: Sweep) -> list[Line2D]:
 
 def _scale_axis(axes: Axes, sweep: Sweep) -> None:
     """Limits and ticks of the axis that is swept."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     axes.ticklabel_format(axis="x", useOffset=False)
     if sweep.logarithmic:
         axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        round_numbers(axes.xaxis)
     axes.set_xlim(sweep.limits)
