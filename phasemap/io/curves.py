@@ -98,8 +98,8 @@ def read_curve(
     phasemap.FileError: cannot read curve.txt: there is no such file.
     """
     path, number = Path(path), whole("number", number, 0)
-    if not path.is_file():
-        raise FileError(f"cannot read {path}: there is {'no such file' if not path.exists() else 'a folder'}.")
+    if not os.path.isfile(path):  # nor is a name that is no name
+        raise FileError(f"cannot read {path}: {'it is a folder' if os.path.isdir(path) else 'there is no such file'}.")
     if path.suffix.lower() in NETCDF:
         parts, scan = _of_sweep(path), ScanData()
     elif path.suffix.lower() == ".ibw":

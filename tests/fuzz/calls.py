@@ -252,6 +252,9 @@ def _of_results() -> Iterator[Call]:
         yield Call(name, getattr(pm, name), written | {"variable": "phase"})
     large.to_netcdf("read.nc")
     yield Call("read_image", pm.read_image, {"path": "read.nc"})
+    np.savetxt("curve.txt", np.linspace(1.0, 2.0, 90).reshape(30, 3))
+    yield Call("read_curve", pm.read_curve,
+               {"path": "curve.txt", "columns": ("z [nm]", "amplitude [nm]", "phase [deg]")})  # fmt: skip
     scene = (SAMPLES / "step.toml").read_text(encoding="utf-8").replace("[128, 256]", "[4, 8]")
     Path("step.toml").write_text(scene, encoding="utf-8")
     varied = "[ensemble]\ncount = 2\n[ensemble.vary]\nscan.setpoint = [0.5, 0.7]\n"

@@ -344,3 +344,7 @@ def test_a_recorded_curve_says_its_sensitivity_and_its_material_within_their_err
 def test_a_law_that_is_not_there_is_refused() -> None:
     with pytest.raises(pm.InputError, match="law is 'wet'; allowed: one of hertz, dmt"):
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws="wet")
+    with pytest.raises(pm.InputError, match=r"laws is .*; allowed: one at least of hertz"):
+        pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws=[])
+    with pytest.raises(pm.InputError, match=r"the curve is 'height'; allowed: one of phasemap.read_curve"):
+        pm.fit_distance(xr.Dataset({"height": ("x", [1.0])}), scope=SCOPE)

@@ -173,6 +173,8 @@ def fit_distance(
     if laws is None and not read:
         return _fit("tip_offset", tip_offsets, given, direction, scope, start, height, own, starts)
     named: Sequence[Any] = (scope.interaction,) if laws is None else EVERY if laws == "all" else laws
+    if not named:
+        raise InputError("laws", laws, f"one at least of {', '.join(EVERY)}, or all")
     fits = []
     for law in [named] if isinstance(named, str) else named:
         beneath, first, more = under(law, scope, start)

@@ -42,6 +42,8 @@ class Recorded(NamedTuple):
 
 def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
     """What a curve of `phasemap.read_curve` says, for a material like `start`."""
+    if not {"distance", "amplitude"} <= set(curve.data_vars):
+        raise InputError("the curve", ", ".join(map(str, curve.data_vars)), "one of phasemap.read_curve")
     attrs, volts = curve.attrs, curve["amplitude"].attrs.get("units") == "V"
     sensitivity = float(attrs.get("amplitude_sensitivity", np.nan)) if volts else 1.0
     free = sensitivity * float(attrs.get("free_amplitude_voltage" if volts else "free_amplitude", np.nan))
