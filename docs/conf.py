@@ -33,6 +33,7 @@ extensions = [
     "equations",
     "gallery",
     "tables",
+    "without_server",
 ]
 templates_path = ["_templates"]
 exclude_patterns = [

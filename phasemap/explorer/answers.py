@@ -1,10 +1,12 @@
 """What the page asks: the image, the curves, and the map of the contrast, each at one setting.
 
-Every answer is made of public functions: `phasemap.simulate`, `sweep_distance` and `contrast`.
+A drag needs one orbit for each material; whole images, curves and contrasts come from the public functions
+`phasemap.simulate`, `sweep_distance` and `contrast`.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,18 +18,20 @@ from phasemap._shared.notices import untold
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.material import Material
+from phasemap.experiment.properties import film_of
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import LAG, PHASE, Found, lines_of
-from phasemap.imaging.simulation import simulate
 from phasemap.results.status import Status
-from phasemap.results.validity import describe_validity
-from phasemap.results.variables import FLAGS
+from phasemap.results.validity import FORCES, describe_validity
+from phasemap.results.variables import FLAGS, FLOATS, branch_of, describe, motion_of
 from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
 from phasemap.solvers.pixel import solve_pixel
-from phasemap.solvers.problem import make_work, material_rows
+from phasemap.solvers.problem import Work, forces_of, make_work, material_rows
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 from phasemap.sweeps.contrasts.contrast_map import contrast
 from phasemap.sweeps.contrasts.pair import BISTABLE, regimes
 from phasemap.sweeps.sweep import sweep_distance
@@ -60,27 +64,58 @@ class Picture(NamedTuple):
 
 def picture(setting: Setting) -> Picture:
     """Answer a drag: the image of every pixel engaged from far, and what each material does."""
-    surface = setting.shown
-    with untold():  # the page says it
-        ds = simulate(
-            surface, setting.scope, setting.setpoint, setting.solver, accuracy=accuracy_of(setting.scope),
-            variables=VARIABLES, threads=1,
-        )  # fmt: skip
-    labels = setting.subject.sample_under(setting.scope.tip).labels
     step = setting.subject.step
-    found = _materials(setting, ds, np.ascontiguousarray(labels[::step, ::step]))
+    labels, relief = setting.subject.sample_under(setting.scope.tip)
+    labels = np.ascontiguousarray(labels[::step, ::step])
+    work, ds = _solved(setting)
+    there = set(np.unique(labels).tolist())
+    bistable = [False] * len(work) if setting.quick else _bistable(setting, work)
+    found = {
+        name: _found(setting, name, ds, i, bistable[i]) if i in there else None
+        for i, name in enumerate(setting.materials)
+    }
     first, second = (found[name] for name in setting.pair)
     about = {
         "materials": [None if one is None else _plain(one, setting) for one in found.values()],
         "why": lines_of(first, second, LAG if setting.lag else PHASE) if first and second else [],
         "free_amplitude": setting.scope.driven_amplitude,
         "step": step,
+        "shape": list(labels.shape),
+        "pixel": [step * side for side in setting.subject.pixel_size],
     }
-    return _picture(setting, ds, about)
+    height = ds["height"].values[labels]
+    return _picture(
+        setting,
+        ds.isel(material=sorted(there)),
+        about,
+        height if relief is None else height + relief[::step, ::step],
+        ds["phase"].values[labels],
+        "materials",
+    )
+
+
+def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
+    """What engaging from far finds on each material, as an image of one pixel of each would have it."""
+    import xarray as xr
+
+    scope = setting.scope
+    materials, viscous = material_rows(setting.materials.values())
+    work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)
+    rows, status, used = run(by_name(setting.solver), work, accuracy_of(scope), threads=1)
+    flags = {"status": status, "solver": used, "branch": branch_of(rows), "motion": motion_of(rows)}
+    values = {name: flags[name] if name in flags else FLOATS[name].value(rows) for name in VARIABLES}
+    if (film := film_of(materials)) is not None:
+        values["thickness"] = film[:, 1]
+    about = {"microscope": describe(scope), "solver": setting.solver}
+    forces = dict(zip(FORCES, forces_of(materials, viscous, scope), strict=True))
+    data = {name: ("material", one) for name, one in values.items()}
+    return work, xr.Dataset(data, attrs={"configuration": json.dumps(about), **forces})
 
 
 def image(setting: Setting) -> xr.Dataset:
     """The whole image, as the scene of the subject says it is taken; what the page saves."""
+    from phasemap.imaging.simulation import simulate
+
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
         surface = seen(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
@@ -92,8 +127,14 @@ def scan(setting: Setting) -> Picture:
     """The whole image for the page to draw; of one that is taken in two directions the trace."""
     with untold():
         ds = image(setting)
-    about = {"step": 1, "free_amplitude": setting.scope.driven_amplitude}
-    return _picture(setting, ds.isel(direction=0) if "direction" in ds.dims else ds, about)
+    ds = ds.isel(direction=0) if "direction" in ds.dims else ds
+    about = {
+        "step": 1,
+        "free_amplitude": setting.scope.driven_amplitude,
+        "shape": list(ds["height"].shape),
+        "pixel": [2 * float(ds[dim].min()) for dim in ("y", "x")],
+    }
+    return _picture(setting, ds, about, ds["height"].values, ds["phase"].values, "pixels")
 
 
 def curves(setting: Setting) -> dict[str, Any]:
@@ -140,43 +181,28 @@ def middle_of(setting: Setting) -> float:
     return float(base * 4.0 ** round(math.log(setting.scope.drive.free_amplitude / base, 4.0)))
 
 
-def _picture(setting: Setting, ds: xr.Dataset, about: dict[str, Any]) -> Picture:
-    """The maps of an image as the page wants them, and what there is to say of it."""
-    height = ds["height"].values * 1e9
+def _picture(
+    setting: Setting, ds: xr.Dataset, about: dict[str, Any], height: NDArray[np.float64], phase: NDArray[np.float64],
+    what: str,
+) -> Picture:  # fmt: skip
+    """The maps of an image as the page wants them, and what there is to say of the materials or pixels in `ds`."""
+    height = height * 1e9
     lowest = float(np.nanmin(height)) if np.isfinite(height).any() else 0.0
-    dy, dx = (2 * float(ds[dim].min()) for dim in ("y", "x"))
     about |= {
-        "shape": list(height.shape),
-        "pixel": [dy, dx],
-        "failed": describe_failures(ds),
-        "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds)],
+        "failed": describe_failures(ds, what),
+        "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds, what)],
     }
-    return Picture(about, (height - lowest).astype(np.float32), setting.counted(ds["phase"].values).astype(np.float32))
+    return Picture(about, (height - lowest).astype(np.float32), setting.counted(phase).astype(np.float32))
 
 
-def _materials(setting: Setting, ds: xr.Dataset, labels: NDArray[np.int32]) -> dict[str, Found | None]:
-    """What each material does, read off one pixel of it; None for one that is in no pixel."""
-    used, first = np.unique(labels, return_index=True)
-    at = dict(zip(used.tolist(), first.tolist(), strict=True))
-    bistable = [False] * len(setting.materials) if setting.quick else _bistable(setting)
-    return {
-        name: _found(setting, name, ds, at[i], bistable[i]) if i in at else None
-        for i, name in enumerate(setting.materials)
-    }
-
-
-def _bistable(setting: Setting) -> list[bool]:
+def _bistable(setting: Setting, work: Work) -> list[bool]:
     """Whether each material can be held in either regime; not known of those that remember."""
-    rows, viscous = material_rows(setting.materials.values())
-    work = make_work(rows, viscous, setting.scope, setting.setpoint * setting.scope.driven_amplitude, marched=True)
-    if work.law.memory:
-        return [False] * len(setting.materials)
     return [bool(code == BISTABLE) for code in regimes(work, accuracy_of(setting.scope).periods)]
 
 
-def _found(setting: Setting, name: str, ds: xr.Dataset, pixel: int, bistable: bool) -> Found:
-    """What the material of one pixel does."""
-    values = {key: ds[key].values.reshape(-1)[pixel].item() for key in VARIABLES}
+def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:
+    """What one material does."""
+    values = {key: ds[key].values.tolist()[material] for key in VARIABLES}
     words = {key: _word(key, values[key]) for key in ("branch", "motion", "solver")}
     lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.driven_amplitude
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
@@ -256,8 +282,9 @@ def _period(ds: xr.Dataset, tip_offset: float, phase: float) -> dict[str, Any] |
 
 
 def _numbers(values: NDArray[Any], digits: int) -> Any:
-    """Numbers as JSON has them, None for NaN."""
-    rounded = np.round(values, digits)
-    plain = rounded.astype(object)
-    plain[~np.isfinite(rounded)] = None
-    return plain.tolist()
+    """Numbers as JSON has them, None for what is not finite."""
+
+    def plain(one: Any) -> Any:
+        return list(map(plain, one)) if isinstance(one, list) else one if math.isfinite(one) else None
+
+    return plain(np.round(values, digits).tolist())

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
-import threading
 import time
 from collections.abc import Callable
-from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from phasemap.explorer.limits import compiling, far_off
@@ -68,9 +65,7 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
         return JSON, to_json(answers.curves(setting))
 
     def contrast(setting: Setting) -> Answer:
-        found = answers.contrast_map(setting)
-        threading.Thread(target=_import_what_saves, daemon=True).start()  # nothing else is waited for now
-        return JSON, to_json(found)
+        return JSON, to_json(answers.contrast_map(setting))
 
     def doing(setting: Setting) -> Answer:
         if compiling.going_on:
@@ -88,13 +83,6 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
 
     asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast, "doing": doing}
     return asked | {f"save/{name}": save(name) for name in SAVED}
-
-
-@cache
-def _import_what_saves() -> None:
-    """Import the libraries that files are written with, so that the first one that is saved takes no longer."""
-    import_module("matplotlib.backends.backend_agg")
-    import_module("netCDF4")
 
 
 def to_json(value: object) -> bytes:

@@ -16,8 +16,6 @@ from phasemap.experiment.microscope import PARTS
 from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting, without_none
-from phasemap.io.netcdf import save
-from phasemap.plot.images import plot
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.tables import read_tables
 from phasemap.scenes.writing import toml_of, written
@@ -56,6 +54,8 @@ def scene_file(setting: Setting) -> File:
         "pixel_size": list(setting.subject.pixel_size),
         "materials": list(setting.materials),
     }
+    from phasemap.io.netcdf import save
+
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as parts:
         parts.writestr(f"{name}.toml", toml_of(tables, heading=HEADING))
@@ -65,12 +65,16 @@ def scene_file(setting: Setting) -> File:
 
 def image_file(setting: Setting) -> File:
     """The whole image as netCDF."""
+    from phasemap.io.netcdf import save
+
     ds = image(setting)
     return File(f"{_name(setting)}.nc", "application/x-netcdf", _written_by(lambda path: save(ds, path), ".nc"))
 
 
 def picture_file(setting: Setting) -> File:
     """A picture of the whole image, as ``phasemap plot`` draws it."""
+    from phasemap.plot.images import plot
+
     ds = image(setting)
     return File(f"{_name(setting)}.png", "image/png", _written_by(lambda path: plot(ds, path, lag=setting.lag), ".png"))
 
@@ -106,9 +110,9 @@ def python_of(setting: Setting) -> str:
     if subject.in_python:
         return _python_of_surface(setting) + drawn
     source = None if subject.scene is None else subject.scene.source
-    if source is None:
+    if subject.scene is None or source is None:
         raise InputError("the scene", "of no file", "one that was read from a file", "Save the scene instead.")
-    before = without_none(scene_from_tables(read_tables(source), source.parent, setting.shown).config)
+    before = without_none(scene_from_tables(read_tables(source), source.parent, subject.scene.surface).config)
     changed = _differences(before, {**setting.tables(), "files": before["files"]})
     lines = [f"scene = pm.load_scene({str(source)!r}"]
     if changed:

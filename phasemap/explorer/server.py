@@ -48,7 +48,7 @@ PAGE = {
     "knobs.json": ("knobs.json", "application/json"),
     **{
         f"{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
-        for name in ("page", "draw", "engine", "state", "controls")
+        for name in ("page", "draw", "engine", "asking", "state", "controls")
     },
 }
 HEADERS = {

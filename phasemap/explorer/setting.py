@@ -16,7 +16,6 @@ from phasemap.experiment.microscope import PARTS, Microscope
 from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.experiment.variation import Variation
 from phasemap.explorer.knobs import knobs, starred
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
@@ -110,24 +109,13 @@ class Setting:
     @property
     def surface(self) -> Surface:
         """The whole surface."""
-        return self._surface(1, self.subject.variation)
-
-    @property
-    def shown(self) -> Surface:
-        """The surface as it is solved while a slider moves: with fewer pixels if it has many."""
-        return self._surface(self.subject.step)
-
-    def _surface(self, step: int, variation: Variation | None = None) -> Surface:
-        """Every so manieth pixel of the surface."""
         sample = self.subject.sample_under(self.scope.tip)
-        relief = sample.topography
-        dy, dx = self.subject.pixel_size
         return Surface.from_labels(
-            sample.labels[::step, ::step],
+            sample.labels,
             dict(enumerate(self.materials.values())),
-            pixel_size=(step * dy, step * dx),
-            topography=None if relief is None else relief[::step, ::step],
-            variation=variation,
+            pixel_size=self.subject.pixel_size,
+            topography=sample.topography,
+            variation=self.subject.variation,
         )
 
     def tables(self) -> Table:

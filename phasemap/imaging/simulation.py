@@ -22,7 +22,6 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Raster
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import properties
 from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
@@ -39,7 +38,7 @@ from phasemap.results.validity import FORCES, describe_validity
 from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, describe, provenance
 from phasemap.results.words import describe_failures
 from phasemap.solvers.march import check_integrals, check_marches
-from phasemap.solvers.problem import Work, check_marched, check_setpoint, make_work
+from phasemap.solvers.problem import Work, check_marched, check_setpoint, forces_of, make_work
 from phasemap.solvers.solver import by_name
 
 if TYPE_CHECKING:
@@ -261,7 +260,7 @@ def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Data
     largest, viscous = _largest_material(surface, job.workers), surface.viscosity is not None
     work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
     return canvas.image().assign_attrs(
-        dict(zip(FORCES, _forces(largest, viscous, scope), strict=True)),
+        dict(zip(FORCES, forces_of(largest, viscous, scope), strict=True)),
         modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
         distinct_materials=found.count,
     )
@@ -295,13 +294,6 @@ def _largest_material(surface: Surface, workers: int) -> Array:
 
     found = found_in(largest_in, bounds_of(len(columns[0]), MANY), workers)
     return np.asarray(np.nan_to_num(np.fmax.reduce(found, axis=0, keepdims=True), posinf=np.inf))
-
-
-def _forces(largest: Array, viscous: bool, scope: Microscope) -> tuple[float, float]:
-    """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
-    stiffness, adhesion, _ = properties(largest, viscous, scope)
-    pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
-    return float(pull[0]), scope.cantilever.stiffness * scope.driven_amplitude
 
 
 def _refuse_failures(status: Array) -> None:

@@ -132,3 +132,10 @@ def material_rows(materials: Iterable[Material]) -> tuple[Array, bool]:
         for row, one in zip(rows, every, strict=True):
             row += [one.relaxed_modulus or one.modulus, one.relaxation_time or math.inf]
     return np.array(rows, dtype=np.float64), viscous
+
+
+def forces_of(materials: Array, viscous: bool, scope: Microscope) -> tuple[float, float]:
+    """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
+    stiffness, adhesion, _ = properties(materials, viscous, scope)
+    pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
+    return float(pull.max()), scope.cantilever.stiffness * scope.driven_amplitude

@@ -150,7 +150,7 @@ def test_equal_materials_look_alike() -> None:
     )
     assert lines_of(*shown(alike))[0].startswith("stiff and compliant look alike (0°)")
     same = {f"materials.{i}.{name}": getattr(both, name) for i in (0, 1) for name in ("modulus", "adhesion", "damping")}
-    assert Setting.of(subject, {"changes": same}).shown.unique()[0].shape[0] <= 2
+    assert Setting.of(subject, {"changes": same}).surface.unique()[0].shape[0] <= 2
 
 
 def test_a_material_without_an_orbit_says_what_helps() -> None:
@@ -426,9 +426,9 @@ def test_a_large_image_is_shown_with_fewer_pixels_and_saved_whole() -> None:
     surface = pm.Surface.from_labels(labels, {0: SOFT, 1: HARD}, pixel_size=1e-9, topography=relief)
     subject = subject_of(surface, SCOPE)
     setting = Setting.of(subject, {})
-    assert subject.step == 3 and setting.shown.shape == (100, 234)
-    assert setting.shown.pixel_size == pytest.approx((3e-9, 3e-9))
-    np.testing.assert_array_equal(setting.shown.topography, relief[::3, ::3])
+    about, height, _ = picture(setting)
+    assert subject.step == 3 and about["shape"] == [100, 234] and about["pixel"] == pytest.approx([3e-9, 3e-9])
+    np.testing.assert_allclose(height[:, 0] - height[0, 0], 1e9 * relief[::3, 0], atol=1e-5)  # [nm], on one material
     assert setting.surface == surface
 
 

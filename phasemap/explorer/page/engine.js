@@ -1,26 +1,8 @@
-// What computes: here the server of `phasemap explore`, asked over HTTP. The rest of the page knows only the functions
-// of this module, so that another engine can take its place.
+// What computes, as the rest of the page knows it: a question a function. asking.js carries questions there.
 
-export const TOO_LONG = 503; // code of a refusal for want of time
-const ALIVE = 1000; // ms between two questions whether the server is there
+import { ask } from "./asking.js";
 
-export class Refused extends Error {
-  constructor(sentence, code) { super(sentence); this.code = code; }
-}
-
-/** The answer to a message; an AbortError where `signal` takes the question back, so that the server stops working. */
-async function ask(route, body, signal) {
-  let answer;
-  try {
-    answer = await fetch(route, body === undefined ? {} : { method: "POST", body, signal });
-  } catch (error) {
-    if (error.name === "AbortError") throw error;
-    throw new Refused("The explorer does not answer.");
-  }
-  if (answer.ok) return answer;
-  const said = await answer.json().catch(() => ({ error: `The server answers ${answer.status}.` }));
-  throw new Refused(said.error, answer.status);
-}
+export { revival, TOO_LONG, watch } from "./asking.js";
 
 /** What is said in JSON at the beginning of an answer, and the bytes that follow. */
 async function parted(answer) {
@@ -61,15 +43,3 @@ export async function save(what, message) {
   const [{ name, kind }, buffer, begin] = await parted(await ask(`save/${what}`, JSON.stringify(message)));
   return { name, kind, content: buffer.slice(begin) };
 }
-
-/** Calls `gone` with whether the server is gone, whenever that changes. */
-export function watch(gone) {
-  let was = false;
-  setInterval(async () => {
-    const is = await fetch("alive").then(() => false, () => true);
-    if (is !== was) gone(was = is);
-  }, ALIVE);
-}
-
-/** What to say where the engine is gone; `link` holds the state of the page. */
-export const revival = (link) => `The explorer is closed. This opens it again as it is here: phasemap explore "${link}"`;

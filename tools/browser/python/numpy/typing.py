@@ -1,0 +1,3 @@
+"""Names of types, which nothing asks for at run time."""
+
+NDArray = ArrayLike = list
