@@ -128,3 +128,18 @@ def test_groups_are_the_extras_and_the_test_extra_holds_the_read_extra() -> None
 
     assert {name: flat(name) for name in groups} == {name: set(extra) for name, extra in extras.items()}
     assert set(extras["read"]) <= set(extras["test"])
+
+
+def test_the_recipe_for_conda_asks_for_what_the_package_asks_for() -> None:
+    names = {"matplotlib": "matplotlib-base", "netCDF4": "netcdf4"}  # of conda-forge
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = {
+        re.sub(r"[\w-]+", lambda name: names.get(name[0], name[0]), one, count=1) for one in asked["dependencies"]
+    }
+    recipe = (ROOT / "packaging" / "conda" / "meta.yaml").read_text()
+    found = {
+        line.replace(" ", "")
+        for line in re.findall(r"^    - (.*)$", recipe.partition("  run:")[2].partition("test:")[0], re.M)
+    }
+    assert found == wanted | {f"python{asked['requires-python']}"}
+    assert f'version = "{asked["version"]}"' in recipe

@@ -1,4 +1,4 @@
-"""The explorer as static pages, in the folder ``try`` of the site; where its tools are missing, a page that says so."""
+"""The explorer as static pages, in the folder ``try`` of the site; where it cannot be built, a page that says so."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 TOOLS = Path(__file__).parents[2] / "tools" / "browser" / "build.py"
 NEEDED = ("wasm-ld", "npm")  # a linker of WebAssembly; what fetches Python for browsers
-SENTENCE = "This copy of the site was built without {} and so has no explorer. Run phasemap explore."
+WITHOUT = "This copy of the site has no explorer, for {}. Run phasemap explore."
 
 
 def build(app: Any, failed: Exception | None) -> None:
@@ -18,14 +18,13 @@ def build(app: Any, failed: Exception | None) -> None:
     if failed or app.builder.format != "html":
         return
     folder = Path(app.outdir, "try")
-    missing = [name for name in NEEDED if shutil.which(name) is None]
-    if missing:
-        folder.mkdir(exist_ok=True)
-        (folder / "index.html").write_text(
-            f"<!doctype html><title>phasemap</title><p>{SENTENCE.format(' and '.join(missing))}</p>"
-        )
+    missing = " and ".join(name for name in NEEDED if shutil.which(name) is None)
+    if not missing and subprocess.run([sys.executable, TOOLS, folder]).returncode == 0:
         return
-    subprocess.run([sys.executable, TOOLS, folder], check=True)
+    why = f"{missing} was missing" if missing else "it could not be built"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    (folder / "index.html").write_text(f"<!doctype html><title>phasemap</title><p>{WITHOUT.format(why)}</p>\n")
 
 
 def setup(app: Any) -> dict[str, bool]:

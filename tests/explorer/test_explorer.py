@@ -426,7 +426,7 @@ def test_a_large_image_is_shown_with_fewer_pixels_and_saved_whole() -> None:
     surface = pm.Surface.from_labels(labels, {0: SOFT, 1: HARD}, pixel_size=1e-9, topography=relief)
     subject = subject_of(surface, SCOPE)
     setting = Setting.of(subject, {})
-    about, height, _ = picture(setting)
+    about, height, _ = answers.picture(setting)
     assert subject.step == 3 and about["shape"] == [100, 234] and about["pixel"] == pytest.approx([3e-9, 3e-9])
     np.testing.assert_allclose(height[:, 0] - height[0, 0], 1e9 * relief[::3, 0], atol=1e-5)  # [nm], on one material
     assert setting.surface == surface

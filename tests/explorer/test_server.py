@@ -86,7 +86,8 @@ def test_the_page_and_all_its_parts_are_served_and_may_load_nothing_from_elsewhe
     assert headers["referrer-policy"] == "no-referrer" and headers["cache-control"] == "no-store"
     parts = re.findall(r'(?:src|href)="(?!data:)([^"]+)"', content.decode())
     for part in parts:  # which grows by what a script imports
-        parts += [one for one in re.findall(r'from "\./([^"]+)"', page_file(part).decode()) if one not in parts]
+        imported = dict.fromkeys(re.findall(r'from "\./([^"]+)"', page_file(part).decode()))
+        parts += [one for one in imported if one not in parts]
     assert [part for part in parts if part.endswith(".js") and b"fetch(route" in page_file(part)] == ["asking.js"]
     assert set(parts) == {"asking.js", "controls.js", "draw.js", "engine.js", "page.css", "page.js", "state.js"}
     for part in {*parts, "knobs.json"}:
