@@ -25,6 +25,7 @@ Row = Any  # parameters of a material: a tuple where formulas are typed for an a
 OFF_SURFACE = 0  # what a contact does: nothing; each kind has more
 NO_EVENT = 0  # what happens at the end of a step
 FIRST_TOUCH = 1  # the tip comes to the surface; each kind has more
+PERIOD_ENDS = -1  # in contact, where time is no variable of a step
 
 
 @record

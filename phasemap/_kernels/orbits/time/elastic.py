@@ -42,7 +42,7 @@ from phasemap._kernels.orbits.time.period import (
     end_period,
     march_through,
     stop_at_turn,
-    to_edge,
+    to_event,
     try_turn,
 )
 from phasemap._kernels.orbits.time.step_density import (
@@ -147,9 +147,9 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
         if inside.x <= 0:
             stop_at_turn(motion, h)
     if in_neck and end.x > contact.neck:
-        to_edge(here, motion, NECK_CLOSES)
+        to_event(here, motion, NECK_CLOSES)
     elif end.x <= 0:
-        to_edge(here, motion, RELEASE if in_neck else LAST_TOUCH)
+        to_event(here, motion, RELEASE if in_neck else LAST_TOUCH)
 
 
 @kernel

@@ -16,6 +16,7 @@ from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     NO_EVENT,
     OFF_SURFACE,
+    PERIOD_ENDS,
     Beam,
     Here,
     Motion,
@@ -35,9 +36,8 @@ from phasemap._kernels.orbits.time.tip import PLAIN_STATE, PeriodResult, V, Z
 from phasemap._kernels.records import assign, numbers_of
 
 MOST_MARCH_STEPS = 100_000  # in one period, after which it is given up
-MOST_EDGE_STEPS = 50  # of Newton's method to an event, bisections among them
+MOST_EVENT_STEPS = 50  # of Newton's method to an event, bisections among them
 LAST_NEWTON_STEP = 1e-7  # of a step's length, from which on the tangent does the rest, and leaves 1e-14
-INSTANT_ERROR = 4e-16  # [1/omega_c], of the end of a period in contact
 LEFT_BY_ROUNDING = 1e-14  # [1/omega_c], of a period: it would take twenty steps more to go
 SMALL_TURN = 1.0  # [rad] of the drive's phase, up to which its series serves
 
@@ -98,65 +98,51 @@ def stop_at_turn(motion: Motion, h: float) -> None:
 
 
 @kernel
-def _speed(here: Here, motion: Motion, point: Point) -> float:
-    """Slope of x at a point of the step; all of its slopes are found where a contact makes that other than v."""
-    if here.contact.now.mode == OFF_SURFACE or first_moved(here.contact) != 0:
-        return point.at.v
-    if point.known == 0:
-        find_slopes(here, motion, point)
-    return point.slope.x
+def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, float]:
+    """How far x is past the edge of an event at a point of the step, or the time past the period's end; its slope.
+
+    All slopes are found where a contact makes that of x other than v.
+    """
+    if event == PERIOD_ENDS:
+        return point.at.passed - motion.left, 2 * point.at.x
+    edge, moves = edge_of(here.contact, event, motion.time + point.at.passed)
+    speed = point.at.v
+    if here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) == 0:
+        if point.known == 0:
+            find_slopes(here, motion, point)
+        speed = point.slope.x
+    return point.at.x - edge, speed - moves
 
 
 @kernel
-def to_edge(here: Here, motion: Motion, event: int) -> None:
-    """Shorten a step across the edge of an event to end on it: Newton's method, kept between one side and the other.
+def to_event(here: Here, motion: Motion, event: int) -> None:
+    """Shorten a step across an event to end on it: Newton's method, kept between one side and the other.
 
     The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
     """
-    u, end, low, high, whole = motion.here.at, motion.end.at, 0.0, motion.h, motion.h
-    before, moved = edge_of(here.contact, event, motion.time)
-    edge, moves = edge_of(here.contact, event, motion.time + end.passed)
-    above = end.x <= edge
-    first, last = _speed(here, motion, motion.here) - moved, _speed(here, motion, motion.end) - moves
-    h = time_of_crossing(u.x - before, first, end.x - edge, last, whole)
-    for _ in range(MOST_EDGE_STEPS):
-        take_step(here, motion, h, motion.end)
-        edge, moves = edge_of(here.contact, event, motion.time + end.passed)
-        more = (edge - end.x) / (_speed(here, motion, motion.end) - moves)
+    end, low, high, whole = motion.end, 0.0, motion.h, motion.h
+    past, slope = _past(here, motion, event, end)
+    before, first = _past(here, motion, event, motion.here)
+    beyond, h = past > 0, time_of_crossing(before, first, past, slope, whole)
+    for _ in range(MOST_EVENT_STEPS):
+        take_step(here, motion, h, end)
+        past, slope = _past(here, motion, event, end)
+        more = -past / slope
         if abs(more) <= LAST_NEWTON_STEP * whole:
-            find_slopes(here, motion, motion.end)
-            to, rates = numbers_of(end), numbers_of(motion.end.slope)
+            find_slopes(here, motion, end)
+            to, rates = numbers_of(end.at), numbers_of(end.slope)
             for j in range(len(to)):
                 to[j] += more * rates[j]
-            end.x = edge + more * moves
             h += more
             break
-        if (end.x > edge) == above:
-            low = h
-        else:
+        if (past > 0) == beyond:
             high = h
+        else:
+            low = h
         h += more
         if not low <= h <= high:
             h = 0.5 * (low + high)
-    motion.h, motion.event, motion.end.known = h, event, 0
-
-
-@kernel
-def _to_end(here: Here, motion: Motion) -> None:
-    """Shorten a step in contact to the end of the period: Newton's method on the time passed, whose slope is 2 x."""
-    end, low, high, h = motion.end.at, 0.0, motion.h, motion.h
-    for _ in range(MOST_EDGE_STEPS):
-        h -= (end.passed - motion.left) / (2 * end.x)
-        if not low <= h <= high:
-            h = 0.5 * (low + high)
-        take_step(here, motion, h, motion.end)
-        if abs(end.passed - motion.left) <= INSTANT_ERROR:
-            break
-        if end.passed < motion.left:
-            low = h
-        else:
-            high = h
-    motion.event, end.passed = NO_EVENT, motion.left
+    motion.h, motion.event, end.known = h, event, 0
 
 
 @kernel
@@ -174,12 +160,12 @@ def _step_aloft(here: Here, eta: float, motion: Motion) -> None:
     advance(here, motion, min(motion.left, step_length(here.contact, here.beam, eta, motion)))
     if u.v > 0 > end.v:  # grazing: the tip may touch there, and be off again at the end
         h, top = try_turn(here, motion)
-        if motion.trial.at.x > edge_of(here.contact, FIRST_TOUCH, motion.time + motion.trial.at.passed)[0]:
+        if _past(here, motion, FIRST_TOUCH, motion.trial)[0] > 0:
             stop_at_turn(motion, h)
         else:
             motion.sums.deepest = max(motion.sums.deepest, top)
-    if end.x > edge_of(here.contact, FIRST_TOUCH, motion.time + end.passed)[0]:
-        to_edge(here, motion, FIRST_TOUCH)
+    if _past(here, motion, FIRST_TOUCH, motion.end)[0] > 0:
+        to_event(here, motion, FIRST_TOUCH)
 
 
 @kernel(inline=True)
@@ -217,7 +203,8 @@ def march_through(here: Here, eta: float, motion: Motion) -> int:
             advance(here, motion, step_length(contact, here.beam, eta, motion))
             stop_at_event(contact, here, motion)
             if motion.end.at.passed >= motion.left:
-                _to_end(here, motion)
+                to_event(here, motion, PERIOD_ENDS)
+                motion.event = NO_EVENT
         elif several and edge_of(contact, FIRST_TOUCH, motion.time)[0] == 0.0:
             _fly_freely(here, motion)
         else:

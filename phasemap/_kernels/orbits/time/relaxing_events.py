@@ -36,7 +36,7 @@ from phasemap._kernels.orbits.time.period import (
     end_period,
     march_through,
     time_of_crossing,
-    to_edge,
+    to_event,
 )
 from phasemap._kernels.orbits.time.relaxing import Memory, Relaxing, at_edge, dent_at, potential, tip_depth
 from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over
@@ -199,13 +199,13 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
         advance(here, motion, 0.5 * motion.h)
         find_slopes(here, motion, end)
     if now.mode == on.SHRINKING and end.at.x <= 0:
-        to_edge(here, motion, LAST_TOUCH)
+        to_event(here, motion, LAST_TOUCH)
         find_slopes(here, motion, end)
     elif (end.slope.x < 0) == (now.mode == on.GROWING):
         to_turn(here, motion)
     if now.mode == on.GROWING:
         if u.x < on.passing(m) < (1 - contact.pace.past_turn) * end.at.x:
-            to_edge(here, motion, OLD_TURN)
+            to_event(here, motion, OLD_TURN)
             find_slopes(here, motion, end)
             end.at.x = (1 + JUST_PAST) * on.passing(m)
         whole = motion.event in (NO_EVENT, CONTACT_TURN) and end.at.passed < motion.left

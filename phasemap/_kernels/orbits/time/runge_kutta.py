@@ -1,8 +1,6 @@
 """One step of the equation of motion: the 12-stage explicit Runge-Kutta method of order 8 behind DOP853.
 
-E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), section II.5. `row6` is
-y + h times row 6 of the tableau applied to the slopes k, without the coefficients that are zero; `total` is the same
-with the weights b: the end of the step. Newest slopes come last, because only they are waited for.
+E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), section II.5.
 
 The equation and its variables are explained in `march`; what the surface does is a plug-in, `contact`. Loops over the
 numbers of a lever with one mode have a length that LLVM knows: they are written out, and nothing is kept in memory.
@@ -10,7 +8,12 @@ numbers of a lever with one mode have a length that LLVM knows: they are written
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numba
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
@@ -61,98 +64,53 @@ class Stages:
 
 
 # fmt: off
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row2(y: float, h: float, k1: float) -> float:
-    return y + h * 0.05260015195876773 * k1
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row3(y: float, h: float, k1: float, k2: float) -> float:
-    return y + h * 0.0197250569845379 * k1 + h * 0.0591751709536137 * k2
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row4(y: float, h: float, k1: float, k3: float) -> float:
-    return y + h * 0.02958758547680685 * k1 + h * 0.08876275643042054 * k3
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row5(y: float, h: float, k1: float, k3: float, k4: float) -> float:
-    return y + h * 0.2413651341592667 * k1 - h * 0.8845494793282861 * k3 + h * 0.924834003261792 * k4
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row6(y: float, h: float, k1: float, k4: float, k5: float) -> float:
-    return y + h * 0.037037037037037035 * k1 + h * 0.17082860872947386 * k4 + h * 0.12546768756682242 * k5
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row7(y: float, h: float, k1: float, k4: float, k5: float, k6: float) -> float:
-    return (
-        y + h * 0.037109375 * k1 + h * 0.17025221101954405 * k4 + h * 0.06021653898045596 * k5
-        - h * 0.017578125 * k6
-    )
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row8(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float) -> float:
-    return (
-        y + h * 0.03709200011850479 * k1 + h * 0.17038392571223998 * k4 + h * 0.10726203044637328 * k5
-        - h * 0.015319437748624402 * k6 + h * 0.008273789163814023 * k7
-    )
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row9(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float) -> float:
-    return (
-        y + h * 0.6241109587160757 * k1 - h * 3.3608926294469414 * k4 - h * 0.868219346841726 * k5
-        + h * 27.59209969944671 * k6 + h * 20.154067550477894 * k7 - h * 43.48988418106996 * k8
-    )
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row10(y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float) -> float:
-    return (
-        y + h * 0.47766253643826434 * k1 - h * 2.4881146199716677 * k4 - h * 0.590290826836843 * k5
-        + h * 21.230051448181193 * k6 + h * 15.279233632882423 * k7 - h * 33.28821096898486 * k8
-        - h * 0.020331201708508627 * k9
-    )
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row11(
-    y: float, h: float, k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float, k10: float
-) -> float:
-    return (
-        y - h * 0.9371424300859873 * k1 + h * 5.186372428844064 * k4 + h * 1.0914373489967295 * k5
-        - h * 8.149787010746927 * k6 - h * 18.52006565999696 * k7 + h * 22.739487099350505 * k8
-        + h * 2.4936055526796523 * k9 - h * 3.0467644718982196 * k10
-    )
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def row12(
-    y: float, h: float,
-    k1: float, k4: float, k5: float, k6: float, k7: float, k8: float, k9: float, k10: float, k11: float,
-) -> float:
-    return (
-        y + h * 2.273310147516538 * k1 - h * 10.53449546673725 * k4 - h * 2.0008720582248625 * k5
-        - h * 17.9589318631188 * k6 + h * 27.94888452941996 * k7 - h * 2.8589982771350235 * k8
-        - h * 8.87285693353063 * k9 + h * 12.360567175794303 * k10 + h * 0.6433927460157636 * k11
-    )
-
-
-@kernel(inline=True, fastmath=ANY_ORDER)
-def total(
-    y: float, h: float, k1: float, k6: float, k7: float, k8: float, k9: float, k10: float, k11: float, k12: float
-) -> float:
-    return (
-        y + h * 0.054293734116568765 * k1 + h * 4.450312892752409 * k6 + h * 1.8915178993145003 * k7
-        - h * 5.801203960010585 * k8 + h * 0.3111643669578199 * k9 - h * 0.1521609496625161 * k10
-        + h * 0.20136540080403034 * k11 + h * 0.04471061572777259 * k12
-    )
+TABLEAU: tuple[dict[int, float], ...] = (  # of each stage after the first, and the end: weights of slopes
+    {1: 0.05260015195876773},
+    {1: 0.0197250569845379, 2: 0.0591751709536137},
+    {1: 0.02958758547680685, 3: 0.08876275643042054},
+    {1: 0.2413651341592667, 3: -0.8845494793282861, 4: 0.924834003261792},
+    {1: 0.037037037037037035, 4: 0.17082860872947386, 5: 0.12546768756682242},
+    {1: 0.037109375, 4: 0.17025221101954405, 5: 0.06021653898045596, 6: -0.017578125},
+    {1: 0.03709200011850479, 4: 0.17038392571223998, 5: 0.10726203044637328, 6: -0.015319437748624402,
+     7: 0.008273789163814023},
+    {1: 0.6241109587160757, 4: -3.3608926294469414, 5: -0.868219346841726, 6: 27.59209969944671,
+     7: 20.154067550477894, 8: -43.48988418106996},
+    {1: 0.47766253643826434, 4: -2.4881146199716677, 5: -0.590290826836843, 6: 21.230051448181193,
+     7: 15.279233632882423, 8: -33.28821096898486, 9: -0.020331201708508627},
+    {1: -0.9371424300859873, 4: 5.186372428844064, 5: 1.0914373489967295, 6: -8.149787010746927,
+     7: -18.52006565999696, 8: 22.739487099350505, 9: 2.4936055526796523, 10: -3.0467644718982196},
+    {1: 2.273310147516538, 4: -10.53449546673725, 5: -2.0008720582248625, 6: -17.9589318631188,
+     7: 27.94888452941996, 8: -2.8589982771350235, 9: -8.87285693353063, 10: 12.360567175794303,
+     11: 0.6433927460157636},
+    {1: 0.054293734116568765, 6: 4.450312892752409, 7: 1.8915178993145003, 8: -5.801203960010585,
+     9: 0.3111643669578199, 10: -0.1521609496625161, 11: 0.20136540080403034, 12: 0.04471061572777259},
+)
 # fmt: on
+
+
+@intrinsic
+def along(_context: Any, y: Any, h: Any, slopes: Any) -> Any:
+    """y + h times the row of the tableau for so many slopes, in their order: only the newest is waited for."""
+    row, number, flags = TABLEAU[len(slopes) - 1], types.float64, sorted(ANY_ORDER)
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        total, step, before = arguments
+        for stage, weight in row.items():
+            share = builder.fmul(step, ir.Constant(ir.DoubleType(), weight), flags=flags)
+            slope = builder.extract_value(before, stage - 1)
+            total = builder.fadd(total, builder.fmul(share, slope, flags=flags), flags=flags)
+        return total
+
+    return number(number, number, slopes), generate
+
+
+def _along(y: float, h: float, slopes: tuple[float, ...]) -> float:
+    """The same where numba's compiler is off."""
+    return y + sum(h * weight * slopes[stage - 1] for stage, weight in TABLEAU[len(slopes) - 1].items())
+
+
+if numba.config.DISABLE_JIT:
+    along = _along
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
@@ -210,42 +168,42 @@ def _step(here: Here, start: Instant, off: bool, count: int, point: Point, h: fl
     k6, k7, k8, k9 = numbers_of(m.k6), numbers_of(m.k7), numbers_of(m.k8), numbers_of(m.k9)
     k10, k11, k12 = numbers_of(m.k10), numbers_of(m.k11), numbers_of(m.k12)
     for j in range(first, count):
-        now[j] = row2(y[j], h, k1[j])
+        now[j] = along(y[j], h, (k1[j],))
     _fill_slopes(here, start, off, count, m.now, m.k2, False)
     for j in range(first, count):
-        now[j] = row3(y[j], h, k1[j], k2[j])
+        now[j] = along(y[j], h, (k1[j], k2[j]))
     _fill_slopes(here, start, off, count, m.now, m.k3, False)
     for j in range(first, count):
-        now[j] = row4(y[j], h, k1[j], k3[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j]))
     _fill_slopes(here, start, off, count, m.now, m.k4, False)
     for j in range(first, count):
-        now[j] = row5(y[j], h, k1[j], k3[j], k4[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j]))
     _fill_slopes(here, start, off, count, m.now, m.k5, False)
     for j in range(first, count):
-        now[j] = row6(y[j], h, k1[j], k4[j], k5[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j]))
     _fill_slopes(here, start, off, count, m.now, m.k6, True)
     for j in range(first, count):
-        now[j] = row7(y[j], h, k1[j], k4[j], k5[j], k6[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j]))
     _fill_slopes(here, start, off, count, m.now, m.k7, True)
     for j in range(first, count):
-        now[j] = row8(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j]))
     _fill_slopes(here, start, off, count, m.now, m.k8, True)
     for j in range(first, count):
-        now[j] = row9(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j]))
     _fill_slopes(here, start, off, count, m.now, m.k9, True)
     for j in range(first, count):
-        now[j] = row10(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j]))
     _fill_slopes(here, start, off, count, m.now, m.k10, True)
     for j in range(first, count):
-        now[j] = row11(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j]))
     _fill_slopes(here, start, off, count, m.now, m.k11, True)
     for j in range(first, count):
-        now[j] = row12(y[j], h, k1[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j])
+        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j]))
     _fill_slopes(here, start, off, count, m.now, m.k12, True)
     for j in range(first, count):
-        out[j] = total(y[j], h, k1[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+        out[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
     for j in range(INTEGRALS, len(out)):
-        out[j] = total(0.0, h, k1[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+        out[j] = along(0.0, h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
 
 
 @kernel

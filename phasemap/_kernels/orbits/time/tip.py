@@ -13,7 +13,7 @@ from phasemap._kernels.excitation import amplitude_seen
 from phasemap._kernels.lever import modes_of, slowest_decay, static_share
 from phasemap._kernels.orbits.time.elements import CONTACT_MODE, MEMORY_STATE, PERIOD_BEGIN
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
-from phasemap._kernels.records import column, record
+from phasemap._kernels.records import column, numbers_of, record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -37,8 +37,8 @@ class PeriodResult:
     mean_z: float  # of z [m]
     loss: float  # energy into the surface [J]
     virial: float  # -<F z> [J]
-    deepest: float  # largest depth [m]
     air: float  # energy into the lever's own damping [J]
+    deepest: float  # largest depth [m]
 
 
 @record
@@ -177,24 +177,19 @@ def amplitude_of(lever: np.ndarray, acc: PeriodResult) -> float:
 @kernel
 def add_period(total: PeriodResult, one: PeriodResult) -> None:
     """Add what a period gave to a total, whose depth is the largest."""
-    total.cos += one.cos
-    total.sin += one.sin
-    total.mean_z += one.mean_z
-    total.loss += one.loss
-    total.virial += one.virial
-    total.deepest = max(total.deepest, one.deepest)
-    total.air += one.air
+    deepest, to, more = max(total.deepest, one.deepest), numbers_of(total), numbers_of(one)
+    for j in range(len(to)):
+        to[j] += more[j]
+    total.deepest = deepest
 
 
 @kernel
 def divide_result(total: PeriodResult, count: float) -> None:
     """Turn a total of so many periods into their mean."""
-    total.cos /= count
-    total.sin /= count
-    total.mean_z /= count
-    total.loss /= count
-    total.virial /= count
-    total.air /= count
+    deepest, of = total.deepest, numbers_of(total)
+    for j in range(len(of)):
+        of[j] /= count
+    total.deepest = deepest
 
 
 @kernel
