@@ -1,8 +1,10 @@
 """What a contact is to the march: a plug-in, and what a step moves.
 
-A kind of contact is a named tuple with the fields law, p, compliance, pull, edge_force and edge_slope, as `Elastic` has
-them, and now, a record whose mode says what it does; and one kernel for each function here that is `Chosen`. `elastic`
-has surfaces that remember nothing, with a neck or without; `relaxing` those that relax.
+A kind of contact is a file of its own, with a named tuple that has the fields law, p, compliance, pull, edge_force and
+edge_slope, as `Elastic` has them, and now, a record whose mode says what the contact does; with a kernel for each
+function here that is `Chosen`; and with the period that `march.march_period` asks for. `elastic` has surfaces that
+remember nothing, with a neck or without; `relaxing` those that relax. Wherever the mode is OFF_SURFACE, x is the depth,
+and elsewhere its root; what happens where, and what comes then, the kind alone knows.
 """
 
 from __future__ import annotations
@@ -122,7 +124,7 @@ def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: M
 
 @Chosen
 def step_length(contact: Any, beam: Beam, eta: float, motion: Motion) -> float:
-    """Length of the next step."""
+    """Length of the next step; infinite where nothing acts on a lever with several modes, which then flies exactly."""
     raise NotImplementedError
 
 
@@ -134,7 +136,7 @@ def edge_of(contact: Any, event: int, time: float) -> tuple[float, float]:
 
 @Chosen
 def stop_at_event(contact: Any, here: Here, motion: Motion) -> None:
-    """Shorten a step in contact to what happens in it first, if anything does; says so in ``motion.event``."""
+    """Shorten a step to what happens in it first, if anything does (`period.to_event`); ``motion.event`` says what."""
     raise NotImplementedError
 
 

@@ -41,6 +41,7 @@ from phasemap._kernels.orbits.time.period import (
     begin_period,
     end_period,
     march_through,
+    stop_at_touch,
     stop_at_turn,
     to_event,
     try_turn,
@@ -49,6 +50,7 @@ from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
     contact_rate,
     depth_reached,
+    flies_freely,
     flight_rate,
     pull_in_contact,
 )
@@ -116,6 +118,8 @@ def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float
 def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> float:
     u, now, neck = motion.here.at, contact.now, contact.neck
     if now.mode == OFF_SURFACE:
+        if flies_freely(contact, beam):
+            return math.inf
         return eta / flight_rate(contact, beam, u.x, u.v)
     # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
     rate = contact_rate(contact, beam, now.bottom, u.x)
@@ -135,6 +139,9 @@ def _edge(contact: Elastic, event: int, time: float) -> tuple[float, float]:
 @kernel(inline=True)
 def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
     now, u, end, inside = contact.now, motion.here.at, motion.end.at, motion.trial.at
+    if now.mode == OFF_SURFACE:
+        stop_at_touch(here, motion)
+        return
     in_neck = now.mode == IN_NECK
     if u.v > 0 > end.v:
         h, top = try_turn(here, motion)

@@ -9,7 +9,6 @@ once.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
 from phasemap._kernels.records import record
-
-if TYPE_CHECKING:
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 FEWEST_IN_STEP = 6  # periods in a step: fewer are marched one by one
 STEP_SAFETY = 0.9  # of the step that would just meet the tolerance
@@ -40,22 +36,22 @@ class Flow:
 
 
 @kernel
-def _change(oscillator: Oscillator, eta: float, tip: Tip, z: float, v: float, z0: float, y: np.ndarray) -> Numbers:
-    """Change of (z, z') in a period from there at the tip offset z0; NaN if the march fails."""
+def _change(oscillator: Oscillator, eta: float, tip: Tip, at: complex, z0: float, y: np.ndarray) -> complex:
+    """Change of z + i z' in a period from there at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
-    y[Z], y[V], y[Z0] = z, v, z0
+    y[Z], y[V], y[Z0] = at.real, at.imag, z0
     tip.periods.marched += 1
     if march_period(oscillator, z0, eta, y, tip.acc) < 0:
-        return math.nan, math.nan
-    return y[Z] - z, y[V] - v
+        return complex(math.nan, math.nan)
+    return complex(y[Z], y[V]) - at
 
 
 @kernel
 def begin_flow(oscillator: Oscillator, eta: float, pace: float, tip: Tip, flow: Flow) -> bool:
     """March the period to come, in which z0 falls by `pace` [m], which `flow` then knows."""
     u = tip.u
-    flow.z, flow.v = _change(oscillator, eta, tip, u[Z], u[V], u[Z0] - pace, np.empty(len(u)))
-    flow.count = FEWEST_IN_STEP
+    k = _change(oscillator, eta, tip, complex(u[Z], u[V]), u[Z0] - pace, np.empty(len(u)))
+    flow.z, flow.v, flow.count = k.real, k.imag, FEWEST_IN_STEP
     return math.isfinite(flow.z + flow.v)
 
 
@@ -67,29 +63,28 @@ def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, t
 
     The formulae for an integral are those of Bogacki and Shampine (orders 3 and 2), with weights for a sum.
     """
-    lever = oscillator.lever
-    u, y, omega, n = tip.u, np.empty(len(tip.u)), lever[col.OMEGA], int(flow.count)
-    z, v, z0, k1z, k1v = u[Z], u[V], u[Z0] - pace, flow.z, flow.v
+    u, y, omega, n = tip.u, np.empty(len(tip.u)), oscillator.lever[col.OMEGA], int(flow.count)
+    at, z0, k1 = complex(u[Z], u[V]), u[Z0] - pace, complex(flow.z, flow.v)
+    share = 0.0
     while n >= FEWEST_IN_STEP:
         x = 1.0 / n
         b2, b3 = (1.0 - x) * (1.0 + 4.0 * x) / 3.0, 4.0 / 9.0 * (1.0 - x) * (1.0 - 2.0 * x)
-        b1, half, more = 1.0 - b2 - b3, 0.5 * n, 0.75 * n
-        k2z, k2v = _change(oscillator, eta, tip, z + half * k1z, v + half * k1v, z0 - half * pace, y)
-        k3z, k3v = _change(oscillator, eta, tip, z + more * k2z, v + more * k2v, z0 - more * pace, y)
-        end_z, end_v = z + n * (b1 * k1z + b2 * k2z + b3 * k3z), v + n * (b1 * k1v + b2 * k2v + b3 * k3v)
-        k4z, k4v = _change(oscillator, eta, tip, end_z, end_v, z0 - n * pace, y)
-        off_z = -5 / 72 * k1z + 1 / 12 * k2z + 1 / 9 * k3z - 1 / 8 * k4z
-        off_v = -5 / 72 * k1v + 1 / 12 * k2v + 1 / 9 * k3v - 1 / 8 * k4v
-        error = n * math.hypot(off_z, off_v / omega) / allowed
+        half, more = 0.5 * n, 0.75 * n
+        k2 = _change(oscillator, eta, tip, at + half * k1, z0 - half * pace, y)
+        k3 = _change(oscillator, eta, tip, at + more * k2, z0 - more * pace, y)
+        end = at + n * ((1.0 - b2 - b3) * k1 + b2 * k2 + b3 * k3)
+        k4 = _change(oscillator, eta, tip, end, z0 - n * pace, y)
+        off = -5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4
+        error = n * math.hypot(off.real, off.imag / omega) / allowed
         if not math.isfinite(error):
             return 0
         share = min(MOST_GROWTH, max(LEAST_GROWTH, STEP_SAFETY * max(error, 1e-9) ** (-1.0 / 3.0)))
         if error <= 1.0:
-            u[Z], u[V], u[Z0] = end_z, end_v, u[Z0] - n * pace
-            flow.z, flow.v, flow.count = k4z, k4v, share * n
-            return n
+            break
         n = int(share * n)
-    u[Z], u[V], u[Z0] = z + k1z, v + k1v, z0
-    flow.z, flow.v = _change(oscillator, eta, tip, u[Z], u[V], z0 - pace, y)
-    flow.count = n + 1.0
-    return 1 if math.isfinite(flow.z + flow.v) else 0
+    else:
+        share, n, end = n + 1.0, 1, at + k1
+        k4 = _change(oscillator, eta, tip, end, z0 - pace, y)
+    u[Z], u[V], u[Z0] = end.real, end.imag, u[Z0] - n * pace
+    flow.z, flow.v, flow.count = k4.real, k4.imag, share * n
+    return n if math.isfinite(flow.z + flow.v) else 0

@@ -97,7 +97,7 @@ def stop_at_turn(motion: Motion, h: float) -> None:
     assign(motion.end, motion.trial)
 
 
-@kernel
+@kernel(inline=True)
 def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, float]:
     """How far x is past the edge of an event at a point of the step, or the time past the period's end; its slope.
 
@@ -145,19 +145,10 @@ def to_event(here: Here, motion: Motion, event: int) -> None:
     motion.h, motion.event, end.known = h, event, 0
 
 
-@kernel
-def _fly_freely(here: Here, motion: Motion) -> None:
-    """Fly on to the next contact or the end of the period, where no force reaches beyond contact."""
-    top = fly(here.beam, motion)
-    motion.sums.deepest = max(motion.sums.deepest, top)
-    motion.event = FIRST_TOUCH if motion.end.at.x >= 0.0 else NO_EVENT
-
-
 @kernel(inline=True)
-def _step_aloft(here: Here, eta: float, motion: Motion) -> None:
-    """Take a step off the surface, to the first touch if there is one."""
+def stop_at_touch(here: Here, motion: Motion) -> None:
+    """Shorten a step off the surface to the first touch, if there is one."""
     u, end = motion.here.at, motion.end.at
-    advance(here, motion, min(motion.left, step_length(here.contact, here.beam, eta, motion)))
     if u.v > 0 > end.v:  # grazing: the tip may touch there, and be off again at the end
         h, top = try_turn(here, motion)
         if _past(here, motion, FIRST_TOUCH, motion.trial)[0] > 0:
@@ -166,6 +157,21 @@ def _step_aloft(here: Here, eta: float, motion: Motion) -> None:
             motion.sums.deepest = max(motion.sums.deepest, top)
     if _past(here, motion, FIRST_TOUCH, motion.end)[0] > 0:
         to_event(here, motion, FIRST_TOUCH)
+
+
+@kernel(inline=True)
+def _take_step(here: Here, eta: float, motion: Motion) -> None:
+    """Take a step to what happens first, or to the end of the period."""
+    off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, eta, motion)
+    if h == math.inf:
+        motion.sums.deepest = max(motion.sums.deepest, fly(here.beam, motion))
+        motion.event = FIRST_TOUCH if motion.end.at.x >= 0.0 else NO_EVENT
+        return
+    advance(here, motion, min(h, motion.left) if off else h)
+    stop_at_event(here.contact, here, motion)
+    if not off and motion.end.at.passed >= motion.left:
+        to_event(here, motion, PERIOD_ENDS)
+        motion.event = NO_EVENT
 
 
 @kernel(inline=True)
@@ -193,24 +199,14 @@ def _move_on(beam: Beam, motion: Motion) -> None:
 @kernel
 def march_through(here: Here, eta: float, motion: Motion) -> int:
     """March to the end of a period; returns the steps taken, or minus a status."""
-    contact, steps = here.contact, 0
-    several = here.beam.modes.count > 1 and contact.p[col.LONGRANGE] == 0.0
+    steps = 0
     while motion.left > LEFT_BY_ROUNDING:
         steps += 1
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
-        if contact.now.mode != OFF_SURFACE:
-            advance(here, motion, step_length(contact, here.beam, eta, motion))
-            stop_at_event(contact, here, motion)
-            if motion.end.at.passed >= motion.left:
-                to_event(here, motion, PERIOD_ENDS)
-                motion.event = NO_EVENT
-        elif several and edge_of(contact, FIRST_TOUCH, motion.time)[0] == 0.0:
-            _fly_freely(here, motion)
-        else:
-            _step_aloft(here, eta, motion)
+        _take_step(here, eta, motion)
         _move_on(here.beam, motion)
-        if not pass_event(contact, here, motion):
+        if not pass_event(here.contact, here, motion):
             return -col.NOT_SETTLED
     return steps if math.isfinite(motion.here.at.x + motion.here.at.v) else -col.NOT_SETTLED
 

@@ -35,6 +35,7 @@ from phasemap._kernels.orbits.time.period import (
     begin_period,
     end_period,
     march_through,
+    stop_at_touch,
     time_of_crossing,
     to_event,
 )
@@ -181,7 +182,7 @@ def strays(contact: Relaxing, motion: Motion) -> bool:
 
 
 @edge_of.of(Relaxing)
-@kernel
+@kernel(inline=True)
 def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
     if event == FIRST_TOUCH:
         dent = dent_at(contact, time)
@@ -190,9 +191,12 @@ def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
 
 
 @stop_at_event.of(Relaxing)
-@kernel
+@kernel(inline=True)
 def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
     u, end, m, now = motion.here.at, motion.end, contact.m, contact.now
+    if now.mode == OFF_SURFACE:
+        stop_at_touch(here, motion)
+        return
     find_slopes(here, motion, end)
     while strays(contact, motion) and now.share > SHORTEST_SHARE:
         now.share *= 0.5
@@ -277,7 +281,7 @@ def turn_contact(contact: Relaxing, motion: Motion) -> bool:
 
 
 @pass_event.of(Relaxing)
-@kernel
+@kernel(inline=True)
 def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
     event, u, speed = motion.event, motion.here, 0.0
     if event == FIRST_TOUCH:

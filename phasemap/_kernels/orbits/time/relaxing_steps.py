@@ -18,6 +18,7 @@ from phasemap._kernels.orbits.time.runge_kutta import find_slopes
 from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
     contact_rate,
+    flies_freely,
     flight_rate,
     pull_in_contact,
 )
@@ -120,6 +121,8 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
     if 0.0 < dent < DENT_FORGOTTEN * contact.pace.free:
         motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
         contact.m[on.OUTER_COUNT] = contact.now.dent = dent = 0.0
+    if dent == 0.0 and flies_freely(contact, beam):
+        return math.inf
     density = flight_rate(contact, beam, u.x - dent, u.v)
     if dent > 0:
         share = dented_share(law, p, u.x - dent, dent)
@@ -128,7 +131,7 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
 
 
 @step_length.of(Relaxing)
-@kernel
+@kernel(inline=True)
 def _step_length(contact: Relaxing, beam: Beam, eta: float, motion: Motion) -> float:
     if contact.now.mode == OFF_SURFACE:
         return _flight_step(contact, beam, motion)

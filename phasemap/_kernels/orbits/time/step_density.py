@@ -20,6 +20,12 @@ CONTACT_WEIGHT = 0.75
 HIGHER_WEIGHT = 0.4
 
 
+@kernel(inline=True)
+def flies_freely(contact: Any, beam: Beam) -> bool:
+    """Whether a lever with several modes feels nothing out of contact: its flight is one exact step."""
+    return beam.modes.count > 1 and contact.p[col.LONGRANGE] == 0.0
+
+
 @kernel
 def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
