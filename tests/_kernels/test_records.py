@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.records import MOST_BYTES, assign, clear, column, record, rows_of, words_of
+from phasemap._kernels.records import MOST_BYTES, assign, clear, column, numbers_of, record, rows_of, words_of
 
 
 @record
@@ -52,6 +52,29 @@ def on_the_stack(value: float) -> tuple[float, float, float, int, float]:
     found = fill(whole, value)
     clear(whole.one)
     return empty, found, whole.one.length + whole.other.length, whole.other.count, whole.row[3]
+
+
+@record
+class Lengths:
+    """A number, and some more."""
+
+    first: float
+    more: np.ndarray = column(3)
+
+
+@kernel
+def count_up(lengths: Lengths) -> int:
+    """Number all numbers."""
+    numbers = numbers_of(lengths)
+    for j in range(len(numbers)):
+        numbers[j] = j
+    return len(numbers)
+
+
+def test_the_numbers_of_a_record_are_its_memory() -> None:
+    lengths = Lengths()
+    assert count_up(lengths) == 4
+    assert (lengths.first, lengths.more.tolist()) == (0.0, [1.0, 2.0, 3.0])
 
 
 def test_a_record_on_the_stack_is_empty_at_first_and_changed_by_what_it_is_passed_to() -> None:

@@ -32,7 +32,6 @@ from phasemap._kernels.records import numbers_of, record
 ONE_MODE = 5  # numbers that a step moves, with one mode; each other one has two more
 INTEGRALS = ONE_MODE + 2 * col.MOST_MODES - 2  # where those begin that a step adds up
 
-
 Numbers = tuple[float, ...]
 
 
@@ -46,7 +45,7 @@ class Instant(NamedTuple):
 
 @record
 class Stages:
-    """Moved of a stage, and the slopes in all but the first."""
+    """Numbers of a stage, and the slopes in all of them."""
 
     now: Moved
     k1: Moved
