@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap._shared.notices import tell
+from phasemap._shared.notices import tell, untold
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
 from phasemap.experiment.material import Material
@@ -60,6 +60,9 @@ RECORDED = {
     "drive.frequency": "drive_frequency",
 }
 """Keys of a scene, and the attributes of an image that say them."""
+MATCHED = "start that gives the measured contrast, not a measurement: edit"
+TRIED = (0.02, 50.0, 31)  # factors on modulus and damping of a placeholder that are tried: ends, and how many
+NEAR = 0.5  # of a contrast that counts as given [degree]
 UNITS_OF = {"height": "m", "phase": "degree"}
 
 
@@ -122,7 +125,8 @@ def scene_from(
     Topography is the height less its tilt and row offsets, level on the material that covers most. Labels count the
     materials from the lowest phase, or height; rows are aligned before thresholding (`phasemap.io.measured`). The
     materials are placeholders, presets of unequal stiffness, unless `overrides` say
-    ``materials.material_0.modulus=...``: the stiffest has the highest phase, or the lowest where the file says that its
+    ``materials.material_0.modulus=...``; modulus and damping of all but the stiffest are moved to where they give the
+    contrast of the phase, if some do: the stiffest has the highest phase, or the lowest where the file says that its
     phase counts lag positive. Where the file has no resonance frequency, the lever is taken as driven at resonance. A
     free amplitude recorded off resonance is brought to resonance.
 
@@ -133,6 +137,8 @@ def scene_from(
     ...
     phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
+    import numpy as np
+
     if phases is not None:
         whole("phases", phases, 1, 4)
     check_choice("by", by, WAYS)
@@ -188,6 +194,12 @@ def scene_from(
         for name, preset in zip(names, presets, strict=True)
         for key in tables["materials"][name]
     }
+    if by == "phase" and phases > 1 and not given:
+        levels = [np.median(scan["phase"].values[maps["labels"].values == label]) for label in range(phases)]
+        sign = -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0
+        for label, start in _matching(tables["materials"], names, sign * np.array(levels), scene).items():
+            tables["materials"][label] |= start
+            made |= dict.fromkeys((f"materials.{label}.{key}" for key in start), MATCHED)
     save(maps, maps_path, overwrite)
     with replacing(path, overwrite) as temporary:
         temporary.write_text(toml_of(tables, made | notes, _heading(scan, path, homogeneous)), encoding="utf-8")
@@ -344,6 +356,42 @@ def _damped(table: Any, given: Any, scope: Microscope) -> Any:
     return {"damping" if key == "viscosity" else key: value for key, value in table.items()} | {
         "damping": float(f"{damping:.1e}")
     }
+
+
+def _matching(materials: Table, names: list[str], levels: np.ndarray, scene: Scene) -> dict[str, Table]:
+    """Modulus and damping that give the measured contrasts to the stiffest placeholder, those nearest to the others.
+
+    `levels`: median phases of the materials, positive repulsive, whatever their zero [degree].
+    """
+    import numpy as np
+
+    from phasemap.imaging.simulation import simulate
+
+    reference = max(names, key=lambda name: float(materials[name]["modulus"]))
+    moved = np.geomspace(*TRIED)
+    stiffer, lossier = (one.reshape(1, -1) for one in np.meshgrid(moved, moved))
+
+    def phases(own: Table, modulus: Any, damping: Any) -> np.ndarray:
+        size, loss = own["modulus"] * modulus, own.get("damping", 0.0) * damping
+        more = {key: own[key] for key in ("adhesion", "poisson_ratio") if key in own}
+        tried = Surface(size, damping=loss, pixel_size=1e-9, **more)
+        image = simulate(tried, scene.microscope, scene.options["setpoint"], "averaging", variables=["phase"])
+        return np.asarray(image["phase"].values[0])
+
+    below = phases(materials[reference], np.ones((1, 1)), 1.0) - levels[names.index(reference)]
+    found = {}
+    for name, level in zip(names, levels, strict=True):
+        own = materials[name]
+        if name == reference or "damping" not in own:
+            continue
+        with untold():  # of those that have no orbit
+            apart = (phases(own, stiffer, lossier) - below - level) / NEAR
+        cost = apart**2 + np.log(stiffer[0]) ** 2 + np.log(lossier[0]) ** 2
+        best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
+        if abs(apart[best]) < 2.0:
+            both = (("modulus", stiffer), ("damping", lossier))
+            found[name] = {key: float(f"{own[key] * by[0, best]:.3g}") for key, by in both}
+    return found
 
 
 def _heading(scan: xr.Dataset, path: Path, homogeneous: str) -> list[str]:

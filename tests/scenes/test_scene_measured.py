@@ -118,6 +118,23 @@ def test_sapphire_is_one_material_and_a_flake_on_its_substrate_two(tmp_path: Pat
         assert len(scene.config["materials"]) == count
 
 
+@needs_skimage
+def test_a_scene_starts_from_materials_with_the_measured_contrast(tmp_path: Path) -> None:
+    scene = scene_from(measured(), tmp_path / "scene.toml", 2, [TIP])
+    kinds, text = scene.config["materials"], (tmp_path / "scene.toml").read_text()
+    low, high = (
+        pm.solve_pixel(
+            pm.Material(**{key: kinds[name][key] for key in ("modulus", "adhesion", "damping", "poisson_ratio")}),
+            scene.microscope, 0.6, "averaging",
+        ).phase
+        for name in ("material_0", "material_1")
+    )  # fmt: skip
+    assert high - low == pytest.approx(19.0, abs=1.5)  # -8 and -27 degrees; a damping has two digits
+    assert text.count("start that gives the measured contrast, not a measurement: edit") == 2
+    again = scene_from(measured(), tmp_path / "own.toml", 2, [TIP, "materials.material_0.modulus=1e9"])
+    assert again.config["materials"]["material_0"]["modulus"] == 1e9
+
+
 def test_everything_that_is_missing_is_named_at_once_with_an_example(tmp_path: Path) -> None:
     image = without("stiffness", "free_amplitude", "setpoint")
     with pytest.raises(PhasemapError) as caught:
