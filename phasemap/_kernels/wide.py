@@ -23,4 +23,4 @@ class SolvedRows(NamedTuple):
 
     rows: np.ndarray  # shape (n, WIDE)
     averaged: np.ndarray  # bool, shape (n,); whether a row has the harmonic orbit only
-    kept: np.ndarray  # rows with nodes of the orbits where COUNT is above 0, shape (n, KEEPING) or (0, 0)
+    kept: np.ndarray  # rows with nodes of the orbits where COUNT is above 0, shape (n, KEEPING) or (1, 0)

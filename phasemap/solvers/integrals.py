@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
+from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.wide import WIDE, SolvedRows
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
@@ -18,8 +19,7 @@ from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
 
-NONE = np.zeros((0, 0))  # rows with nodes
-SOLVED_AGAIN = 256  # rows
+NONE = np.zeros((1, 0))  # rows with nodes
 
 
 def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
@@ -32,27 +32,23 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
 
 
-def with_adhesion(
-    rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, virial: bool = True, kept: Array = NONE
-) -> Array:
+def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, kept: Array = NONE) -> Array:
     """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
 
-    The attraction is the force less that of the same contact without adhesion and bias. All are good to 0.1 %: the tip
-    is followed by the equation of motion. Where the orbit was averaged it is taken as harmonic.
+    The attraction is the force less that of the same contact without adhesion and bias. All are good to 0.1 %. Where
+    the orbit was averaged it is taken as harmonic.
 
     `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
     `used` (shape (..., n)): codes of the solvers that made the rows.
     `bare` (shape (n, 12)): see `bare_rows`.
-    `virial`: whether that is wanted; without it the taps alone are followed.
     `kept` (shape (n, KEEPING)): rows with nodes of the same orbits, for rows of shape (n, ...).
-    Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit, or one that taps twice.
+    Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
     """
     from phasemap._kernels.rows.adhesion import adhesion_rows
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        for part, solved in _with_nodes(some, codes, work, kept):
-            adhesion_rows(work.law, work.rows[part], bare[part], work.lever, solved, virial)
+        adhesion_rows(work.law, work.rows, bare, work.lever, TABLES, SolvedRows(some, codes == col.AVERAGING, kept))
     return _as_seen(wide, rows)
 
 
@@ -61,8 +57,8 @@ def with_forces(
 ) -> Array:
     """Result rows with the mean slope of the force [N/m], the mean damping [1] and the harmonics of the tip [m].
 
-    All are good to 0.1 % of the largest harmonic, however hard the tap: the tip is followed by the equation of motion.
-    Where the orbit was averaged it is taken as harmonic about its deepest point, which in air is good to 1 %.
+    All are good to 0.1 % of the largest harmonic, however hard the tap. Where the orbit was averaged it is taken as
+    harmonic about its deepest point, which in air is good to 1 %.
 
     `rows`, `work`, `used`: as for `with_adhesion`.
     `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
@@ -76,29 +72,9 @@ def with_forces(
         frequency = scope.frequency_ratio * scope.cantilever.resonance_frequency
         second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        for part, solved in _with_nodes(some, codes, work, kept):
-            force_rows(work.law, work.rows[part], work.lever, second, solved, harmonics)
+        solved = SolvedRows(some, codes == col.AVERAGING, kept)
+        force_rows(work.law, work.rows, work.lever, TABLES, second, solved, harmonics)
     return _as_seen(wide, rows)
-
-
-def _with_nodes(some: Array, codes: NDArray[np.int8], work: Work, kept: Array) -> Iterator[tuple[slice, SolvedRows]]:
-    """Wide rows of the tip, with the nodes along their orbits where these are known.
-
-    Those of a lever of several modes are solved once more, so many rows at a time, for nodes take room.
-    """
-    averaged = codes == col.AVERAGING
-    if work.lever[col.MODES] == 1:
-        yield slice(None), SolvedRows(some, averaged, kept)
-        return
-    from phasemap._kernels.orbits.kept import KEEPING_PARTS
-    from phasemap._kernels.rows.solved_again import keep_rows_again
-
-    for first in range(0, len(some), SOLVED_AGAIN):
-        part = slice(first, first + SOLVED_AGAIN)
-        nodes = np.zeros((len(some[part]), KEEPING_PARTS))
-        keep_rows_again(work.law, work.rows[part], work.lever, some[part], nodes)
-        nodes[averaged[part], KEPT_COUNT] = 0
-        yield part, SolvedRows(some[part], averaged[part], nodes)
 
 
 def widened(
@@ -112,11 +88,10 @@ def widened(
     """
     kept = NONE
     if rows.shape[-1] == KEEPING:
-        # What was solved in another way since is not at these nodes.
-        rows[used != col.CORRECTED, KEPT_COUNT] = np.nan
+        rows[used == col.AVERAGING, KEPT_COUNT] = 0  # an averaged orbit in place of that which told the branch
         kept, rows = rows, rows[:, : col.COLUMNS]
     if not set(OF_ADHESION).isdisjoint(names):
-        rows = with_adhesion(rows, work, used, bare(), virial="adhesion_virial" in names, kept=kept)
+        rows = with_adhesion(rows, work, used, bare(), kept=kept)
     if not set(OF_FORCES).isdisjoint(names):
         rows = with_forces(rows, work, used, scope, harmonics=not set(HARMONICS).isdisjoint(names), kept=kept)
     return rows

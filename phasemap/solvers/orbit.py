@@ -110,10 +110,6 @@ def solve_on_curves(
         allowed = np.array([math.radians(phase), height])
         if not cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, answers):
             return
-        if (status[first:last] == col.STIFF).any():
-            from phasemap._kernels.rows.stiff import stiff_rows
-
-            stiff_rows(work.law, work.rows, work.lever, allowed, average, first, last, answers)
     else:
         status[first:last] = col.PENDING
     hysteretic = work.rows[first:last, col.RELEASE] != 0

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.orbits.kept import KEEPING
+from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
@@ -65,6 +65,7 @@ def run(
         room = rooms.pop() if rooms else np.empty((chunk, KEEPING))
         part, some = work.part(at), Answers(room[: len(at)], status[first:last], used[first:last])
         some.rows[:, : col.COLUMNS] = np.nan
+        some.rows[:, KEPT_COUNT] = 0
         solver.solve(part, accuracy, 0, len(at), some)
         rows[at] = widen(part, some.rows, some.solver, at)
         rooms.append(room)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import Case, load
+from phasemap._kernels.rows.stiff import stiff_rows
 from scipy.integrate import solve_ivp
 
 import phasemap as pm
@@ -16,12 +17,10 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.response.multipliers import fill_monodromy
-from phasemap._kernels.orbits.response.newton import cut_contact
-from phasemap._kernels.orbits.response.nodes import GAUSS_WEIGHTS, N, Nodes, contact_node, parts_of
+from phasemap._kernels.orbits.response.nodes import GAUSS_WEIGHTS, N, Nodes, contact_node, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import UNRESOLVED, PassState, converge, evaluate_nodes, start_passes
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import cheap_rows
-from phasemap._kernels.rows.stiff import stiff_rows
 from phasemap._kernels.wide import WAVES
 from phasemap.solvers.integrals import with_forces
 from phasemap.solvers.problem import Work, make_work

@@ -15,11 +15,11 @@ from phasemap._kernels.columns import (
     G_P,
     G_Z0,
     GOOD,
+    KNOWN,
     LONGRANGE,
     NOT_CONVERGED,
     PENDING,
     RELEASE,
-    STIFF,
 )
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import (
@@ -70,7 +70,7 @@ def engage_by_response(oscillator: Oscillator, amplitude: float, guess: np.ndarr
 def cheap_orbit(
     oscillator: Oscillator, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray, room: Room
 ) -> int:
-    """Exact orbit in room.state: GOOD; STIFF where only `guess` is sure; PENDING where the decision does not hold.
+    """Exact orbit in room.state: GOOD; KNOWN where only `guess` is sure; PENDING where the decision does not hold.
 
     NOT_CONVERGED where only time tells.
     """
@@ -79,7 +79,7 @@ def cheap_orbit(
     if surety == SURE:
         if refine(oscillator, reach, guess, limits, room):
             return GOOD
-        return PENDING if grazes(p, reach, guess) else STIFF  # Newton's method takes the contact as given, too
+        return PENDING if grazes(p, reach, guess) else KNOWN
     if surety != UNDECIDED:
         return PENDING
     side, worst = REPULSIVE, amplitude
@@ -108,7 +108,7 @@ def cheap_orbit(
             if side == REPULSIVE or slope_is_clear(oscillator, limits, room):
                 break
         if side == REPULSIVE or outside:
-            return STIFF
+            return KNOWN
         if worst != amplitude:
             maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
         known = outside = fill_orbit_outside_maximum(oscillator, reach, amplitude, guess, room)

@@ -20,7 +20,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.quadrature import gauss
+from phasemap._kernels.orbits.collocation.system import MOST_ELEMENTS
+from phasemap._kernels.quadrature import NODES, gauss
 from phasemap._kernels.records import column, record
 
 HARMONIC_NODES = 20  # of each part of a harmonic orbit
@@ -28,14 +29,16 @@ NODES_ALL_ROUND = 48  # of one that is always in contact
 HARMONIC_X, HARMONIC_WEIGHTS = gauss(HARMONIC_NODES)
 _COS2, _SIN2 = np.cos(0.5 * np.pi * HARMONIC_X) ** 2, np.sin(0.5 * np.pi * HARMONIC_X) ** 2
 _HARMONIC_TOUCH_W = HARMONIC_WEIGHTS * np.pi * np.cos(0.5 * np.pi * HARMONIC_X)
-MOST_TAP_STEPS = 80  # of each part of a tap that is followed
-MOST_NODES = 5 * (2 * MOST_TAP_STEPS + 1)
+MOST_NODES = MOST_ELEMENTS * NODES
 
 
 @record
 class OrbitNodes:
-    """Nodes along an orbit, those in contact first."""
+    """Nodes along an orbit."""
 
+    count: int  # how many there are
+    begins: float  # sum of 1/|dd/dtheta| where contacts begin, and where they, or necks, end [1/m]
+    ends: float
     cos: np.ndarray = column(MOST_NODES)  # of the angle theta of the first harmonic
     sin: np.ndarray = column(MOST_NODES)
     depth: np.ndarray = column(MOST_NODES)  # d [m]
@@ -95,29 +98,29 @@ def _neck(amplitude: float, c: float, release: float, first: int, at: OrbitNodes
 
 
 @kernel
-def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, whole: bool, at: OrbitNodes) -> int:
-    """Fill the nodes of a harmonic orbit, or of its contact if not `whole`.
-
-    Returns how many there are.
-    """
+def harmonic(law: Law, p: np.ndarray, amplitude: float, depth: float, at: OrbitNodes) -> None:
+    """Fill the nodes of a harmonic orbit that is so deep [m]."""
     c, release = 1.0 - depth / amplitude, p[col.RELEASE]
+    at.begins, at.ends = 0.0, 0.0
     if c <= -1.0 or (release < 0.0 and c < 1.0 and amplitude * (c + 1.0) <= -release):
+        at.count = NODES_ALL_ROUND
         for i in range(NODES_ALL_ROUND):  # always in contact
             theta = 2.0 * math.pi * (i + 0.5) / NODES_ALL_ROUND
             x = math.cos(theta)
             _put(at, i, amplitude, x, math.sin(theta), amplitude * (x - c), 2.0 * math.pi / NODES_ALL_ROUND, 1.0)
-        return NODES_ALL_ROUND
-    reach, count, begin = reach_of(law, p), 0, 0.0
-    last = c
+        return
+    count, begin, last = 0, 0.0, c
     if c < 1.0:
         count, begin = _contact(amplitude, c, at), math.sqrt((1.0 - c) / (1.0 + c))
         if release < 0.0:
             count, last = _neck(amplitude, c, release, count, at), c + release / amplitude
-    if whole and p[col.LONGRANGE] != 0.0:
-        end = math.sqrt((1.0 - last) / (1.0 + last)) if last < 1.0 else 0.0
+        at.begins = 1.0 / (amplitude * math.sqrt(1.0 - c * c))
+        at.ends = 1.0 / (amplitude * math.sqrt(1.0 - last * last))
+    if p[col.LONGRANGE] != 0.0:
+        reach, end = reach_of(law, p), math.sqrt((1.0 - last) / (1.0 + last)) if last < 1.0 else 0.0
         count = _outside(reach, amplitude, c, begin, -1.0, count, at)
         count = _outside(reach, amplitude, c, end, 1.0, count, at)
-    return count
+    at.count = count
 
 
 @kernel

@@ -1,8 +1,7 @@
-"""Nodes of an orbit that stand behind its result row, for integrals over it: what has them need not be followed again.
+"""Nodes of an orbit that stand behind its result row, for integrals over it: what has them need not be solved again.
 
-A row that is longer than COLUMNS has room for them. Those of the lever's response are kept, of an orbit that passes
-found; other solvers leave none. Where the drive is not faint contacts are long, and these nodes are too few for high
-harmonics of what acts in them.
+A row that is longer than COLUMNS has room for them. Those of passes of the lever's response are kept where the drive is
+faint: elsewhere contacts are long, and these nodes are too few for high harmonics of what acts in them.
 """
 
 from __future__ import annotations
@@ -11,23 +10,23 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.around import OrbitNodes
+from phasemap._kernels.orbits.collocation.system import OUT_OF_CONTACT, Orbit, element_of, head_of
 from phasemap._kernels.orbits.response import nodes as response
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, GAUSS_WEIGHTS, MOST_PARTS, N, Nodes, first_of, parts_of
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, GAUSS_WEIGHTS, N, Nodes, first_of, parts_of
+from phasemap._kernels.quadrature import NODES, T_END1
 
-MOST_KEPT_NODES = 3 * N  # nodes
+MOST_KEPT_NODES = 40 * NODES  # of most orbits: few have more
 FAINT_DRIVE = 0.01  # of the amplitude: the largest drive
-# Columns of the row: how many nodes there are, |dd/dtheta| [m] where contact begins and ends, and the nodes
+# Columns of the row: how many nodes there are, sums of 1/|dd/dtheta| [1/m] where contacts begin and end, the nodes
 KEPT_COUNT, KEPT_BEGINS, KEPT_ENDS, KEPT_NODES = range(col.COLUMNS, col.COLUMNS + 4)
 KEEPING = KEPT_NODES + 6 * MOST_KEPT_NODES
-KEEPING_PARTS = KEPT_NODES + 6 * (2 + MOST_PARTS) * N  # of a row with room for a contact that is cut in parts
 
 
 @kernel(fastmath=ANY_ORDER)
-def nodes_from_response(
-    f: Nodes, amplitude: float, e: float, longrange: bool, at: OrbitNodes
-) -> tuple[int, float, float]:
-    """Fill nodes from those of the response, those in contact first; returns what `solved.nodes_of` does."""
+def nodes_from_response(f: Nodes, amplitude: float, e: float, longrange: bool, at: OrbitNodes) -> None:
+    """Fill nodes from those of passes of the lever's response, those in contact first."""
     touching, parts = f.theta[EXIT] > f.theta[ENTRY], parts_of(f)
     count = 0
     for part in range(parts + 2):
@@ -42,27 +41,53 @@ def nodes_from_response(
             at.rate[k] = f.u[i] - amplitude * f.sin[i]
             at.weight[k], at.touches[k] = GAUSS_WEIGHTS[j] * f.weight[i], 1.0 if in_contact else 0.0
         count += N
-    if not touching:
-        return count, 0.0, 0.0
-    entry = abs(f.u[ENTRY] - amplitude * f.sin[ENTRY])
-    return count, entry, abs(f.u[EXIT] - amplitude * f.sin[EXIT])
+    at.count, at.begins, at.ends = count, 0.0, 0.0
+    if touching:
+        at.begins = 1.0 / abs(f.u[ENTRY] - amplitude * f.sin[ENTRY])
+        at.ends = 1.0 / abs(f.u[EXIT] - amplitude * f.sin[EXIT])
 
 
 @kernel
-def read_nodes(row: np.ndarray, at: OrbitNodes) -> tuple[int, float, float]:
-    """Fill nodes with those behind a row; returns what `solved.nodes_of` does."""
-    for j in range(int(row[KEPT_COUNT])):
+def nodes_from_collocation(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, at: OrbitNodes) -> None:
+    """Fill nodes from those of collocation; elements on which nothing acts are left out."""
+    head = head_of(orbit)
+    at.count, at.begins, at.ends = 0, 0.0, 0.0
+    for e in range(head.count):
+        one, before = element_of(orbit, e), element_of(orbit, e - 1 if e > 0 else head.count - 1).side
+        if (one.side == OUT_OF_CONTACT) != (before == OUT_OF_CONTACT):
+            rate = 1.0 / abs(one.edge_u - head.amplitude * np.sin(one.edge))
+            at.begins += rate if before == OUT_OF_CONTACT else 0.0
+            at.ends += rate if one.side == OUT_OF_CONTACT else 0.0
+        if one.side == OUT_OF_CONTACT and oscillator.p[col.LONGRANGE] == 0.0:
+            continue
+        for j in range(NODES):
+            k = at.count + j
+            at.cos[k], at.sin[k] = one.cos[j], one.sin[j]
+            at.depth[k] = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
+            at.rate[k] = one.u[j] - head.amplitude * one.sin[j]
+            at.weight[k] = one.scale * tables[one.table, T_END1, j]
+            at.touches[k] = 0.0 if one.side == OUT_OF_CONTACT else 1.0
+        at.count += NODES
+
+
+@kernel
+def read_nodes(row: np.ndarray, at: OrbitNodes) -> None:
+    """Fill nodes with those behind a row."""
+    at.count, at.begins, at.ends = int(row[KEPT_COUNT]), row[KEPT_BEGINS], row[KEPT_ENDS]
+    for j in range(at.count):
         first = KEPT_NODES + 6 * j
         at.cos[j], at.sin[j], at.depth[j] = row[first], row[first + 1], row[first + 2]
         at.rate[j], at.weight[j], at.touches[j] = row[first + 3], row[first + 4], row[first + 5]
-    return int(row[KEPT_COUNT]), row[KEPT_BEGINS], row[KEPT_ENDS]
 
 
 @kernel
-def keep_nodes(f: Nodes, amplitude: float, e: float, longrange: bool, at: OrbitNodes, row: np.ndarray) -> None:
-    """Put the nodes of the response behind a row."""
-    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = nodes_from_response(f, amplitude, e, longrange, at)
-    for j in range(int(row[KEPT_COUNT])):
+def keep_nodes(at: OrbitNodes, row: np.ndarray) -> None:
+    """Put nodes behind a row, where there is room for all."""
+    row[KEPT_COUNT] = 0.0
+    if at.count > MOST_KEPT_NODES:
+        return
+    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = at.count, at.begins, at.ends
+    for j in range(at.count):
         first = KEPT_NODES + 6 * j
         row[first], row[first + 1], row[first + 2] = at.cos[j], at.sin[j], at.depth[j]
         row[first + 3], row[first + 4], row[first + 5] = at.rate[j], at.weight[j], at.touches[j]

@@ -1,4 +1,4 @@
-"""Nodes along an orbit that is solved, for integrals over it: of whichever kind is cheapest where it holds."""
+"""Nodes along an orbit of which the result row is known, for integrals over it."""
 
 from __future__ import annotations
 
@@ -9,65 +9,91 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.resonance import (
+    ATTRACTIVE,
+    REPULSIVE,
+    decide,
+    fill_averaged_orbit_on_side,
+    find_mismatch_maximum,
+)
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import modes_of
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.around import OrbitNodes, harmonic
-from phasemap._kernels.orbits.kept import nodes_from_response
-from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.passes import PassState
-from phasemap._kernels.orbits.response.retraced import retrace
-from phasemap._kernels.orbits.tap import tap
+from phasemap._kernels.orbits.collocation.near import guess_of_row, orbit_near, same_orbit
+from phasemap._kernels.orbits.collocation.system import Orbit, new_orbit
+from phasemap._kernels.orbits.kept import (
+    FAINT_DRIVE,
+    KEPT_COUNT,
+    nodes_from_collocation,
+    nodes_from_response,
+    read_nodes,
+)
+from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
+
+AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
+ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may differ
 
 
-class Path(NamedTuple):
-    """Room for the nodes of an orbit, and for those of the lever's response."""
+class Again(NamedTuple):
+    """Room for orbits that are solved again."""
 
     at: OrbitNodes
-    nodes: Nodes
-    state: PassState
+    room: Room
+    limits: np.ndarray
+    guess: np.ndarray
+    row: np.ndarray
+    orbit: Orbit
+    spare: Orbit
 
 
 @kernel
-def new_path(at: OrbitNodes, nodes: Nodes, state: PassState) -> Path:
-    """Room for an orbit, with these nodes and this state for passes of the response."""
-    return Path(at, nodes, state)
+def room_again(lever: np.ndarray, at: OrbitNodes, room: Room) -> Again:
+    """Room for orbits that are solved again, with these nodes and the room of the passes."""
+    limits = np.array([AGAIN_PHASE, AGAIN_HEIGHT])
+    return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_orbit(lever), new_orbit(lever))
 
 
 @kernel
 def nodes_of(
-    oscillator: Oscillator, row: np.ndarray, averaged: bool, whole: bool, at: OrbitNodes
-) -> tuple[int, float, float]:
-    """Fill the nodes of a result row of the tip, of an orbit that may be `averaged` only.
+    oscillator: Oscillator, tables: np.ndarray, row: np.ndarray, averaged: bool, kept: np.ndarray, again: Again
+) -> bool:
+    """Fill the nodes of a result row of the tip; False where its orbit is not found again.
 
-    If not `whole`, depths and rates in contact are what is wanted.
-
-    Returns how many there are, none where it taps twice in a period, and |dd/dtheta| [m] where contact begins and ends,
-    0 where it does not. An orbit that is averaged is harmonic; of a lever of several modes no other one can be followed
-    from its row (`rows.solved_again`).
+    An orbit that is `averaged` is harmonic; the nodes of another one are `kept` behind the row (shape (any,)), or it is
+    solved again.
     """
-    law, p = oscillator.law, oscillator.p
-    count, entry, release = 0, 0.0, 0.0
-    if modes_of(oscillator.lever) > 1 and not averaged:
-        return 0, 0.0, 0.0
-    if not averaged:
-        count = tap(oscillator, row, whole, at)
-        for j in range(count - 1):
-            if at.touches[j] > at.touches[j + 1]:
-                entry, release = release, abs(at.rate[j])  # the way in is first
-        return count, entry, release
-    amplitude, depth = row[col.AMPLITUDE], row[col.INDENTATION]
-    c, last = 1.0 - depth / amplitude, 1.0 - (depth - p[col.RELEASE]) / amplitude
-    if c < 1.0 and last > -1.0:
-        entry, release = amplitude * math.sqrt(1.0 - c * c), amplitude * math.sqrt(1.0 - last * last)
-    return harmonic(law, p, amplitude, depth, whole, at), entry, release
+    if len(kept) > 0 and kept[KEPT_COUNT] > 0.0:
+        read_nodes(kept, again.at)
+        return True
+    if averaged:
+        harmonic(oscillator.law, oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], again.at)
+        return True
+    if oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE] and _by_passes(oscillator, row, again):
+        return True
+    guess_of_row(oscillator.lever, row, again.guess)
+    done, _, orbit, _ = orbit_near(oscillator, tables, again.guess, again.orbit, again.spare, again.row)
+    if done != col.GOOD or not same_orbit(again.row, row):
+        return False
+    nodes_from_collocation(oscillator, tables, orbit, again.at)
+    return True
 
 
 @kernel
-def all_nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, path: Path) -> tuple[int, float, float]:
-    """The same of a whole period, by the lever's response where that will do, which takes half as long."""
-    p = oscillator.p
-    several = modes_of(oscillator.lever) > 1
-    if averaged or several or p[col.RELEASE] < 0.0 or not retrace(oscillator, row, path.nodes, path.state):
-        return nodes_of(oscillator, row, averaged, True, path.at)
-    e = row[col.TIP_OFFSET] - row[col.MEAN]
-    return nodes_from_response(path.nodes, row[col.AMPLITUDE], e, p[col.LONGRANGE] != 0.0, path.at)
+def _by_passes(oscillator: Oscillator, row: np.ndarray, again: Again) -> bool:
+    """Fill the nodes of a row whose orbit passes of the lever's response find."""
+    law, p, _ = oscillator
+    if p[col.RELEASE] != 0.0:
+        return False
+    reach, amplitude, room, guess = reach_of(law, p), row[col.AMPLITUDE], again.room, again.guess
+    side, longrange = REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE, p[col.LONGRANGE] != 0.0
+    if longrange:
+        find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, room.top)
+    else:
+        decide(oscillator, reach, amplitude, 1.0, room.top)
+    if not fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, room.top, guess):
+        return False
+    found = refine(oscillator, reach, guess, again.limits, room)
+    if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude or room.state.parts == 0:
+        return False
+    nodes_from_response(nodes_of_solution(room), amplitude, room.state.centre, longrange, again.at)
+    return True

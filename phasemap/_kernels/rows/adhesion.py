@@ -15,8 +15,8 @@ from phasemap._kernels.orbits.around import (
     OrbitNodes,
     moves,
 )
-from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
-from phasemap._kernels.orbits.solved import nodes_of
+from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.solved import nodes_of, room_again
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE, SolvedRows
 
 
@@ -33,34 +33,27 @@ def _neck_energy(law: Law, p: np.ndarray) -> float:
 
 @kernel
 def adhesion_rows(
-    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, solved: SolvedRows, whole: bool
+    law: Law, rows: np.ndarray, bare: np.ndarray, lever: np.ndarray, tables: np.ndarray, solved: SolvedRows
 ) -> None:
     """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of rows that have a periodic orbit.
 
-    `bare` are the rows of the same contacts without adhesion and bias. The virial is filled in only if orbits are
-    followed as a `whole`.
+    `bare` are the rows of the same contacts without adhesion and bias.
     """
     out, averaged, kept = solved
     at = OrbitNodes()
+    again = room_again(lever, at, Room())
     for i in range(len(rows)):
-        row = out[i]
-        if not moves(row):
+        oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
+        if not moves(row) or not nodes_of(
+            oscillator, tables, row, averaged[i], kept[i if kept.shape[1] > 0 else 0], again
+        ):
             continue
-        p, without = parameters(rows[i]), parameters(bare[i])
+        p, without = oscillator.p, parameters(bare[i])
         virial, storage = 0.0, 0.0
-        follow = whole or p[col.RELEASE] < 0.0
-        if len(kept) > 0 and kept[i, KEPT_COUNT] > 0.0:
-            count, _, release = read_nodes(kept[i], at)
-        else:
-            count, _, release = nodes_of(Oscillator(law, p, lever), row, averaged[i], follow, at)
-        if count == 0:
-            continue
-        for j in range(count):
+        for j in range(at.count):
             d, weight = at.depth[j], at.weight[j]
             if d > 0.0:
                 storage += weight * contact_slope(law, d, without) * at.rate[j] ** 2
-            if not follow:
-                continue
             if at.touches[j] == 0.0:
                 f = longrange_force(law, min(d, 0.0), p)
             else:
@@ -68,7 +61,6 @@ def adhesion_rows(
                 if d > 0.0:
                     f -= contact_force(law, d, without)
             virial -= weight * f * at.cos[j]
-        if whole:
-            row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-        row[ADHESION_LOSS] = _neck_energy(law, p) if release > 0.0 else 0.0
+        row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
+        row[ADHESION_LOSS] = _neck_energy(law, p) if at.ends > 0.0 else 0.0
         row[STORAGE] = storage / (2.0 * math.pi)

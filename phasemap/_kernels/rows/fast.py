@@ -28,7 +28,7 @@ from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
-from phasemap._kernels.orbits.kept import FAINT_DRIVE, KEPT_COUNT, keep_nodes
+from phasemap._kernels.orbits.kept import FAINT_DRIVE, keep_nodes, nodes_from_response
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, largest_branch_distance, nodes_of_solution
 from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
@@ -76,7 +76,8 @@ def cheap_rows(
     """Orbit of every row in [first, last) after engagement, where the cheap path is good enough; returns how many wait.
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
-    stand. Rows that wait with the status STIFF hold `guess`. Rows with room keep the nodes of the orbit (`kept`).
+    stand. Rows that wait hold `guess` where their averaged orbit is known. Rows with room keep the nodes of the orbit
+    (`kept`).
     """
     out, status, solver = answers
     room, at, guess, waiting = Room(), OrbitNodes(), np.zeros(col.GUESS), 0
@@ -87,14 +88,16 @@ def cheap_rows(
         status[i] = cheap_orbit(Oscillator(law, p, lever), amplitude, surety, limits, guess, room)
         if status[i] != col.GOOD:
             waiting += 1
-            if status[i] == col.STIFF:
+            if status[i] == col.KNOWN:
                 copy(guess, row)
+                status[i] = col.PENDING
         else:
             solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
-                out[i, KEPT_COUNT] = 0.0
-                if room.state.parts == 1.0 and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
-                    keep_nodes(room.nodes, amplitude, room.state.centre, p[col.LONGRANGE] != 0.0, at, out[i])
+                if solver[i] == col.CORRECTED and room.state.parts > 0 and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
+                    f, longrange = nodes_of_solution(room), p[col.LONGRANGE] != 0.0
+                    nodes_from_response(f, amplitude, room.state.centre, longrange, at)
+                    keep_nodes(at, out[i])
     return waiting
 
 

@@ -20,23 +20,19 @@ from phasemap._kernels.law import (
 )
 from phasemap._kernels.lever import detected_compliance
 from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
-from phasemap._kernels.orbits.kept import KEPT_COUNT, read_nodes
-from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.passes import PassState
-from phasemap._kernels.orbits.solved import all_nodes_of, new_path
+from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.solved import nodes_of, room_again
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES, SolvedRows
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count
 
 
 @kernel
-def _jump_slope(law: Law, p: np.ndarray, entry: float, release: float) -> float:
+def _jump_slope(law: Law, p: np.ndarray, at: OrbitNodes) -> float:
     """Integral of dF/dd over theta across jumps of the force [N/m]: each jump over |dd/dtheta| there [m]."""
-    if entry == 0.0 or release == 0.0:
-        return 0.0
     made = contact_force(law, 0.0, p) - longrange_force(law, 0.0, p)
     broken = contact_force(law, p[col.RELEASE], p) - longrange_force(law, p[col.RELEASE], p)
-    return made / entry + broken / release
+    return made * at.begins + broken * at.ends
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -164,40 +160,38 @@ def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
 
 @kernel
 def force_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, second: np.ndarray, solved: SolvedRows, harmonics: bool
-) -> None:
+    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, second: np.ndarray, solved: SolvedRows,
+    harmonics: bool,
+) -> None:  # fmt: skip
     """Fill in GRADIENT and DRAG of rows that have a periodic orbit.
 
     `second` is the lever of a second mode, shape (5,), of stiffness 0 where there is none: SIDEBANDS are filled in with
     one. WAVES are filled in where `harmonics` of the motion are wanted.
     """
     out, averaged, kept = solved
-    path, slopes, waves, load = (
-        new_path(OrbitNodes(), Nodes(), PassState()),
+    at, slopes, waves, load = (
+        OrbitNodes(),
         np.zeros((2, SLOPE_HARMONICS)),
         np.zeros((2, col.HARMONICS)),
         np.zeros((5, MOST_NODES)),
     )
+    again = room_again(lever, at, Room())
     bimodal = second[col.STIFFNESS] > 0.0
     yields = _compliances(lever, second) if bimodal else np.zeros((2, 1 + SLOPE_HARMONICS))
     for i in range(len(rows)):
-        row, p = out[i], parameters(rows[i])
-        if not moves(row):
+        oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
+        if not moves(row) or not nodes_of(
+            oscillator, tables, row, averaged[i], kept[i if kept.shape[1] > 0 else 0], again
+        ):
             continue
-        at = path.at
-        if len(kept) > 0 and kept[i, KEPT_COUNT] > 0.0:
-            count, entry, release = read_nodes(kept[i], at)
-        else:
-            count, entry, release = all_nodes_of(Oscillator(law, p, lever), row, averaged[i], path)
-        if count == 0:
-            continue
+        p, count = oscillator.p, at.count
         gradient, drag = _slope_load(law, p, at, count, load)
-        gradient += _jump_slope(law, p, entry, release)
+        gradient += _jump_slope(law, p, at)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
         if bimodal:
             _harmonics(at, count, load, 1, slopes)
             _sidebands(yields, slopes, row)
         if harmonics:
-            _force_load(Oscillator(law, p, lever), at, count, load)
+            _force_load(oscillator, at, count, load)
             _harmonics(at, count, load, 2, waves)
             _fill_waves(lever, waves, row)

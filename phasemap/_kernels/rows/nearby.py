@@ -12,13 +12,10 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import fixed_path
 from phasemap._kernels.continuation.step import relay_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import is_thrown_back
-from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
+from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, guess_of_row, orbit_near
+from phasemap._kernels.orbits.collocation.newton import solve_at_amplitude
 from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
-
-MOST_NEARBY_STEPS = 12  # of Newton's method from a guess
 
 
 class NearbyGuesses(NamedTuple):
@@ -49,32 +46,30 @@ def nearby_rows(
     orbit, spare = new_orbit(lever), new_orbit(lever)
     guess = np.zeros(col.HARMONIC_ORBIT)
     for i in range(len(rows)):
-        oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
-        amplitude, z0, phase = guesses.amplitudes[i], guesses.offsets[i], guesses.phases[i]
-        guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = z0, guesses.means[i], amplitude
-        guess[col.G_P] = lever[col.DRIVE] * math.sin(phase) - amplitude * lever[col.DYNAMIC_STIFFNESS]
-        guess[col.G_S] = lever[col.DYNAMIC_LOSS] * amplitude - lever[col.DRIVE] * math.cos(phase)
-        tolerance = tolerance_of(oscillator)
-        done, throws = col.NOT_CONVERGED, is_thrown_back(oscillator, amplitude, guess[col.G_P])
+        oscillator, row, z0 = Oscillator(law, parameters(rows[i]), lever), out[i], guesses.offsets[i]
+        row[col.AMPLITUDE], row[col.TIP_OFFSET] = guesses.amplitudes[i], z0
+        row[col.MEAN], row[col.PHASE] = guesses.means[i], guesses.phases[i]
+        guess_of_row(lever, row, guess)
+        done = col.NOT_CONVERGED
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
             if warm:
                 head = head_of(orbit)
-                head.tip_offset, head.push, head.drag = z0, guess[col.G_P], guess[col.G_S]
+                head.amplitude, head.tip_offset = guess[col.G_A], z0
+                head.push, head.drag = guess[col.G_P], guess[col.G_S]
                 if not relay_orbit(fixed_path(oscillator, tables), orbit, spare):
                     continue
-                orbit, spare = spare, orbit
-            elif not (throws and begin_impact(oscillator, tables, orbit, amplitude, 0)):
-                if not begin_harmonic(oscillator, tables, orbit, guess, 0):
-                    continue
-            done, _, orbit, spare = solve_at_amplitude(
-                oscillator, tables, orbit, spare, 0, tolerance, MOST_NEARBY_STEPS
-            )
-            if done == col.GOOD:
-                done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
-            near = abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]
-            if done == col.GOOD and near and feedback_status(row) == col.GOOD:
+                done, _, orbit, spare = solve_at_amplitude(
+                    oscillator, tables, spare, orbit, 0, tolerance_of(oscillator), MOST_STEPS_NEARBY
+                )
+                if done == col.GOOD:
+                    done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
+                if done == col.GOOD:
+                    done = feedback_status(row)
+            else:
+                done, _, orbit, spare = orbit_near(oscillator, tables, guess, orbit, spare, row)
+            if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]:
                 break
             done = col.NOT_CONVERGED
         if done != col.GOOD:

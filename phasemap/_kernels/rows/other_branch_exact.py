@@ -11,12 +11,10 @@ from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
-from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.near import orbit_near
 from phasemap._kernels.orbits.collocation.system import new_orbit
 from phasemap._kernels.rows.answers import Answers
 
-MOST_OTHER_BRANCH_STEPS = 15
 MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
 
 
@@ -34,8 +32,7 @@ def exact_near_rows(
     orbit, spare, guess = new_orbit(lever), new_orbit(lever), np.zeros(col.HARMONIC_ORBIT)
     waiting = 0
     for i in range(first, last):
-        p, left = parameters(rows[i]), False
-        tolerance = tolerance_of(Oscillator(law, p, lever))
+        oscillator, left = Oscillator(law, parameters(rows[i]), lever), False
         for slot in range(ENGAGED):
             if status[slot, i] != col.PENDING:
                 continue
@@ -43,22 +40,12 @@ def exact_near_rows(
             for j in range(len(guess)):
                 guess[j] = row[j]
             for _ in range(MOST_STARTS):
-                if math.isnan(guess[col.G_Z0]) or not begin_harmonic(
-                    Oscillator(law, p, lever), tables, orbit, guess, 0
-                ):
+                if math.isnan(guess[col.G_Z0]):
                     break
-                done, _, orbit, spare = solve_at_amplitude(
-                    Oscillator(law, p, lever), tables, orbit, spare, 0, tolerance, MOST_OTHER_BRANCH_STEPS
-                )
-                if done == col.GOOD:
-                    done, orbit, spare = refine_orbit(Oscillator(law, p, lever), tables, orbit, spare, row)
-                if (
-                    done == col.GOOD
-                    and feedback_status(row) == col.GOOD
-                    and (row[col.STIFFENING] > 0.0) == (slot == REPELLING)
-                ):
+                done, _, orbit, spare = orbit_near(oscillator, tables, guess, orbit, spare, row)
+                if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
                     status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
-                    estimate_errors(Oscillator(law, p, lever), tables, orbit, spare, row)
+                    estimate_errors(oscillator, tables, orbit, spare, row)
                     break
                 guess[col.G_Z0] += FARTHER_START * amplitudes[i]
             if status[slot, i] == col.PENDING:

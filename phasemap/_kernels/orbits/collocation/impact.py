@@ -134,28 +134,64 @@ def speed_for(oscillator: Oscillator, kick: float, turn: float, hit: Hit) -> boo
 
 
 @kernel
+def mismatch_of_kick(lever: np.ndarray, amplitude: float, kick: float, sine: float) -> float:
+    """Drive needed, squared, less that given, squared [m^2], where a kick J at an angle phi holds the amplitude.
+
+    It is (J cos(phi) + A s)^2 + (y A - J sin(phi))^2 - u0^2, with the dynamic stiffness s + i y.
+    """
+    cosine = math.sqrt(max(1.0 - sine * sine, 0.0))
+    x, y = kick * cosine + amplitude * lever[col.DYNAMIC_STIFFNESS], amplitude * lever[col.DYNAMIC_LOSS] - kick * sine
+    return x * x + y * y - lever[col.DRIVE] ** 2
+
+
+@kernel
+def sine_of_kick(lever: np.ndarray, amplitude: float, kick: float, mean_slope: float, loss: float) -> float:
+    """Sine of the angle at which a kick J makes up for what the contact loses: theory, Eq. (collocation-7)."""
+    sine = (mean_slope * kick - lever[col.OMEGA] ** 2 * loss / (math.pi * kick)) / amplitude
+    return max(-1.0, min(sine, 1.0))
+
+
+@kernel
+def kick_for_drive(lever: np.ndarray, amplitude: float, mean_slope: float, loss: float) -> float:
+    """The least kick J [m] that takes the drive at this amplitude; NaN where none is found."""
+    low, high = 0.0, 0.1 * lever[col.DRIVE]
+    f_low, f_high = (lever[col.DYNAMIC_STIFFNESS] ** 2 + lever[col.DYNAMIC_LOSS] ** 2) * amplitude**2, 0.0
+    f_low -= lever[col.DRIVE] ** 2
+    for _ in range(MOST_SPEEDS):
+        f_high = mismatch_of_kick(lever, amplitude, high, sine_of_kick(lever, amplitude, high, mean_slope, loss))
+        if f_high > 0.0:
+            break
+        low, f_low = high, f_high
+        high *= 1.5
+    if not f_high > 0.0 > f_low:
+        return math.nan
+    for _ in range(MOST_SPEEDS):
+        kick = (low * f_high - high * f_low) / (f_high - f_low)
+        f = mismatch_of_kick(lever, amplitude, kick, sine_of_kick(lever, amplitude, kick, mean_slope, loss))
+        if abs(f) < KICK_KNOWN * lever[col.DRIVE] ** 2:
+            return kick
+        low, f_low, high, f_high = narrowed(low, f_low, high, f_high, kick, f)
+    return math.nan
+
+
+@kernel
 def find_hit(oscillator: Oscillator, amplitude: float, hit: Hit) -> bool:
     """Fill the hit that takes the drive at this amplitude; False where no short contact does."""
     lever = oscillator.lever
-    base, omega = lever[col.DRIVE], lever[col.OMEGA]
-    stiff, damped = amplitude * lever[col.DYNAMIC_STIFFNESS], amplitude * lever[col.DYNAMIC_LOSS]
     mean_slope = 0.5 * (after_kick(lever, 0.0)[1] + after_kick(lever, 2.0 * math.pi)[1])
-    kick, loss = base, 0.0
+    before, loss = 0.0, 0.0
     for _ in range(MOST_ROUNDS):
-        sine = (mean_slope * kick - omega * omega * loss / (math.pi * kick)) / amplitude
-        if not abs(sine) < 1.0:
+        kick = kick_for_drive(lever, amplitude, mean_slope, loss)
+        if not kick > 0.0:
             return False
-        cosine, before = math.sqrt(1.0 - sine * sine), kick
-        # (J cos(phi) + A (1 - omega^2))^2 + (2 alpha0 omega A - J sin(phi))^2 = u0^2
-        half, rest = stiff * cosine - damped * sine, stiff * stiff + damped * damped - base * base
-        if not half * half > rest:
-            return False
-        kick = math.sqrt(half * half - rest) - half
-        if not kick > 0.0 or not speed_for(oscillator, kick, amplitude * cosine - KICK_LIFT * kick, hit):
+        sine = sine_of_kick(lever, amplitude, kick, mean_slope, loss)
+        turn = amplitude * math.sqrt(1.0 - sine * sine) - KICK_LIFT * kick
+        if not abs(sine) < 1.0 or not speed_for(oscillator, kick, turn, hit):
             return False
         hit.kick, hit.angle, loss = kick, math.asin(sine), hit.loss
-        if abs(kick - before) < KICK_KNOWN * base:
+        if abs(kick - before) < KICK_KNOWN * lever[col.DRIVE]:
             break
+        before = kick
     return hit.half < LONGEST_KICK
 
 

@@ -32,8 +32,11 @@ N = 16  # nodes in an element; elements: before contact (counted backwards in ti
 GAUSS_X, GAUSS_WEIGHTS = gauss(N)
 UPTO = np.ascontiguousarray(integration_matrix(GAUSS_X).T)  # [k, j]: integral of the k-th polynomial up to node j
 EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (GAUSS_X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (GAUSS_X - 1.0))
-_LEGENDRE = np.polynomial.legendre.legvander(2 * GAUSS_X - 1, N - 1).T * GAUSS_WEIGHTS
-HIGHEST = _LEGENDRE[N - 2 :] * np.array([[2 * N - 3], [2 * N - 1]])  # coefficients of the highest polynomials
+_LEGENDRE = np.polynomial.legendre.legvander(np.concatenate([2 * GAUSS_X - 1, GAUSS_X - 1, GAUSS_X]), N - 1)
+INTO_PARTS = _LEGENDRE[N:] @ np.linalg.inv(_LEGENDRE[:N])  # from the nodes of a contact to those of its halves
+HIGHEST = (_LEGENDRE[:N].T * GAUSS_WEIGHTS)[N - 2 :] * np.array(
+    [[2 * N - 3], [2 * N - 1]]
+)  # coefficients of the highest polynomials
 LATE_S, LATE_W = np.sin(0.5 * np.pi * GAUSS_X), 0.5 * np.pi * np.cos(0.5 * np.pi * GAUSS_X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
 MOST_PARTS = 8  # of a contact, which is cut in 1, 2, 4 or 8
@@ -280,3 +283,26 @@ def move_nodes(f: Nodes, amplitude: float, e: float, touching: bool, longrange: 
     lay_nodes(f, entry, exit_, longrange)
     for j in range(count):
         f.w[j] += f.u[j] * (theta[j] - before[j])
+
+
+@kernel
+def cut_contact(f: Nodes, finer: Nodes, longrange: bool) -> None:
+    """Carry an orbit over to nodes that cut each part of its contact in two."""
+    finer.parts = 2 * parts_of(f)
+    copy(f.far, finer.far)
+    copy(f.far_weight, finer.far_weight)
+    lay_nodes(finer, f.theta[ENTRY], f.theta[EXIT], longrange)
+    _interpolate(f.w, parts_of(f), finer.w)
+    _interpolate(f.u, parts_of(f), finer.u)
+
+
+@kernel
+def _interpolate(row: np.ndarray, parts: int, finer: np.ndarray) -> None:
+    """Carry the values at nodes over to those that cut each part of the contact in two."""
+    for j in range(ALL):
+        finer[j] = row[j]
+    for j in range(2 * N * parts):
+        part, total = j // (2 * N), 0.0
+        for k in range(N):
+            total += INTO_PARTS[j % (2 * N), k] * row[first_of(part) + k]
+        finer[contact_node(j)] = total

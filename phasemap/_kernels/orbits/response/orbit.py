@@ -9,22 +9,18 @@ from phasemap._kernels.columns import DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import Maximum, near_resonance, put_averaged_orbit
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import is_sticky, modes_of, reach_of
-from phasemap._kernels.orbits.response.firm import newton_orbit_is_kept
-from phasemap._kernels.orbits.response.newton import Bench, cut_contact
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, Nodes, middle_of, parts_of
+from phasemap._kernels.lever import modes_of, reach_of
+from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
     UNRESOLVED,
     PassState,
-    apex_of,
     beside_resonance,
     converge,
     evaluate_nodes,
     start_passes,
 )
 from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, pressed_orbit
-from phasemap._kernels.orbits.response.softened import Before, most_parts, newton_from_softer, resolve
 from phasemap._kernels.orbits.response.sound import orbit_is_kept
 from phasemap._kernels.records import assign, clear, record
 
@@ -117,7 +113,12 @@ def _pass_from(
     state.parts = parts_of(f)
     found = converge(oscillator, f, state, False, limits[0], limits[1])
     other, cut = room.finer, beside_resonance(lever) or modes_of(lever) > 1
-    while found == UNRESOLVED and f.theta[EXIT] > f.theta[ENTRY] and cut and 2 * parts_of(f) <= most_parts(lever):
+    while (
+        found == UNRESOLVED
+        and f.theta[EXIT] > f.theta[ENTRY]
+        and cut
+        and 2 * parts_of(f) <= (2 if modes_of(lever) == 1 else MOST_PARTS)
+    ):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
         if not put_averaged_orbit(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
@@ -143,37 +144,6 @@ def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bo
     """Whether an orbit is on the branch of the averaged one."""
     same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
     return same and abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, guess[col.G_A])
-
-
-@kernel
-def refine_stiff(
-    oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, short: Bench, long: Bench, before: Before
-) -> int:
-    """Exact orbit near the averaged one of `guess` by Newton's method; the parts of its contact, 0 without one.
-
-    That its harmonics lift the tip does not bring it to another branch.
-    """
-    law, p, lever = oscillator
-    bench, reach, e, amplitude = short, reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN], guess[col.G_A]
-    _reset_pass_state(guess, e, bench.state)
-    if guess[col.G_P] < 0.0:
-        return 0  # where the force outside of contact counts as much, it is not known how the branch goes on
-    if is_sticky(oscillator, amplitude):
-        return 0  # nor is that force little enough to follow a step behind
-    if not e < amplitude or not start_passes(oscillator, reach, bench.nodes, bench.state):
-        return 0
-    found, in_other = resolve(oscillator, reach, limits, short, long)
-    if found != FOUND and modes_of(lever) > 1:
-        _reset_pass_state(guess, e, short.state)
-        found, in_other = newton_from_softer(oscillator, reach, limits, short, long, before)
-    bench = long if in_other else short
-    f, state = bench.nodes, bench.state
-    if found != FOUND or (state.push > 0.0) != (guess[col.G_P] > 0.0):
-        return 0
-    near = abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, amplitude)
-    lift = f.w[middle_of(f)] if modes_of(lever) == 1 else apex_of(f, amplitude) - amplitude
-    near = near or abs(state.centre - lift - e) < FAR_OFF * amplitude
-    return parts_of(f) if near and newton_orbit_is_kept(oscillator, reach, bench) else 0
 
 
 @kernel
