@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import Case, load
-from phasemap._kernels.rows.stiff import stiff_rows
 from scipy.integrate import solve_ivp
 
 import phasemap as pm
@@ -19,7 +18,9 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.response.multipliers import fill_monodromy
 from phasemap._kernels.orbits.response.nodes import GAUSS_WEIGHTS, N, Nodes, contact_node, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import UNRESOLVED, PassState, converge, evaluate_nodes, start_passes
+from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.rows.exact import exact_rows
 from phasemap._kernels.rows.fast import cheap_rows
 from phasemap._kernels.wide import WAVES
 from phasemap.solvers.integrals import with_forces
@@ -45,7 +46,7 @@ def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
 def solved(work: Work) -> np.ndarray:
     answers = Answers(np.empty((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     cheap_rows(work.law, work.rows, work.lever, work.amplitudes, LIMITS, False, 0, 1, answers)
-    stiff_rows(work.law, work.rows, work.lever, LIMITS, False, 0, 1, answers)
+    exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, 0, 1, answers)
     assert answers.status[0] == col.GOOD
     return answers.rows[0]
 
@@ -81,7 +82,9 @@ def test_a_second_mode_that_does_not_yield_changes_nothing(modulus: float) -> No
     one = replace(LIQUID, cantilever=replace(LIQUID.cantilever, modes=()))
     row, alone = solved(asked(scope, modulus, 0.8)), solved(asked(one, modulus, 0.8))
     for channel, error in ((col.PHASE, col.ERROR_PHASE), (col.TIP_OFFSET, col.ERROR_HEIGHT)):
-        assert abs(row[channel] - alone[channel]) < row[error] + alone[error]
+        # A mode that yields a thousand-millionth part as much changes the motion by as little.
+        yields = 2e-9 if channel == col.PHASE else 2e-18
+        assert abs(row[channel] - alone[channel]) < row[error] + alone[error] + yields
 
 
 def test_what_taps_take_from_the_first_harmonic_is_lost_in_the_higher_ones_of_both_modes() -> None:

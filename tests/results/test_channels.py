@@ -14,13 +14,17 @@ from cases import Case, load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels.orbits.kept import KEPT_COUNT
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE, WAVES
+from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
-from phasemap.solvers.integrals import bare_rows, with_adhesion, with_forces
+from phasemap.solvers.integrals import NONE, bare_rows, with_adhesion, with_forces
+from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, material_row, work_of_material
+from phasemap.solvers.run import run
 
 CASES = load("channels")
 GENTLE = CASES[:12]  # the others tap so shortly that harmonics beyond the sixth count
@@ -51,6 +55,7 @@ def row_of(case: Case) -> np.ndarray:
     row = np.full((1, col.COLUMNS), np.nan)
     row[0, col.AMPLITUDE], row[0, col.PHASE] = case["seen_amplitude"], np.radians(case["seen_phase"])
     row[0, col.INDENTATION], row[0, col.TIP_OFFSET] = case["indentation"], case["tip_offset"]
+    row[0, col.MEAN] = -case["mean_force"] / case["stiffness"]
     return row
 
 
@@ -111,7 +116,7 @@ def test_virial_of_the_orbit_is_that_of_amplitude_and_phase_with_mean_and_harmon
 @pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
 def test_energies_of_the_attraction_are_those_of_the_orbit(case: Case) -> None:
     virial, loss, storage = energies_of(case)
-    # The tap is followed from its deepest point, in ten steps each way; the orbit's own history is the reference.
+    # The nodes are those of an orbit that is solved again; the orbit's own history is the reference.
     assert storage == pytest.approx(case["contact_storage"], rel=5e-3)
     # Taken as harmonic about its deepest point: good to hundredths in air, to a tenth in a liquid or on a soft lever.
     allowed = 1e-2 if case["stiffness"] == 40.0 else 0.1
@@ -296,19 +301,26 @@ def test_harmonics_and_mean_slopes_are_those_of_the_orbit(case: Case) -> None:
         assert wide[GRADIENT] == pytest.approx(case["gradient"], rel=allowed)
 
 
+@pytest.mark.parametrize("complete", [False, True], ids=("passes", "collocation"))
 @pytest.mark.parametrize("case", [AIR, CASES[4]], ids=("bare", "sticky"))
-def test_an_orbit_that_is_retraced_is_the_one_that_is_followed(case: Case) -> None:
-    # Without a mean deflection the row does not tell where the lever is, and the tip is followed instead.
-    work, used = work_of_material(material_of(case), scope_of(case), 1e-9), np.array([col.ORBIT], np.int8)
-    row = row_of(case)
-    followed = with_forces(row, work, used, scope_of(case))[0]
-    row[0, col.MEAN] = -case["mean_force"] / case["stiffness"]
-    retraced = with_forces(row, work, used, scope_of(case))[0]
-    assert not np.array_equal(followed[[GRADIENT, DRAG]], retraced[[GRADIENT, DRAG]])
-    # Each is good to 1e-3 of what integration in time gives.
-    np.testing.assert_allclose(followed[[GRADIENT, DRAG]], retraced[[GRADIENT, DRAG]], rtol=2e-3)
-    alone = with_forces(row, work, used, scope_of(case), harmonics=False)[0]
-    assert alone[GRADIENT] == retraced[GRADIENT] and np.isnan(alone[WAVES])
+def test_an_orbit_whose_nodes_were_kept_has_the_same_integrals_as_one_that_is_solved_again(
+    case: Case, complete: bool
+) -> None:
+    scope, kinds = scope_of(case), {}
+
+    def widen(part: Work, rows: np.ndarray, used: np.ndarray, at: np.ndarray) -> np.ndarray:
+        assert rows[0, KEPT_COUNT] > 0
+        alone = np.ascontiguousarray(rows[:, : col.COLUMNS])
+        kinds["again"], kinds["kept"] = (with_forces(alone, part, used, scope, kept=kept) for kept in (NONE, rows))
+        kinds["plain"] = with_forces(alone, part, used, scope, harmonics=False)
+        return kinds["kept"]
+
+    work = work_of_material(material_of(case), scope, case["amplitude"])
+    _, status, _ = run(Orbit(complete), work, Accuracy(), widen=widen)
+    assert status[0] == col.GOOD
+    # Kept nodes of passes are as exact as their orbit, 1e-3 degree; those of collocation are the same ones.
+    np.testing.assert_allclose(kinds["kept"][:, GRADIENT:], kinds["again"][:, GRADIENT:], rtol=1e-4)
+    assert kinds["plain"][0, GRADIENT] == kinds["again"][0, GRADIENT] and np.isnan(kinds["plain"][0, WAVES])
 
 
 def test_integrals_are_continuous_in_the_material() -> None:

@@ -16,7 +16,7 @@ from phasemap._kernels.orbits.around import (
     moves,
 )
 from phasemap._kernels.orbits.response.orbit import Room
-from phasemap._kernels.orbits.solved import nodes_of, room_again
+from phasemap._kernels.rows.along_orbit import nodes_of, room_again
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, STORAGE, SolvedRows
 
 

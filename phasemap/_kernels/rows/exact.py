@@ -70,12 +70,10 @@ def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, R
 
 
 @kernel
-def _orbit_along_curve(
+def _follow_curve(
     oscillator: Oscillator, tables: np.ndarray, amplitude: float, repulsive: bool, rooms: Rooms
 ) -> tuple[int, Rooms]:
-    """Exact orbit at which a tip stops that is lowered, in `found` of the rooms; returns a status.
-
-    `repulsive`: whether it is known to be a repulsive one.
+    """Follow the exact curve to where a tip stops that is lowered, in `found` of the rooms; returns a status.
 
     On finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
     """
@@ -97,6 +95,21 @@ def _orbit_along_curve(
 
 
 @kernel
+def orbit_along_curve(
+    oscillator: Oscillator, tables: np.ndarray, amplitude: float, repulsive: bool, rooms: Rooms, row: np.ndarray
+) -> tuple[int, Rooms]:
+    """Exact orbit at which a tip stops that is lowered, in `found` of the rooms and its row; returns a status.
+
+    `repulsive`: whether it is known to be a repulsive one.
+    """
+    done, rooms = _follow_curve(oscillator, tables, amplitude, repulsive, rooms)
+    orbit, spare, saved, found = rooms
+    if done == col.GOOD:
+        done, found, spare = refine_orbit(oscillator, tables, found, spare, row)
+    return feedback_status(row) if done == col.GOOD else done, Rooms(orbit, spare, saved, found)
+
+
+@kernel
 def exact_orbit(
     oscillator: Oscillator, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
     rooms: Rooms, row: np.ndarray,
@@ -112,15 +125,17 @@ def exact_orbit(
         good, rooms = _orbit_near(oscillator, tables, guess, rooms, row)
         if good:
             return col.GOOD, rooms
-    done, rooms = _orbit_along_curve(oscillator, tables, amplitude, surety == SURE and guess[col.G_P] > 0.0, rooms)
-    orbit, spare, saved, found = rooms
-    if done == col.GOOD:
-        done, found, spare = refine_orbit(oscillator, tables, found, spare, row)
-    if done == col.GOOD:
-        done = feedback_status(row)
+    repulsive = surety == SURE and guess[col.G_P] > 0.0
+    done, rooms = orbit_along_curve(oscillator, tables, amplitude, repulsive, rooms, row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * amplitude):
         done = col.NOT_CONVERGED
-    return done, Rooms(orbit, spare, saved, found)
+    return done, rooms
+
+
+@kernel
+def new_rooms(lever: np.ndarray) -> Rooms:
+    """Room for orbits of this lever."""
+    return Rooms(new_orbit(lever), new_orbit(lever), new_orbit(lever), new_orbit(lever))
 
 
 @kernel
@@ -136,7 +151,7 @@ def exact_rows(
 ) -> None:
     """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
-    rooms = Rooms(new_orbit(lever), new_orbit(lever), new_orbit(lever), new_orbit(lever))
+    rooms = new_rooms(lever)
     guess, top, at = np.zeros(col.GUESS), Maximum(), OrbitNodes()
     for i in range(first, last):
         if status[i] != col.PENDING:

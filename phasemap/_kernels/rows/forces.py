@@ -21,7 +21,7 @@ from phasemap._kernels.law import (
 from phasemap._kernels.lever import detected_compliance
 from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
 from phasemap._kernels.orbits.response.orbit import Room
-from phasemap._kernels.orbits.solved import nodes_of, room_again
+from phasemap._kernels.rows.along_orbit import nodes_of, room_again
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES, SolvedRows
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count

@@ -41,7 +41,7 @@ def orbit_near(
     are: harmonics that lift the tip do not bring it to another branch.
     """
     tolerance, done, start, deep = tolerance_of(oscillator), col.NOT_CONVERGED, math.nan, math.nan
-    # A lever of low Q that is thrown back begins with the motion after a kick; else finer elements change less by a step.
+    # A lever of low Q that is thrown back begins with the motion after a kick; finer elements change less by a step.
     thrown = low_q(oscillator.lever) and guess[col.G_P] > 0.0
     for attempt in range(2 if thrown else FINEST_LEVEL + 1):
         level = 0 if thrown else attempt

@@ -9,6 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.exact import Rooms
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     REPULSIVE,
@@ -20,7 +21,6 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.around import OrbitNodes, harmonic
 from phasemap._kernels.orbits.collocation.near import guess_of_row, orbit_near, same_orbit
-from phasemap._kernels.orbits.collocation.system import Orbit, new_orbit
 from phasemap._kernels.orbits.kept import (
     FAINT_DRIVE,
     KEPT_COUNT,
@@ -29,6 +29,7 @@ from phasemap._kernels.orbits.kept import (
     read_nodes,
 )
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
+from phasemap._kernels.rows.exact import new_rooms, orbit_along_curve
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
 ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may differ
@@ -42,15 +43,14 @@ class Again(NamedTuple):
     limits: np.ndarray
     guess: np.ndarray
     row: np.ndarray
-    orbit: Orbit
-    spare: Orbit
+    rooms: Rooms
 
 
 @kernel
 def room_again(lever: np.ndarray, at: OrbitNodes, room: Room) -> Again:
     """Room for orbits that are solved again, with these nodes and the room of the passes."""
     limits = np.array([AGAIN_PHASE, AGAIN_HEIGHT])
-    return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_orbit(lever), new_orbit(lever))
+    return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_rooms(lever))
 
 
 @kernel
@@ -68,10 +68,17 @@ def nodes_of(
     if averaged:
         harmonic(oscillator.law, oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], again.at)
         return True
-    if oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE] and _by_passes(oscillator, row, again):
+    guess_of_row(oscillator.lever, row, again.guess)
+    side = REPULSIVE if again.guess[col.G_P] > 0.0 else ATTRACTIVE
+    if oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE] and _by_passes(oscillator, row, side, again):
         return True
     guess_of_row(oscillator.lever, row, again.guess)
-    done, _, orbit, _ = orbit_near(oscillator, tables, again.guess, again.orbit, again.spare, again.row)
+    orbit, spare, saved, found = again.rooms
+    done, _, orbit, spare = orbit_near(oscillator, tables, again.guess, orbit, spare, again.row)
+    if done != col.GOOD or not same_orbit(again.row, row):
+        rooms = Rooms(orbit, spare, saved, found)
+        done, rooms = orbit_along_curve(oscillator, tables, row[col.AMPLITUDE], side == REPULSIVE, rooms, again.row)
+        orbit = rooms.found
     if done != col.GOOD or not same_orbit(again.row, row):
         return False
     nodes_from_collocation(oscillator, tables, orbit, again.at)
@@ -79,13 +86,13 @@ def nodes_of(
 
 
 @kernel
-def _by_passes(oscillator: Oscillator, row: np.ndarray, again: Again) -> bool:
-    """Fill the nodes of a row whose orbit passes of the lever's response find."""
+def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
+    """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
     law, p, _ = oscillator
     if p[col.RELEASE] != 0.0:
         return False
     reach, amplitude, room, guess = reach_of(law, p), row[col.AMPLITUDE], again.room, again.guess
-    side, longrange = REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE, p[col.LONGRANGE] != 0.0
+    longrange = p[col.LONGRANGE] != 0.0
     if longrange:
         find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, room.top)
     else:
