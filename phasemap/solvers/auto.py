@@ -17,7 +17,10 @@ class Auto:
     name = "auto"
     rows_per_chunk = 500
 
+    def exact_limits(self, accuracy: Accuracy) -> tuple[float, float]:
+        """See `phasemap.solvers.solver.Solver`."""
+        return accuracy.phase, accuracy.height
+
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        limits = accuracy.phase, accuracy.height
-        solve_exactly(work, limits, True, accuracy.periods, first, last, answers)
+        solve_exactly(work, self.exact_limits(accuracy), True, accuracy.periods, first, last, answers)

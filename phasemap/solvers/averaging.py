@@ -22,6 +22,9 @@ class Averaging:
     name = "averaging"
     rows_per_chunk = 2000
 
+    def exact_limits(self, accuracy: Accuracy) -> None:
+        """See `phasemap.solvers.solver.Solver`."""
+
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         from phasemap._kernels.rows.fast import averaged_near_rows

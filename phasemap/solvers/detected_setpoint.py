@@ -6,6 +6,7 @@ says: one equation in A for each material, solved by secants, all materials at a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
+from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.excitation import (
     amplitude_at,
     offset_and_factor,
@@ -31,6 +33,7 @@ Found = tuple[Array, Codes, Codes]
 """Result rows, status and solver codes."""
 
 ATTRACTIVE, REPULSIVE = -1, 1
+CHUNK = 500  # materials that a thread takes at once
 MOST_ROUNDS, MOST_MISSING = 40, 6
 EXACT, CLOSE = 1e-12, 1e-7  # of the setpoint: found; enough in the end
 PATIENT = 8  # rounds after which that is enough
@@ -43,8 +46,9 @@ A, MISS, PHASE, OFFSET, SIDE, LAST = 0, 1, 2, 3, 4, 5  # what is known of the la
 
 
 def hold(
-    work: Work, solve: Callable[[Work], Found], periods: int, sides: tuple[int, ...] = (ATTRACTIVE, REPULSIVE)
-) -> Found:
+    work: Work, solve: Callable[[Work], Found], periods: int, sides: tuple[int, ...] = (ATTRACTIVE, REPULSIVE),
+    limits: tuple[float, float] | None = None, workers: int = 1,
+) -> Found:  # fmt: skip
     """Find the orbits at which the detector shows the amplitudes of a work.
 
     Where engagement from far passes the end of a branch between the two A that show the setpoint, or the amplitude that
@@ -55,10 +59,17 @@ def hold(
     `periods`: that a material may take in time.
     `sides`: branches from which to start; if it is one, `solve` gives orbits of that only, and there is no
         engagement.
+    `limits`: of exact orbits after engagement, the largest errors of passes [degree, m]: these are held by what is seen
+        wherever their branch is sure, and `solve` is asked for the others only.
+    `workers`: threads for that.
     Returns `rows` (shape (n, COLUMNS)): as the detector sees them.
     Returns `status, solver` (shape (n,)).
     """
+    from phasemap._kernels.engagement.resonance import near_resonance
+
     search = _Search(work, solve, sides, periods)
+    if limits is not None and near_resonance(work.lever) and not work.law.memory:
+        search.take_sure(np.array([math.radians(limits[0]), limits[1]]), workers)
     for _ in range(MOST_ROUNDS):
         if not search.go_on():
             break
@@ -82,6 +93,25 @@ class _Search:
         self.rounds, self.missing = np.zeros(count, int), np.zeros(count, int)
         self.lost = (work.rows[:, col.RELEASE] != 0) & (len(sides) > 1) & bool(offset_and_factor(work.lever)[0])
         self.open = ~self.lost
+
+    def take_sure(self, limits: Array, workers: int) -> None:
+        """Take in the orbits whose branch averaging is sure of."""
+        from phasemap._kernels.quadrature import TABLES
+        from phasemap._kernels.rows.seen import seen_rows
+
+        at = np.flatnonzero(self.open)
+        part = self.work.part(at)
+        rows, slopes = np.empty((len(at), col.COLUMNS)), np.empty((len(at), 3))
+        status, used = np.empty(len(at), np.int8), np.empty(len(at), np.int8)
+
+        def some(first: int, last: int) -> None:
+            found = Answers(rows, status, used)
+            seen_rows(part.law, part.rows, part.lever, TABLES, part.amplitudes, limits, first, last, found, slopes)
+
+        spread(some, bounds_of(len(at), CHUNK), workers, None)
+        good = (status == col.GOOD) & (slopes[:, 0] > LEAST_SLOPE)
+        self.rows[at[good]], self.slopes[at[good]] = rows[good], slopes[good]
+        self.status[at[good]], self.used[at[good]], self.open[at[good]] = col.GOOD, used[good], False
 
     def go_on(self) -> bool:
         """Solve once more what is open; False if there is nothing."""

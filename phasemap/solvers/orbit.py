@@ -40,9 +40,13 @@ class Orbit:
     def __init__(self, complete: bool = False, in_time: bool = True) -> None:
         self.complete, self.in_time = complete, in_time
 
+    def exact_limits(self, accuracy: Accuracy) -> tuple[float, float]:
+        """See `phasemap.solvers.solver.Solver`."""
+        return (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
+
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
+        limits = self.exact_limits(accuracy)
         if self.in_time:
             solve_exactly(work, limits, False, accuracy.periods, first, last, answers)
             polish(work, first, last, answers)

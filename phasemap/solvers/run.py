@@ -39,7 +39,8 @@ def run(
     """
     if not sees_tip(work.lever):
         at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
-        rows, status, used = hold(work, at_amplitudes, accuracy.periods)
+        exact, workers = solver.exact_limits(accuracy), workers_of(threads)
+        rows, status, used = hold(work, at_amplitudes, accuracy.periods, limits=exact, workers=workers)
         return (rows if widen is None else widen(work, rows, used, np.arange(len(work)))), status, used
     if work.law.memory and not isinstance(solver, Remembering):
         check_marches(solver.name)

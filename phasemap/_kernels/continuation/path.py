@@ -143,12 +143,12 @@ def held_value(path: Path, m: float) -> float:
 def held_equation(path: Path, m: float) -> Equation:
     """Equation of what is held, linearised at m: of a fixed path, m itself."""
     if path.kind == FIXED_PATH:
-        return Equation(0.0, 0.0, 1.0, 0.0)
+        return Equation(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     value = held_value(path, m)
     rate = (held_value(path, m + DRIFT_STEP) - held_value(path, m - DRIFT_STEP)) / (2.0 * DRIFT_STEP)
     if path.kind == HELD_AMPLITUDE:
-        return Equation(0.0, 1.0, -rate, value - rate * m)
-    return Equation(1.0, 0.0, -rate, value - rate * m)
+        return Equation(0.0, 1.0, -rate, value - rate * m, 0.0, 0.0)
+    return Equation(1.0, 0.0, -rate, value - rate * m, 0.0, 0.0)
 
 
 @kernel
@@ -217,7 +217,8 @@ def solve_on(
     """
     law, tables, head = path.law, path.tables, head_of(orbit)
     r_z, r_a, r_m = row
-    across = Equation(r_z, r_a, r_m, r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter)
+    at = r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter
+    across = Equation(r_z, r_a, r_m, at, 0.0, 0.0)
     p, lever = standing_at(path, head.parameter)
     level = head.level
     still = allowed_displacement(Oscillator(law, p, lever), level)
@@ -263,4 +264,5 @@ def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> boo
         Oscillator(path.law, p, lever), path.tables, orbit, drift
     ):
         return False
-    return curve_derivative(lever, orbit, drift, (held_equation(path, m), Equation(row[0], row[1], row[2], 0.0)))
+    across = Equation(row[0], row[1], row[2], 0.0, 0.0, 0.0)
+    return curve_derivative(lever, orbit, drift, (held_equation(path, m), across))

@@ -22,7 +22,7 @@ def start_far(path: Path, orbit: Orbit, spare: Orbit, amplitude: float, level: i
     guess = np.array(
         [free * far_start(Oscillator(law, p, lever), reach_of(law, p), free, amplitude), 0.0, free, 0.0, 0.0]
     )
-    held = Equation(1.0, -1.0, 0.0, guess[col.G_Z0] - free)
+    held = Equation(1.0, -1.0, 0.0, guess[col.G_Z0] - free, 0.0, 0.0)
     if not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, level):
         return col.NOT_CONVERGED, orbit, spare
     tolerance = 1e-3 * path.reach

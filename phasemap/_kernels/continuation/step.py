@@ -131,7 +131,7 @@ def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: t
     m = head_of(orbit).parameter
     lever = standing_at(path, m)[1]
     right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
-    held = held_equation(path, m), Equation(row[0], row[1], row[2], right)
+    held = held_equation(path, m), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
     if not solve_step(lever, orbit, drift_at(path, m), held):
         return False
     apply_step(path.tables, lever, orbit, 1.0)

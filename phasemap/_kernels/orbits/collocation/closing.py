@@ -81,6 +81,7 @@ def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[E
     for i in range(2):
         one = held[i]
         system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
+        system[row + i, RP], system[row + i, RS] = one.normal_p, one.normal_s
         system[row + i, RIGHT] = one.equals - one.normal_m * head.parameter
     return eliminate(system, len(system))
 
@@ -94,6 +95,7 @@ def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: t
     for i in range(2):
         one = held[i]
         system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
+        system[row + i, RP], system[row + i, RS] = one.normal_p, one.normal_s
     system[row + 1, RIGHT] = 1.0
     return eliminate(system, len(system))
 

@@ -10,6 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.dense import factor, spectral_radius
+from phasemap._kernels.excitation import seen_amplitude
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
@@ -33,6 +34,7 @@ from phasemap._kernels.orbits.collocation.system import (
     head_of,
     hold_amplitude,
     hold_parameter,
+    hold_seen,
     no_drift,
     surface_force,
 )
@@ -40,6 +42,8 @@ from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.quadrature import NODES, T_END1
 
 MOST_NEWTON_STEPS = 30
+MOST_HELD_STEPS = 15  # of one step each, for the amplitude that the detector sees
+HELD_EXACTLY = 1e-12  # of that amplitude
 COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
 
@@ -180,6 +184,25 @@ def solve_at_amplitude(
     """Solve as `solve_orbit` for a periodic orbit with the amplitude that this one has."""
     limits = NewtonLimits(level, tolerance, most, False)
     return solve_orbit(oscillator, tables, orbit, spare, hold_amplitude(orbit), limits)
+
+
+@kernel
+def solve_at_seen(
+    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, seen: float, tolerance: float
+) -> tuple[int, Orbit, Orbit]:
+    """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; returns a status."""
+    limits = NewtonLimits(head_of(orbit).level, tolerance, 1, False)
+    for _ in range(MOST_HELD_STEPS):
+        held = hold_seen(oscillator.lever, orbit, seen)
+        status, steps, orbit, spare = solve_orbit(oscillator, tables, orbit, spare, held, limits)
+        if status == col.GOOD:
+            head = head_of(orbit)
+            lacks = seen - seen_amplitude(oscillator.lever, head.amplitude, head.push, head.drag)
+            if abs(lacks) < HELD_EXACTLY * seen:
+                return col.GOOD, orbit, spare
+        elif steps < 1 or status != col.NOT_CONVERGED:
+            return col.NOT_CONVERGED, orbit, spare
+    return col.NOT_CONVERGED, orbit, spare
 
 
 @kernel

@@ -23,6 +23,7 @@ from phasemap._kernels.columns import (
     RELEASE,
 )
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import (
     Law,
     contact_force,
@@ -83,12 +84,14 @@ DRIFT_STEP = 1e-5
 
 
 class Equation(NamedTuple):
-    """A linear equation that is held: normal (z0, A, m) = equals."""
+    """A linear equation that is held: normal (z0, A, m, P, S) = equals."""
 
     normal_z: float
     normal_a: float
     normal_m: float
     equals: float
+    normal_p: float
+    normal_s: float
 
 
 @record
@@ -178,19 +181,30 @@ def new_orbit(lever: np.ndarray) -> Orbit:
 @kernel
 def hold_amplitude(orbit: Orbit) -> Equation:
     """The equation that holds the amplitude that an orbit has."""
-    return Equation(0.0, 1.0, 0.0, head_of(orbit).amplitude)
+    return Equation(0.0, 1.0, 0.0, head_of(orbit).amplitude, 0.0, 0.0)
 
 
 @kernel
 def hold_offset(z0: float) -> Equation:
     """The equation that holds a tip offset [m]."""
-    return Equation(1.0, 0.0, 0.0, z0)
+    return Equation(1.0, 0.0, 0.0, z0, 0.0, 0.0)
+
+
+@kernel
+def hold_seen(lever: np.ndarray, orbit: Orbit, seen: float) -> Equation:
+    """The equation that holds the amplitude that the detector sees [m], linearised about an orbit."""
+    head = head_of(orbit)
+    of = (head.amplitude, head.push, head.drag)
+    by_a, by_p = seen_rate(lever, of, (1.0, 0.0, 0.0)), seen_rate(lever, of, (0.0, 1.0, 0.0))
+    by_s = seen_rate(lever, of, (0.0, 0.0, 1.0))
+    lacks = seen - seen_amplitude(lever, head.amplitude, head.push, head.drag)
+    return Equation(0.0, by_a, 0.0, lacks + by_a * of[0] + by_p * of[1] + by_s * of[2], by_p, by_s)
 
 
 @kernel
 def hold_parameter(orbit: Orbit) -> Equation:
     """The equation that holds the parameter m where an orbit has it."""
-    return Equation(0.0, 0.0, 1.0, head_of(orbit).parameter)
+    return Equation(0.0, 0.0, 1.0, head_of(orbit).parameter, 0.0, 0.0)
 
 
 @kernel
