@@ -13,7 +13,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
-MUCH_BENT = 0.4  # of the amplitude, by which adhesion bends a lever, or P
+MUCH_BENT = 0.4  # of the amplitude, by which adhesion bends a lever
 
 
 class Mode(NamedTuple):
@@ -187,13 +187,6 @@ def is_sticky(oscillator: Oscillator, amplitude: float) -> bool:
     """Whether adhesion bends a lever of low Q by much of its amplitude."""
     lever = oscillator.lever
     return bool(low_q(lever) and bend_by_adhesion(oscillator) > MUCH_BENT * amplitude)
-
-
-@kernel
-def is_thrown_back(oscillator: Oscillator, amplitude: float, push: float) -> bool:
-    """Whether a contact with this P throws a lever of low Q back, whose orbit is then far from harmonic."""
-    lever = oscillator.lever
-    return bool(push > 0.0 and (is_sticky(oscillator, amplitude) or (low_q(lever) and push > MUCH_BENT * amplitude)))
 
 
 @kernel
