@@ -24,9 +24,10 @@ REGIMES = {
     "stiff sample above resonance": STIFF_SAMPLE | {"ratio": (1.05, 1.05)},
 }  # fmt: skip
 # Share that is left to collocation or time: where averaging leaves the branch open (below resonance, for one, where a
-# lever leaps over it), or a contact lasts for the whole period.
+# lever leaps over it), or a contact lasts for the whole period, or throws the lever back, as in liquid: passes do
+# not converge there.
 LEFT = {
-    "air": 0.05, "soft lever": 0.1, "stiff sample": 0.05, "liquid": 0.18, "soft lever below resonance": 0.11,
+    "air": 0.05, "soft lever": 0.1, "stiff sample": 0.05, "liquid": 0.33, "soft lever below resonance": 0.17,
     "soft lever above resonance": 0.12, "stiff sample above resonance": 0.03,
 }  # fmt: skip
 
