@@ -11,12 +11,8 @@ import phasemap
 PACKAGE = Path(phasemap.__file__).parent
 MOST_ARGUMENTS, MOST_LINES = 9, 400
 
-TABLEAU = "one term for each stage of the method of order 8"
 MANY_ARGUMENTS = {
     "_kernels/orbits/time/compiled_memory.py march": "called by its address, with numbers and arrays only",
-    "_kernels/orbits/time/runge_kutta.py row11": TABLEAU,
-    "_kernels/orbits/time/runge_kutta.py row12": TABLEAU,
-    "_kernels/orbits/time/runge_kutta.py total": TABLEAU,
 }
 """Functions that may take more, and why."""
 
