@@ -38,7 +38,6 @@ from phasemap._kernels.engagement.holding import (
     hold,
     hold_mean,
 )
-from phasemap._kernels.engagement.landed import move_to_setpoint
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_SEEN,
@@ -217,9 +216,6 @@ def lower_to_setpoint(
                 tip.u[Z0] = min(tip.u[Z0], fell[Z0] + LEAD_OF_LOOSE * (amplitude_of(lever, tip.acc) - amplitude))
             if loose:
                 continue
-        leapt = ends == ORBIT_AGAIN and pace > 0.0 and law.memory == 0
-        if leapt and move_to_setpoint(oscillator, amplitude, tolerance, tip):
-            ends = ORBIT_HELD
         if periodic or ends == ORBIT_HELD:
             return hold(oscillator, amplitude, eta, most, tip, row)
         if ends in (AMPLITUDE_SEEN, MOTION_KEPT):

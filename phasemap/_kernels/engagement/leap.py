@@ -2,32 +2,18 @@
 
 Driven below resonance the lever comes nearer to it as the tip is lowered, swings wider, and so brings the tip nearer
 still: if its amplitude may rise by more than the reach of the force, the orbit it is on ends at a fold, and the tip
-falls. Beyond the resonance an attractive orbit may hold it, and in contact, below the resonance that repulsion moves
-up, a repulsive one. Which of the two it comes to is no question of how the curve of orbits runs, for the tip leaves the
-curve: it is one of the motion after the fold, that of the averaged lever a at a fixed tip offset,
-
-    2 (alpha0 + i omega) a' = u0 - (1 - omega^2 + 2 i alpha0 omega) a - (P - i S) a/|a|
-
-(theory, Eq. (slow-flow-1) without a''), which is followed here until it comes to rest. Mean deflection and higher
-harmonics follow at once: harmonics lift the tip by 3/4 P where it touches shortly, by less where longer. Basins may
-be finely woven, and averaging is not exact. So the motion is followed several times, from several depths, with less
-lift, and with other damping; where ends differ, or forces are too strong to be averaged, only time tells. Ends that
-are all attractive are no proof either, for of 995 draws 134 are wrong, unless the fold is about as high as any
-repulsive orbit, where none of 159 is. More damping than there is makes some ends attractive: of 175 draws without
-another such end none is.
+falls. Where no repulsive orbit lies as high as the fold it comes to an attractive one beyond the resonance. Elsewhere
+the curve of orbits, which the tip has left, does not tell where it lands, but time does.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import ATTRACTIVE, REPULSIVE, UNCLEAR, balance_depth
+from phasemap._kernels.engagement.resonance import balance_depth
 from phasemap._kernels.law import Oscillator, longrange_force
-from phasemap._kernels.lever import free_amplitude, inverse_inertia
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.records import record
 
@@ -35,29 +21,10 @@ STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion ben
 FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
 NEARER = 0.75  # steps of its distance from -1.5
 CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
-LIKELY = -0.25  # the same where all variants fall alike
 FOLD_HALVINGS = 8
-VARIANTS = np.array(
-    [
-        [1.0, 0.1, 0.75],
-        [1.0, 0.2, 0.6],
-        [1.0, 0.05, 0.5],
-        [1.0, 0.4, 0.25],
-        [1.0, 0.1, 1.0],
-        [0.75, 0.1, 0.75],
-        [1.3, 0.1, 0.75],
-    ]
-)
-"""Damping and drive over what they are, depth below the fold in reaches, share of P by which harmonics lift the tip.
-
-Those that change the damping come last: they have a fold of their own."""
 NO_FOLD = 0  # how the search for a fold ends
 FOUND = 1
 FOLD_TOO_FAR = 2  # farther than where the search begins
-FALL_TOLERANCE = 0.02  # in reaches, local error of a step
-WAY_FROM_FOLD = 0.5  # in reaches, where a fall begins
-REST = 0.1  # of the fastest rate, at which the motion counts as at rest
-MOST_FALL_STEPS = 1000
 
 
 @record
@@ -118,55 +85,6 @@ def find_fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) 
 
 
 @kernel
-def _complex_amplitude_rate(
-    oscillator: Oscillator, reach: float, z0: float, lift: float, a: complex, mean: float
-) -> tuple[complex, float, float]:
-    """Time derivative of the complex amplitude, in-phase force P [m], and mean deflection with harmonics [m]."""
-    lever = oscillator.lever
-    size = abs(a)
-    push, drag, more = harmonics(oscillator, reach, size, (z0 - mean) / size)
-    drive = lever[col.DRIVE] - complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]) * a
-    return (
-        (drive - complex(push, -drag) * a / size) * inverse_inertia(lever),
-        push,
-        more + lift * push,
-    )
-
-
-@kernel
-def fall_from_fold(oscillator: Oscillator, reach: float, at: FoldPoint, below: float, lift: float) -> int:
-    """Side on which a tip comes to rest that left the fold; UNCLEAR if it does not.
-
-    The steps are the pair of orders 3 and 2 of Bogacki and Shampine, Appl. Math. Lett. 2 (1989) 321.
-    """
-    lever = oscillator.lever
-    alpha0 = lever[col.ALPHA0]
-    stiff, mean = lever[col.DYNAMIC_STIFFNESS], at.mean_deflection + lift * at.push
-    z0 = at.amplitude + at.gap + mean - below * reach
-    # u0 = (X - i Y) a/|a| on an orbit.
-    begun = (
-        lever[col.DRIVE]
-        * at.amplitude
-        / complex(at.push + at.amplitude * stiff, lever[col.DYNAMIC_LOSS] * at.amplitude)
-    )
-    a, h, fastest = begun, 0.02 / alpha0, 0.0
-    k1, push, mean = _complex_amplitude_rate(oscillator, reach, z0, lift, a, mean)
-    for _ in range(MOST_FALL_STEPS):
-        k2, _, _ = _complex_amplitude_rate(oscillator, reach, z0, lift, a + 0.5 * h * k1, mean)
-        k3, _, middle = _complex_amplitude_rate(oscillator, reach, z0, lift, a + 0.75 * h * k2, mean)
-        end = a + h * (2 / 9 * k1 + 1 / 3 * k2 + 4 / 9 * k3)
-        k4, push, last = _complex_amplitude_rate(oscillator, reach, z0, lift, end, middle)
-        error = abs(h * (-5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4)) / (FALL_TOLERANCE * reach)
-        if error <= 1.0:
-            a, k1, mean = end, k4, last
-            fastest = max(fastest, abs(k1))
-            if abs(k1) < REST * fastest and abs(a - begun) > WAY_FROM_FOLD * reach:
-                return REPULSIVE if push + abs(a) * stiff > 0.0 else ATTRACTIVE
-        h *= min(4.0, max(0.2, 0.9 * max(error, 1e-6) ** (-1.0 / 3.0)))
-    return UNCLEAR
-
-
-@kernel
 def highest_repulsive_tip_offset(oscillator: Oscillator, reach: float) -> float:
     """Highest tip offset [m] of an orbit below the resonance that repulsion raises, X > 0; -infinity without one.
 
@@ -201,27 +119,11 @@ def attraction_defies_averaging(oscillator: Oscillator, free: float) -> bool:
 
 
 @kernel
-def landing_side(oscillator: Oscillator, reach: float, free: float) -> int:
-    """Side on which a tip from far lands after its jump at the fold; UNCLEAR where only time marching can tell."""
-    law, p, lever = oscillator
-    at, other = FoldPoint(), lever.copy()
+def lands_attractive(oscillator: Oscillator, reach: float, free: float) -> bool:
+    """Whether a tip from far is surely on the attractive side after its jump at the fold, or does not jump."""
+    at = FoldPoint()
     status = find_fold(oscillator, reach, free, at)
     if status != FOUND:
-        return ATTRACTIVE if status == NO_FOLD else UNCLEAR
+        return status == NO_FOLD
     height = at.amplitude + at.gap + at.mean_deflection - highest_repulsive_tip_offset(oscillator, reach)
-    if height > CLEAR * reach:
-        return ATTRACTIVE
-    landed = UNCLEAR
-    for i in range(len(VARIANTS)):
-        other[col.ALPHA0] = VARIANTS[i, 0] * lever[col.ALPHA0]
-        other[col.DYNAMIC_LOSS] = VARIANTS[i, 0] * lever[col.DYNAMIC_LOSS]
-        other[col.DRIVE] = VARIANTS[i, 0] * lever[col.DRIVE]
-        if VARIANTS[i, 0] != 1.0 and find_fold(Oscillator(law, p, other), reach, free_amplitude(other), at) != FOUND:
-            return UNCLEAR
-        end = fall_from_fold(Oscillator(law, p, other), reach, at, VARIANTS[i, 1], VARIANTS[i, 2])
-        if i == 0:
-            landed = end
-        more = landed == REPULSIVE and VARIANTS[i, 0] > 1.0
-        if not more and (end == UNCLEAR or end != landed):
-            return UNCLEAR
-    return landed if landed == REPULSIVE or height > LIKELY * reach else UNCLEAR
+    return height > CLEAR * reach

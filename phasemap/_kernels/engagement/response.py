@@ -10,28 +10,9 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import (
-    DYNAMIC_STIFFNESS,
-    G_P,
-    G_Z0,
-    GOOD,
-    KNOWN,
-    LONGRANGE,
-    NOT_CONVERGED,
-    PENDING,
-    RELEASE,
-)
+from phasemap._kernels.columns import G_P, G_Z0, GOOD, KNOWN, NOT_CONVERGED, PENDING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import (
-    DOUBTFUL,
-    LEAP,
-    SURE,
-    UNDECIDED,
-    certainty_at_low_q,
-    settle_side,
-    worst_amplitude,
-)
-from phasemap._kernels.engagement.averaged import engage_by_averaging as engage_averaged
+from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, settle_side, worst_amplitude
 from phasemap._kernels.engagement.end import (
     decide_by_refined_maximum,
     decide_exactly,
@@ -39,31 +20,10 @@ from phasemap._kernels.engagement.end import (
     maximum_of_exact_mismatch,
 )
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import (
-    REPULSIVE,
-    UNCLEAR,
-    Maximum,
-    attraction_is_too_weak,
-    leaps,
-    narrowest_amplitude_ratio,
-)
+from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, reach_of
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
-
-
-@kernel
-def engage_by_response(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
-    """Certainty of the branch, judged by averaged orbits; where it is SURE, `guess` holds the orbit."""
-    p, lever = oscillator.p, oscillator.lever
-    if p[RELEASE] != 0.0:
-        return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
-    if low_q(lever):
-        return certainty_at_low_q(oscillator, amplitude, top)
-    status, surety = engage_averaged(oscillator, amplitude, guess, top)
-    if status != GOOD:
-        return DOUBTFUL
-    return LEAP if surety == SURE and rebounds(oscillator, guess[G_P]) else surety
 
 
 @kernel
@@ -82,38 +42,27 @@ def cheap_orbit(
         return PENDING if grazes(p, reach, guess) else KNOWN
     if surety != UNDECIDED:
         return PENDING
-    side, worst = REPULSIVE, amplitude
-    if p[LONGRANGE] != 0.0:
-        worst = worst_amplitude(lever, amplitude)
-        room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-        leapt, low = leaps(lever, reach, free_amplitude(lever)), low_q(lever)
-        if leapt or not low or not attraction_is_too_weak(lever, worst, room.top.mismatch):
-            side = decide_exactly(oscillator, reach, worst, room.top, room.nodes, room.state, room.fit)
-        # At high Q a leap is known to end on the attractive branch.
-        if side != REPULSIVE and (narrowest_amplitude_ratio(lever) > 1.0 or (leapt and low)):
-            return PENDING  # the branch may be cut above the free amplitude, or left by the jump to it
-        if side == UNCLEAR:
-            side = decide_by_refined_maximum(oscillator, reach, amplitude, worst, room)
-        if leapt and not low and (guess[G_P] + amplitude * lever[DYNAMIC_STIFFNESS]) * side < 0.0:
-            return PENDING  # the averaged curve ends elsewhere
+    worst = worst_amplitude(lever, amplitude)
+    room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
+    side = decide_exactly(oscillator, reach, worst, room.top, room.nodes, room.state, room.fit)
+    if side == UNCLEAR:
+        side = decide_by_refined_maximum(oscillator, reach, amplitude, worst, room)
     if side == UNCLEAR:
         return PENDING
-    known, outside = settle_side(oscillator, reach, amplitude, side, room.top, guess), False
-    if side == REPULSIVE and not known:
-        return PENDING
-    if side == REPULSIVE and rebounds(oscillator, guess[G_P]):
-        return NOT_CONVERGED
-    while True:
-        if known and refine(oscillator, reach, guess, limits, room):
-            if side == REPULSIVE or slope_is_clear(oscillator, limits, room):
-                break
-        if side == REPULSIVE or outside:
-            return KNOWN
-        if worst != amplitude:
-            maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
-        known = outside = fill_orbit_outside_maximum(oscillator, reach, amplitude, guess, room)
-        if not outside:
+    known = settle_side(oscillator, reach, amplitude, side, room.top, guess)
+    if side == REPULSIVE:
+        if not known:
             return PENDING
-    if outside:
-        guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
+        if rebounds(oscillator, guess[G_P]):
+            return NOT_CONVERGED
+        return GOOD if refine(oscillator, reach, guess, limits, room) else KNOWN
+    if known and refine(oscillator, reach, guess, limits, room) and slope_is_clear(oscillator, limits, room):
+        return GOOD
+    if worst != amplitude:
+        maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
+    if not fill_orbit_outside_maximum(oscillator, reach, amplitude, guess, room):
+        return PENDING
+    if not (refine(oscillator, reach, guess, limits, room) and slope_is_clear(oscillator, limits, room)):
+        return KNOWN
+    guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
     return GOOD

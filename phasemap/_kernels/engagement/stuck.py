@@ -17,9 +17,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.rest import loosened, static_depth
 from phasemap._kernels.excitation import likely_amplitude
-from phasemap._kernels.law import Oscillator, contact_force
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping
+from phasemap._kernels.lever import bend_by_adhesion
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.period_map import Tolerance, rest
 from phasemap._kernels.orbits.time.tip import (
@@ -45,6 +45,7 @@ LAST_STRIDE = 0.0125  # of the amplitude, the last one: as closely is its end kn
 RAISING_MISS = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
 END_JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
 RAISING_PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step
+LINEAR_SWING = 0.3  # of the depth, a swing that the surface answers like a spring
 # What becomes of a tip that is raised.
 COMES_TO_IT = 0  # to the amplitude
 JUMPS_FREE = 1  # across it, and touches nothing
@@ -103,6 +104,62 @@ def too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
         return False
     needed = drive + of_tip * abs(lever[col.DYNAMIC_STIFFNESS])
     return least_push(oscillator, of_tip) > TOO_STIFF * needed
+
+
+@kernel
+def static_depth(oscillator: Oscillator, z0: float) -> float:
+    """Deepest depth [m] at which the lever rests in contact, theory, Eq. (engagement-5); NaN if it does at none."""
+    law, p, lever = oscillator
+    inverse_k = 1.0 / lever[col.STIFFNESS]
+    high = 2.0 * (abs(z0) + bend_by_adhesion(oscillator)) + 1e-12
+    while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:
+        high *= 2.0
+    low = high
+    for _ in range(200):
+        low = 0.7 * high
+        if z0 + low + inverse_k * contact_force(law, low, p) <= 0.0:
+            break
+        high = low
+    else:
+        return math.nan
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if z0 + middle + inverse_k * contact_force(law, middle, p) <= 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@kernel
+def resting_amplitude(oscillator: Oscillator, d: float) -> float:
+    """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
+    law, p, lever = oscillator
+    omega = lever[col.OMEGA]
+    slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
+    alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
+    return lever[col.DRIVE] / math.hypot(
+        lever[col.DYNAMIC_STIFFNESS] + slope, lever[col.DYNAMIC_LOSS] + 2.0 * alpha * omega
+    )
+
+
+@kernel
+def loosened(oscillator: Oscillator, z0: float, amplitude: float) -> float:
+    """Tip offset to which the resting lever can be retracted before it swings by much of its depth or the setpoint.
+
+    So far the oscillation is linear about the rest, and there is no need to follow it.
+    """
+    law, p, lever = oscillator
+    d = static_depth(oscillator, z0)
+    for _ in range(2000):
+        following = 0.98 * d
+        if not resting_amplitude(oscillator, following) < min(0.9 * amplitude, LINEAR_SWING * following):
+            break
+        offset = -following - contact_force(law, following, p) / lever[col.STIFFNESS]
+        if not offset > z0:
+            break
+        d, z0 = following, offset
+    return z0
 
 
 @kernel

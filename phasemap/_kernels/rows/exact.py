@@ -1,7 +1,7 @@
 """Orbits by collocation, for the pixels that the cheap path leaves, and every orbit of one pixel.
 
-Which orbit the controller finds is decided alike for all solvers: by averaging where that is safe, by exact orbits near
-the end of a branch, and along the whole curve of exact orbits where that is not enough.
+Which orbit the controller finds is decided alike for all solvers: by averaging where that is safe, by the fold at the
+end of the attractive branch, and along the curve of exact orbits where that is not enough.
 """
 
 from __future__ import annotations
@@ -14,12 +14,10 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.path import ENTRY_A, Path, Point, fixed_path
 from phasemap._kernels.continuation.step import Wanted, mark_point
-from phasemap._kernels.engagement.averaged import LEAP, SURE
-from phasemap._kernels.engagement.exact import Rooms, engage_along_exact_curve, engage_near, lower_along_curve
+from phasemap._kernels.engagement.averaged import LEAP, SURE, engage_by_averaging
+from phasemap._kernels.engagement.exact import Rooms, engage_along_exact_curve, lower_along_curve
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import Maximum
-from phasemap._kernels.engagement.response import engage_by_response
-from phasemap._kernels.engagement.rest import LINGERING
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, low_q
 from phasemap._kernels.orbits.around import OrbitNodes
@@ -64,34 +62,8 @@ def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, R
         point, rooms = Point(), Rooms(orbit, spare, saved, found)
         point.tangent_v = -1.0
         if status == col.GOOD and head_of(orbit).push > 0.0 and mark_point(path, orbit, point) and point.floquet < 1.0:
-            status, _, rooms = lower_along_curve(path, wanted, LINGERING, point, rooms)
-            return status, rooms
+            return lower_along_curve(path, wanted, point, rooms)
     return col.NOT_CONVERGED, rooms
-
-
-@kernel
-def _follow_curve(
-    oscillator: Oscillator, tables: np.ndarray, amplitude: float, repulsive: bool, rooms: Rooms
-) -> tuple[int, Rooms]:
-    """Follow the exact curve to where a tip stops that is lowered, in `found` of the rooms; returns a status.
-
-    On finer elements where it fails; where the tip lands nowhere, the curve itself may still come back.
-    """
-    path, wanted = fixed_path(oscillator, tables), Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
-    low = low_q(oscillator.lever)
-    if repulsive or not low:
-        done, rooms = _orbit_from_nearer(path, wanted, rooms) if low else engage_near(path, wanted, rooms)
-        if done == col.GOOD:
-            return done, rooms
-    level, lingering = 0, LINGERING
-    while True:
-        done, rooms = engage_along_exact_curve(path, wanted, level, lingering, rooms)
-        if done == col.NOT_SETTLED and lingering < math.inf:
-            level, lingering = 0, math.inf
-        elif done == col.NOT_CONVERGED and level == 0 and lingering < math.inf:
-            level = 1
-        else:
-            return col.NOT_CONVERGED if done == col.NOT_SETTLED else done, rooms
 
 
 @kernel
@@ -102,7 +74,12 @@ def orbit_along_curve(
 
     `repulsive`: whether it is known to be a repulsive one.
     """
-    done, rooms = _follow_curve(oscillator, tables, amplitude, repulsive, rooms)
+    path, wanted = fixed_path(oscillator, tables), Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
+    done = col.NOT_CONVERGED
+    if repulsive and low_q(oscillator.lever):
+        done, rooms = _orbit_from_nearer(path, wanted, rooms)
+    if done != col.GOOD:
+        done, rooms = engage_along_exact_curve(path, wanted, rooms)
     orbit, spare, saved, found = rooms
     if done == col.GOOD:
         done, found, spare = refine_orbit(oscillator, tables, found, spare, row)
@@ -160,7 +137,7 @@ def exact_rows(
         for j in range(len(guess)):
             guess[j] = row[j]
         if math.isnan(guess[0]):
-            surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, top)
+            surety = engage_by_averaging(Oscillator(law, p, lever), amplitude, guess, top)
         row[:] = math.nan
         oscillator = Oscillator(law, p, lever)
         status[i], rooms = exact_orbit(oscillator, tables, amplitude, surety, guess, rooms, row)

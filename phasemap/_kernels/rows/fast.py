@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.resonance import (
     ATTRACTIVE,
     REPULSIVE,
@@ -22,7 +22,7 @@ from phasemap._kernels.engagement.resonance import (
     find_mismatch_maximum,
     near_resonance,
 )
-from phasemap._kernels.engagement.response import cheap_orbit, engage_by_response
+from phasemap._kernels.engagement.response import cheap_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.around import OrbitNodes
@@ -84,7 +84,7 @@ def cheap_rows(
     for i in range(first, last):
         p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, room.top)
+        surety = engage_by_averaging(Oscillator(law, p, lever), amplitude, guess, room.top)
         status[i] = cheap_orbit(Oscillator(law, p, lever), amplitude, surety, limits, guess, room)
         if status[i] != col.GOOD:
             waiting += 1
@@ -111,7 +111,7 @@ def averaging_rows(
     for i in range(first, last):
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        if engage_by_response(Oscillator(law, parameters(rows[i]), lever), amplitudes[i], guess, top) == SURE:
+        if engage_by_averaging(Oscillator(law, parameters(rows[i]), lever), amplitudes[i], guess, top) == SURE:
             status[i] = col.GOOD
             averaged_row(lever, guess, out[i])
         else:

@@ -8,13 +8,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, UNDECIDED
+from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach_by_march
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, fill_averaged_orbit_on_side, near_resonance
-from phasemap._kernels.engagement.response import engage_by_response
-from phasemap._kernels.engagement.ridge import settle_open
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
@@ -99,10 +97,7 @@ def remembering_rows(
                 averaged_row(lever, guess, out[i])
                 status[i] = settle(Oscillator(law, p, lever), amplitude, eta, most, out[i])
             continue
-        surety = engage_by_response(Oscillator(law, p, lever), amplitude, guess, top)
-        if surety == UNDECIDED and settle_open(Oscillator(law, p, lever), amplitude, eta, near, top, guess, out[i]):
-            status[i] = col.GOOD
-        elif surety == SURE:
+        if engage_by_averaging(Oscillator(law, p, lever), amplitude, guess, top) == SURE:
             for finer in (1.0, SECOND_TRY):
                 averaged_row(lever, guess, out[i])
                 if settle_near(Oscillator(law, p, lever), amplitude, finer * eta, near, out[i]):

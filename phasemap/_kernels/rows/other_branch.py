@@ -14,7 +14,6 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, LONGRANGE, REPELLING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import low_q_margin_factor
 from phasemap._kernels.engagement.end import (
     CLOSEST,
     attractive_mismatch_of_exact_orbit,
@@ -30,6 +29,7 @@ from phasemap._kernels.engagement.resonance import (
     Maximum,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
+    low_q_margin_factor,
     mismatch_at_gap,
 )
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters

@@ -8,9 +8,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.resonance import Maximum
-from phasemap._kernels.engagement.response import engage_by_response
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
@@ -38,7 +37,7 @@ def relaxing_rows(
         if has_one_orbit(p, lever):
             sure = only_orbit(Oscillator(law, p, lever), amplitudes[i], top, guess)
         else:
-            sure = engage_by_response(Oscillator(law, p, lever), amplitudes[i], guess, top) == SURE
+            sure = engage_by_averaging(Oscillator(law, p, lever), amplitudes[i], guess, top) == SURE
         if sure and refine_relaxing(Oscillator(law, p, lever), guess, limits, bench):
             fill_row_from_passes(lever, bench.nodes, bench.state, out[i])
             status[i], solver[i] = col.GOOD, col.CORRECTED
