@@ -81,7 +81,7 @@ def extreme_between(before: Point, point: Point, index: int, value: float) -> fl
     # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
     root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
     t = -one / (square + root) if square > 0.0 else -one / (square - root)
-    if not 0.02 < t < 0.98:
+    if not 0.0 < t < 1.0:
         return 0.0
     extreme = before.value[index] + length * t * (one + t * (square + t * cubic))
     end = min(before.value[index], point.value[index]) if one < 0.0 else max(before.value[index], point.value[index])

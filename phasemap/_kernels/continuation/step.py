@@ -229,7 +229,7 @@ def next_point_watching(
         if status != col.GOOD:
             break
         instead = extreme_between(before, point, wanted.entry, wanted.value)
-        if instead == 0.0:
+        if not 0.02 * point.length < instead < 0.98 * point.length:
             break
         copy_orbit(saved, orbit)
         assign(point, before)

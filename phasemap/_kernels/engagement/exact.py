@@ -8,13 +8,16 @@ to it. Where the tip is lost to orbits that linger at an unstable equilibrium no
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.continuation.cubic import extreme_between
 from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point
+from phasemap._kernels.continuation.piece import turn_between
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
     FIRST_ARC_STEP,
@@ -24,7 +27,7 @@ from phasemap._kernels.continuation.step import (
     copy_orbit,
     find_crossing,
     mark_point,
-    next_point_watching,
+    next_point,
 )
 from phasemap._kernels.engagement.averaged import settle_side, worst_amplitude
 from phasemap._kernels.engagement.resonance import (
@@ -40,8 +43,8 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, reach_of
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of
-from phasemap._kernels.records import assign, clear
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit
+from phasemap._kernels.records import assign, clear, record
 
 MOST_APPROACH_POINTS = 1500
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
@@ -63,35 +66,77 @@ def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
     return head_of(orbit).contacts == PERMANENT and head_of(orbit).tip_offset < lowest_tip_offset(oscillator)
 
 
+@record
+class Descent:
+    """A tip that is lowered along the curve."""
+
+    lowest: float  # tip offset so far [m]
+    crossed: int  # 1 where it came down through the setpoint to an orbit that it may stop on
+
+
+@kernel
+def descend(
+    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit, spare: Orbit
+) -> tuple[int, Orbit, Orbit]:  # fmt: skip
+    """Go on from one point of the curve to another, whose orbit is `near`, with no turn of the amplitude between.
+
+    GOOD where the tip stops, on the orbit `found`, PENDING where it goes on.
+    """
+    amplitude, before, z0 = wanted.value, start.point, after.value[ENTRY_Z0]
+    from_a, to_a = before.value[ENTRY_A], after.value[ENTRY_A]
+    if from_a > amplitude >= to_a and z0 < before.value[ENTRY_Z0] and way.crossed == 0:
+        last = Point()
+        assign(last, before)
+        copy_orbit(near, found)
+        good, found, spare = find_crossing(path, wanted, start, last, after, found, spare)
+        if not good:
+            return col.NOT_CONVERGED, found, spare
+        way.crossed = 1
+    elif to_a > amplitude >= from_a and z0 >= way.lowest:
+        way.crossed = 0  # the tip lands before that crossing
+    if way.crossed == 1 and z0 < way.lowest:
+        return col.GOOD, found, spare
+    way.lowest = min(way.lowest, z0)
+    return col.PENDING, found, spare
+
+
+@kernel
+def descend_by_turn(
+    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit, spare: Orbit
+) -> tuple[int, Orbit, Orbit]:  # fmt: skip
+    """As `descend`, by the point between where the amplitude turns if it may just reach the setpoint there."""
+    if not extreme_between(start.point, after, ENTRY_A, wanted.value) > 0.0:
+        return descend(path, wanted, start, after, near, way, found, spare)
+    turn, top, end = Point(), new_orbit(path.lever), Point()
+    level = head_of(near).level
+    good, top, spare = turn_between(path, start, after, ENTRY_A, level, wanted.tolerance, top, spare, turn)
+    if not good:
+        return col.NOT_CONVERGED, found, spare
+    status, found, spare = descend(path, wanted, start, turn, top, way, found, spare)
+    if status != col.PENDING:
+        return status, found, spare
+    assign(end, after)
+    end.length -= turn.length
+    return descend(path, wanted, Place(turn, top), end, near, way, found, spare)
+
+
 @kernel
 def lower_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) -> tuple[int, Rooms]:
     """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, in `found` of the rooms."""
     orbit, spare, saved, found = rooms
-    amplitude, oscillator = wanted.value, Oscillator(path.law, path.p, path.lever)
-    step, lowest, have = FIRST_ARC_STEP, 1e300, False
+    amplitude, step, way = wanted.value, FIRST_ARC_STEP, Descent()
+    way.lowest = math.inf
     highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
-        status, step, orbit, spare = next_point_watching(
-            path, point, step, LARGEST_ARC_STEP, wanted, orbit, spare, saved
-        )
-        if status != col.GOOD:
-            lost = pressed_in(oscillator, orbit)
+        status, step, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, saved)
+        if status == col.GOOD:
+            status, found, spare = descend_by_turn(path, wanted, Place(before, saved), point, orbit, way, found, spare)
+        if status != col.PENDING:
+            lost = status != col.GOOD and pressed_in(Oscillator(path.law, path.p, path.lever), orbit)
             return col.NO_STABLE_ORBIT if lost else status, Rooms(orbit, spare, saved, found)
-        z0, a = point.value[ENTRY_Z0], point.value[ENTRY_A]
-        if before.value[ENTRY_A] > amplitude >= a and z0 < before.value[ENTRY_Z0] and not have:
-            copy_orbit(orbit, found)
-            have, found, spare = find_crossing(path, wanted, Place(before, saved), before, point, found, spare)
-            if not have:
-                lost = pressed_in(oscillator, orbit)
-                return col.NO_STABLE_ORBIT if lost else col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
-        elif a > amplitude >= before.value[ENTRY_A] and z0 >= lowest:
-            have = False  # the tip lands before that crossing
-        if have and z0 < lowest:
-            return col.GOOD, Rooms(orbit, spare, saved, found)
-        lowest = min(lowest, z0)
-        contacts = head_of(orbit).contacts
+        z0, a, contacts = point.value[ENTRY_Z0], point.value[ENTRY_A], head_of(orbit).contacts
         away = z0 > highest and contacts == 0 and a < 2.0 * free_amplitude(path.lever)
         if point.floquet > LINGERING or away:
             return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)

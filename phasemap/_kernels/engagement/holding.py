@@ -8,7 +8,7 @@ Eqs. (irregular-3) to (irregular-6).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import (
+    Errors,
     LockIn,
+    Series,
     Total,
     add_total,
     average,
@@ -40,6 +42,7 @@ from phasemap._kernels.orbits.time.elements import CONTACT_MODE
 from phasemap._kernels.orbits.time.forming import form_dents
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, skip
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, divide_result, new_state
+from phasemap._kernels.records import record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -74,6 +77,177 @@ def fine(p: np.ndarray, eta: float) -> float:
     return eta if p[col.RELEASE] == 0.0 else NECK_STEPS * eta
 
 
+class Controller(NamedTuple):
+    """What holds a mean amplitude, and how averages are taken meanwhile.
+
+    Attributes
+    ----------
+    amplitude : float
+        That is held [m]; 0 where the tip offset is left alone.
+    gain : float
+        Tip offset over the error of an average's amplitude.
+    sticky : bool
+        Whether the contact has hysteresis. Then the tip offset follows little by little, in every period, which keeps
+        the motion to its pattern of taps.
+    eta : float
+        As for `march_period`.
+    block, size, fewest : int
+        Periods of an average, averages of a group, groups that are needed.
+    """
+
+    amplitude: float
+    gain: float
+    sticky: bool
+    eta: float
+    block: int
+    size: int
+    fewest: int
+
+
+@record
+class Groups:
+    """Groups of averages: mean, and sum of squared deviations, of the tip offset at the setpoint and of the lag."""
+
+    first: int  # average that counts
+    count: int  # averages, with those before it
+    groups: int
+    offset: float  # [m]
+    offset_square: float
+    lag: float  # [rad], from a phasor of `LockIn`
+    lag_square: float
+    short: float  # sum of what the amplitude falls short of the setpoint [m]
+    missed: float  # sum of squares by which averages of late miss it [m2]
+    total: Total  # of all that count
+
+
+# What groups of averages say.
+TOO_FEW = 0  # go on
+PRECISE = 1
+HOPELESS = 2  # too many more are needed
+HUNTING = 3  # the amplitude jumps across the setpoint
+
+
+@kernel
+def take_average(
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+) -> tuple[bool, Series]:
+    """Average over some periods, and let the controller act; False where the march fails."""
+    lever, amplitude, gain = oscillator.lever, controller.amplitude, controller.gain
+    within = 1.0 / controller.block * gain if controller.sticky else 0.0
+    if not average(oscillator, controller.eta, controller.block, (0.0, within, amplitude), tip, lock_in):
+        return False, series
+    series = with_average(lever, lock_in.total, series, of.count)
+    of.count += 1
+    if not controller.sticky:
+        tip.u[Z0] += gain * (amplitude - mean_amplitude(lever, lock_in))
+    return True, series
+
+
+@kernel
+def take_group(
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+) -> tuple[bool, Series]:
+    """Take the averages of a group, and add it to the others; False where the march fails."""
+    lever, amplitude, count = oscillator.lever, controller.amplitude, controller.size * controller.block
+    z0 = cosine = sine = 0.0
+    for _ in range(controller.size):
+        good, series = take_average(oscillator, controller, tip, lock_in, series, of)
+        if not good:
+            return False, series
+        add_total(of.total, lock_in.total)
+        z0 += lock_in.total.offset / count
+        cosine += lock_in.total.period.cos
+        sine += lock_in.total.period.sin
+        of.missed += (mean_amplitude(lever, lock_in) - amplitude) ** 2
+    x, y = seen_phasor(lever, cosine / count, sine / count)
+    from_x, from_y, short = lock_in.from_cos, lock_in.from_sin, amplitude - math.hypot(x, y)
+    of.groups += 1
+    of.short += short
+    off = z0 + short - of.offset
+    of.offset += off / of.groups
+    of.offset_square += off * (z0 + short - of.offset)
+    lag = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+    off = lag - of.lag
+    of.lag += off / of.groups
+    of.lag_square += off * (lag - of.lag)
+    return True, series
+
+
+@kernel
+def come_to_mean(
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+) -> tuple[bool, Series]:
+    """Let the controller come to the setpoint, before averages count; False where the march fails."""
+    lever, amplitude = oscillator.lever, controller.amplitude
+    for j in range(3 * GROUP):
+        good, series = take_average(oscillator, controller, tip, lock_in, series, of)
+        if not good:
+            return False, series
+        off = abs(mean_amplitude(lever, lock_in) - amplitude)
+        if controller.sticky and j >= GROUP and off < CALM_ENOUGH * amplitude:
+            break
+    of.first = of.count
+    lock_in.from_cos, lock_in.from_sin = mean_phasor(lever, lock_in.total)
+    return True, series
+
+
+@kernel
+def astray(amplitude: float, of: Groups) -> bool:
+    """Whether the mean misses the amplitude that is held by so much that it is of another motion."""
+    return amplitude > 0.0 and abs(of.short) > MEAN_MISS * amplitude * of.groups
+
+
+@kernel
+def scatters_little(errors: Errors) -> bool:
+    """Whether averages scatter so little about their mean that it counts as held."""
+    return errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH
+
+
+@kernel
+def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most: int, of: Groups) -> int:
+    """Say by their scatter whether groups are precise, or will be within `most` periods."""
+    amplitude, groups, fewest, size = controller.amplitude, of.groups, controller.fewest, controller.size
+    if groups >= fewest:
+        z_error = math.sqrt(of.offset_square / (groups - 1) / groups)
+        a_error = math.sqrt(of.lag_square / (groups - 1) / groups)
+        if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray(amplitude, of):
+            if scatters_little(errors_of_mean(lever, series, of.first, of.count, amplitude)):
+                return PRECISE
+        needed = size * controller.block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
+        if groups >= 4 * fewest and needed > HOPE * most:
+            return HOPELESS
+    if amplitude > 0.0 and groups % fewest == 0:
+        if groups > fewest and of.missed > size * fewest * (HUNTED * amplitude) ** 2:
+            return HUNTING
+        of.missed = 0.0
+    return TOO_FEW
+
+
+@kernel
+def fill_mean(
+    oscillator: Oscillator, controller: Controller, tip: Tip, series: Series, of: Groups, row: np.ndarray
+) -> int:
+    """Fill a result row with the mean of all averages that count, and with its errors; NOT_SETTLED if they are large.
+
+    Energy that is missing says that steps or rounding are too coarse for so small a motion.
+    """
+    lever, amplitude, total = oscillator.lever, controller.amplitude, of.total
+    errors = errors_of_mean(lever, series, of.first, of.count, amplitude)
+    if of.groups < controller.fewest or astray(amplitude, of) or not scatters_little(errors):
+        return col.NOT_SETTLED
+    divide_result(total.period, total.count)
+    fill_row(lever, of.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)
+    if amplitude > 0.0 and sees_tip(lever):
+        row[col.AMPLITUDE] = amplitude
+    fill_spread(total, row)
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
+    if controller.sticky:
+        row[col.PHASE] += errors.lag_off
+    else:
+        row[col.ERROR_PHASE] += abs(errors.lag_off)
+    return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
+
+
 @kernel
 def hold_mean(
     oscillator: Oscillator, amplitude: float, gain: float, eta: float, most: int, tip: Tip, row: np.ndarray
@@ -89,91 +263,29 @@ def hold_mean(
     faster takes to another pattern of taps than the one that it lands on.
     """
     p, lever = oscillator.p, oscillator.lever
-    held = amplitude > 0.0
-    tolerance = Tolerance(fine(p, eta), STATE_ERROR * (amplitude if held else free_amplitude(lever)), OFFSET_ERROR)
-    block, lock_in, total = block_of(lever), LockIn(), Total()
-    begin_lock_in(lever, tip.acc, lock_in)
-    sticky = p[col.RELEASE] != 0.0
-    size, fewest = (STICKY_GROUP, STICKY_GROUPS) if sticky else (GROUP, LEAST_GROUPS)
+    size = amplitude if amplitude > 0.0 else free_amplitude(lever)
+    tolerance = Tolerance(fine(p, eta), STATE_ERROR * size, OFFSET_ERROR)
+    sticky, block, rough = p[col.RELEASE] != 0.0, block_of(lever), COARSER_STEPS * eta
+    slow = Controller(
+        amplitude, min(gain, SLOW_GAIN), sticky, rough, block, STICKY_GROUP if sticky else GROUP,
+        STICKY_GROUPS if sticky else LEAST_GROUPS,
+    )  # fmt: skip
     if tip.periods.marched + 3 * GROUP * block > most:
         return col.NOT_SETTLED
-    # Between averages only, but past a contact with hysteresis little by little, which keeps to its pattern of taps.
-    follows = 1.0 / block if sticky else 0.0
-    gain, count, series = min(gain, SLOW_GAIN) if sticky else gain, 0, new_series(SERIES_START)
-    for j in range(3 * GROUP):
-        if not average(oscillator, COARSER_STEPS * eta, block, (0.0, follows * gain, amplitude), tip, lock_in):
-            return col.NOT_SETTLED
-        series, count = with_average(lever, lock_in.total, series, count), count + 1
-        tip.u[Z0] += 0.0 if sticky else gain * (amplitude - mean_amplitude(lever, lock_in))
-        if sticky and j >= GROUP and abs(mean_amplitude(lever, lock_in) - amplitude) < CALM_ENOUGH * amplitude:
-            break
-    gain, first = min(gain, SLOW_GAIN), count
-    slow = (0.0, follows * gain, amplitude)
-    lock_in.from_cos, lock_in.from_sin = mean_phasor(lever, lock_in.total)
-    # Mean and sum of squared deviations of the groups: of the tip offset, or the amplitude at it, and of the phase.
-    groups, z_mean, z_square, a_mean, a_square, missed, short = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    z_error, a_error, astray = math.inf, math.inf, True
-    while tip.periods.marched + size * block <= most:
-        z0 = cosine = sine = 0.0
-        for _ in range(size):
-            if not average(oscillator, COARSER_STEPS * eta, block, slow, tip, lock_in):
-                return col.NOT_SETTLED
-            add_total(total, lock_in.total)
-            z0 += lock_in.total.offset / (size * block)
-            cosine += lock_in.total.period.cos
-            sine += lock_in.total.period.sin
-            series, count = with_average(lever, lock_in.total, series, count), count + 1
-            missed += (mean_amplitude(lever, lock_in) - amplitude) ** 2
-            tip.u[Z0] += 0.0 if sticky else gain * (amplitude - mean_amplitude(lever, lock_in))
-        if (
-            lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in)
-            and touches_alike(lock_in)
-            and skip(oscillator, tolerance, amplitude, tip)
-        ):
+    at_first = Controller(amplitude, slow.gain if sticky else gain, sticky, rough, block, slow.size, slow.fewest)
+    lock_in, of, series, says = LockIn(), Groups(), new_series(SERIES_START), TOO_FEW
+    begin_lock_in(lever, tip.acc, lock_in)
+    good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, of)
+    while good and says == TOO_FEW and tip.periods.marched + slow.size * block <= most:
+        good, series = take_group(oscillator, slow, tip, lock_in, series, of)
+        still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
+        if still and skip(oscillator, tolerance, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
-        x, y = seen_phasor(lever, cosine / (size * block), sine / (size * block))
-        from_x, from_y = lock_in.from_cos, lock_in.from_sin
-        z = z0 + amplitude - math.hypot(x, y)
-        short += amplitude - math.hypot(x, y)
-        a = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
-        groups += 1
-        off = z - z_mean
-        z_mean += off / groups
-        z_square += off * (z - z_mean)
-        off = a - a_mean
-        a_mean += off / groups
-        a_square += off * (a - a_mean)
-        if groups >= fewest:
-            z_error = math.sqrt(z_square / (groups - 1) / groups)
-            a_error = math.sqrt(a_square / (groups - 1) / groups)
-            astray = held and abs(short) > MEAN_MISS * amplitude * groups
-            if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray:
-                errors = errors_of_mean(lever, series, first, count, amplitude)
-                if errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH:
-                    break
-            needed = size * block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
-            if groups >= 4 * fewest and needed > HOPE * most:
-                return col.NOT_SETTLED
-        if held and groups % fewest == 0:
-            if groups > fewest and missed > size * fewest * (HUNTED * amplitude) ** 2:
-                return col.NO_STABLE_ORBIT
-            missed = 0.0
-    errors = errors_of_mean(lever, series, first, count, amplitude)
-    if astray or not (errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH):
-        return col.NOT_SETTLED
-    divide_result(total.period, total.count)
-    fill_row(lever, z_mean if held else tip.u[Z0], total.period, row)
-    if held and sees_tip(lever):
-        row[col.AMPLITUDE] = amplitude
-    fill_spread(total, row)
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
-    if sticky:
-        row[col.PHASE] += errors.lag_off
-    else:
-        row[col.ERROR_PHASE] += abs(errors.lag_off)
-    # Energy that is missing says that steps or rounding are too coarse for so small a motion.
-    return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
+        says = judge_groups(lever, slow, series, most, of)
+    if says == HUNTING:
+        return col.NO_STABLE_ORBIT
+    return fill_mean(oscillator, slow, tip, series, of, row) if good and says != HOPELESS else col.NOT_SETTLED
 
 
 @kernel
@@ -230,11 +342,8 @@ def hold_near(
 def settle_dents(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
     """As `settle_near`, where dents last so long that they have to form first."""
     law, p, lever = oscillator
-    tip, repelled = (
-        Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods()),
-        row[col.PHASE] > 0.0,
-    )
-    tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
+    tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
+    repelled, tolerance = row[col.PHASE] > 0.0, Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     if not form_dents(oscillator, tolerance, amplitude, most, tip):
         return False
     return hold_near(oscillator, amplitude, eta, most, repelled, tip, row)

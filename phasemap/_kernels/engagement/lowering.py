@@ -22,7 +22,7 @@ from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, reach_of
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest, skip
@@ -122,7 +122,7 @@ def follow_down(
     p, lever = oscillator.p, oscillator.lever
     u, linear, slopes = tip.u, tip.linear, Way()
     before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
-    lowest = deepest_offset(lever)
+    lowest = deepest_offset(lever) if near_resonance(lever) else lowest_tip_offset(oscillator)
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else DISTURBED_NECK) * ring_down_periods(lever))
     stride, slope = 0.0, 0.0
     while tip.periods.marched < most:
