@@ -18,13 +18,11 @@ from phasemap._kernels.engagement.resonance import (
     UNCLEAR,
     Maximum,
     attraction_is_too_weak,
-    attracts,
     decide,
     decisive_mismatch,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
     leaps,
-    length_of_attraction,
     low_q_margin_factor,
     mismatch_at_gap,
     narrowest_amplitude_ratio,
@@ -32,8 +30,8 @@ from phasemap._kernels.engagement.resonance import (
     put_averaged_orbit,
     side_reached_from_far,
 )
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset
+from phasemap._kernels.law import Oscillator, contact_force
+from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
@@ -41,7 +39,7 @@ FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on
 SURE = 0
 DOUBTFUL = 1  # the curve of exact orbits tells
 UNDECIDED = 2  # the fold at the end of the attractive branch tells, by exact orbits
-LEAP = 3  # the tip is carried over its resonance, or rebounds, and only time tells where
+LEAP = 3  # the tip is carried over its resonance, rebounds, or meets a force that jumps: only time tells where to
 
 
 @kernel(shared=True)
@@ -57,14 +55,15 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndar
 @kernel
 def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
     """`engage_by_averaging` of a tip that does not rebound."""
-    p, lever = oscillator.p, oscillator.lever
+    law, p, lever = oscillator
     if p[col.RELEASE] != 0.0 or not near_resonance(lever):
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
-    free, reach, attracted = free_amplitude(lever), length_of_attraction(oscillator), attracts(oscillator)
+    free, reach, attracted = free_amplitude(lever), reach_of(law, p), p[col.LONGRANGE] != 0.0
     rises = attracted and leaps(lever, reach, free)
     if low_q(lever):
         return find_orbit_at_low_q(oscillator, amplitude, rises, guess, top)
-    if rises and (p[col.LONGRANGE] == 0.0 or attraction_defies_averaging(oscillator, free)):
+    jumps = not attracted and contact_force(law, 0.0, p) < 0.0  # no orbit touches a little where adhesion sets in
+    if jumps or (rises and attraction_defies_averaging(oscillator, free)):
         return LEAP
     side = side_reached_from_far(oscillator, reach, amplitude, free, low_q_margin_factor(lever), top)
     landing = rises and side != REPULSIVE
@@ -78,21 +77,21 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndar
         if side == ATTRACTIVE and settle_side(oscillator, reach, amplitude, side, top, guess):
             return SURE
         return LEAP if narrowest_amplitude_ratio(lever) > 1.0 else DOUBTFUL  # the curve may not lead to where it lands
-    open_side = side == UNCLEAR and p[col.LONGRANGE] != 0.0 and narrowest_amplitude_ratio(lever) <= 1.0
+    open_side = side == UNCLEAR and attracted and narrowest_amplitude_ratio(lever) <= 1.0
     return UNDECIDED if open_side else DOUBTFUL
 
 
 @kernel
 def find_orbit_at_low_q(oscillator: Oscillator, amplitude: float, rises: bool, guess: np.ndarray, top: Maximum) -> int:
     """The same at low Q, where averaging is sure of one thing only: that attraction is too weak for a branch."""
-    p, lever, reach = oscillator.p, oscillator.lever, length_of_attraction(oscillator)
-    if attracts(oscillator):
-        worst = worst_amplitude(lever, amplitude)
+    law, p, lever = oscillator
+    reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
+    if p[col.LONGRANGE] != 0.0:
         find_mismatch_maximum(oscillator, reach, worst, math.inf, top)
-        if rises or p[col.LONGRANGE] == 0.0 or not attraction_is_too_weak(lever, worst, top.mismatch):
+        if rises or not attraction_is_too_weak(lever, worst, top.mismatch):
             return DOUBTFUL
-    else:
-        decide(oscillator, reach, amplitude, 1.0, top)
+    elif decide(oscillator, reach, amplitude, 1.0, top) == UNCLEAR:
+        return DOUBTFUL
     return SURE if settle_side(oscillator, reach, amplitude, REPULSIVE, top, guess) else DOUBTFUL
 
 
@@ -134,9 +133,9 @@ def settle_side(
     oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray
 ) -> bool:
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
-    lever = oscillator.lever
+    p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
-    if attracts(oscillator) and amplitude < narrowest_amplitude_ratio(lever) * free:
+    if p[col.LONGRANGE] != 0.0 and amplitude < narrowest_amplitude_ratio(lever) * free:
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
         find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top.mismatch > 0.0:

@@ -80,7 +80,8 @@ def descend(
 ) -> tuple[int, Orbit, Orbit]:  # fmt: skip
     """Go on from one point of the curve to another, whose orbit is `near`, with no turn of the amplitude between.
 
-    GOOD where the tip stops, on the orbit `found`, PENDING where it goes on.
+    GOOD where the tip stops, on the orbit `found`, PENDING where it goes on; NOT_CONVERGED where it comes to an orbit
+    that is not stable.
     """
     amplitude, before, z0 = wanted.value, start.point, after.value[ENTRY_Z0]
     from_a, to_a = before.value[ENTRY_A], after.value[ENTRY_A]
@@ -96,6 +97,8 @@ def descend(
         way.crossed = 0  # the tip lands before that crossing
     if way.crossed == 1 and z0 < way.lowest:
         return col.GOOD, found, spare
+    if z0 < way.lowest and not after.floquet < 1.0:
+        return col.NOT_CONVERGED, found, spare  # the tip leaves the curve
     way.lowest = min(way.lowest, z0)
     return col.PENDING, found, spare
 

@@ -63,11 +63,10 @@ from phasemap._kernels.engagement.ringing import LONG_RINGING, engage_ringing
 from phasemap._kernels.engagement.stuck import (
     COMES_TO_IT,
     JUMPS_FREE,
-    NOT_KNOWN,
-    comes_loose,
+    JUMPS_LOOSE,
     presses,
+    raise_stuck_tip,
     sticks,
-    too_stiff,
 )
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, free_phasor
@@ -78,7 +77,6 @@ from phasemap._kernels.orbits.time.tip import (
     PeriodResult,
     Periods,
     Tip,
-    amplitude_of,
     new_state,
     ring_down_periods,
 )
@@ -96,8 +94,6 @@ PARTS_BY = 0.3  # of its way, by which the amplitude may not go with z0: else it
 TAMER = 0.5  # of the change from period to period before, below which it may not fall: the same
 LANDING_FALL = 0.1  # of the amplitude that is left, by which it falls in that time
 FINEST_FALL = 64.0  # least part of SLOW_FALL
-# Of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
-LEAD_OF_LOOSE = 2.0
 # Of the periods allowed, in which a motion rings down that is left all of them before `ringing`'s turn
 PATIENT_SHARE = 0.25
 HASTY_SHARE = 0.05  # of them, after which it is others' turn
@@ -110,6 +106,18 @@ NEXT_TRY = 5e-3  # of the free amplitude, that a tip without periodic orbit is l
 def pace_of(lever: np.ndarray) -> float:
     """How far [m] z0 moves in a period where no periodic orbit is followed."""
     return SLOW_FALL * free_amplitude(lever) / max(FEWEST_AVERAGED, ring_down_periods(lever))
+
+
+@kernel
+def amplitude_after_jump(oscillator: Oscillator, eta: float, block: int, most: int, tip: Tip, lock_in: LockIn) -> float:
+    """Mean amplitude [m] to which swings after a jump come, that may pass it; NaN where it takes too long to see."""
+    wait = int(DISTURBED) * block
+    if tip.periods.marched + wait + block > most:
+        return math.nan
+    for count in (wait, block):
+        if not average(oscillator, eta, count, (0.0, 0.0, 0.0), tip, lock_in):
+            return math.nan
+    return mean_amplitude(oscillator.lever, lock_in)
 
 
 @kernel
@@ -150,15 +158,9 @@ def move_slowly(
             haste = 1.0
             continue
         if not hasty and (now <= amplitude) == down and abs(now - before) > JUMPS_BY * amplitude:
-            # Swings after a jump may pass it: what they come to counts.
-            wait = int(DISTURBED) * block
-            if tip.periods.marched + wait + block > most:
+            now = amplitude_after_jump(oscillator, eta, block, most, tip, lock_in)
+            if math.isnan(now):
                 return TIME_SPENT
-            if not average(oscillator, eta, wait, (0.0, 0.0, 0.0), tip, lock_in):
-                return TIME_SPENT
-            if not average(oscillator, eta, block, (0.0, 0.0, 0.0), tip, lock_in):
-                return TIME_SPENT
-            now = mean_amplitude(lever, lock_in)
         if (now <= amplitude) == down:
             return AMPLITUDE_SEEN
         if too_far(lever, from_z0, tip.u[Z0]):
@@ -182,7 +184,7 @@ def lower_to_setpoint(
     law, p, lever = oscillator
     free = free_amplitude(lever)
     tolerance = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
-    least, pace, loose, fell = NEXT_TRY * free, pace_of_leap(oscillator), False, tip.u.copy()
+    least, pace, loose = NEXT_TRY * free, pace_of_leap(oscillator), False
     short = WHOLE_FALL * ring_down_periods(lever) > most  # for more than to see that the surface catches the tip
     while True:
         if loose and pace > 0.0:
@@ -190,37 +192,31 @@ def lower_to_setpoint(
         else:
             ends = follow_down(oscillator, amplitude, step, TRAIL_PERIODS * pace, tolerance, most, tip)
             periodic = ends == AMPLITUDE_SEEN
-        if ends == ORBIT_LEFT and pace > 0.0:
-            ends = fall_to_setpoint(oscillator, amplitude, pace, least, tolerance, most, tip)
-            least *= 2.0
-            if short and not (ends == ORBIT_HELD and sticks(p, lever, amplitude, tip)):
-                return col.NOT_SETTLED
-        elif ends == ORBIT_LEFT:
-            ends = move_slowly(oscillator, amplitude, least, tolerance, most, tip)
+        if ends == ORBIT_LEFT:
+            if pace > 0.0:
+                ends = fall_to_setpoint(oscillator, amplitude, pace, least, tolerance, most, tip)
+                if short and not (ends == ORBIT_HELD and sticks(p, lever, amplitude, tip)):
+                    return col.NOT_SETTLED
+            else:
+                ends = move_slowly(oscillator, amplitude, least, tolerance, most, tip)
             least *= 2.0
         if law.memory == 0 and ends in (AMPLITUDE_SEEN, ORBIT_HELD) and sticks(p, lever, amplitude, tip):
-            known = periodic or p[col.RELEASE] != 0.0
-            if loose or (known and too_stiff(oscillator, amplitude)):
-                return col.NO_STABLE_ORBIT
-            copy(tip.u, fell)
-            comes = comes_loose(oscillator, amplitude, tolerance, most, tip)
-            if comes == COMES_TO_IT:
-                return hold(oscillator, amplitude, eta, most, tip, row)
-            if comes == JUMPS_FREE and periodic:
-                return col.NO_STABLE_ORBIT
-            loose = comes != NOT_KNOWN and (periodic or pace > 0.0)
-            if not loose:  # a feedback may lower it faster than it was lowered
-                copy(fell, tip.u)
-                march_tip(oscillator, tolerance.eta, tip)
-            elif comes == JUMPS_FREE:
-                tip.u[Z0] = min(tip.u[Z0], fell[Z0] + LEAD_OF_LOOSE * (amplitude_of(lever, tip.acc) - amplitude))
             if loose:
+                return col.NO_STABLE_ORBIT
+            comes = raise_stuck_tip(oscillator, amplitude, periodic, pace > 0.0, tolerance, most, tip)
+            if comes == JUMPS_FREE:
+                return col.NO_STABLE_ORBIT
+            if comes == COMES_TO_IT:
+                ends = ORBIT_HELD
+            if comes == JUMPS_LOOSE:
+                loose = True
                 continue
         if periodic or ends == ORBIT_HELD:
             return hold(oscillator, amplitude, eta, most, tip, row)
-        if ends in (AMPLITUDE_SEEN, MOTION_KEPT):
-            gain = SLOW_GAIN if ends == MOTION_KEPT else LAST_GAIN if pace > 0.0 else EAGER_GAIN
-            return hold_mean(oscillator, amplitude, gain, eta, most, tip, row)
+        if ends == MOTION_KEPT:
+            return hold_mean(oscillator, amplitude, SLOW_GAIN, eta, most, tip, row)
+        if ends == AMPLITUDE_SEEN:
+            return hold_mean(oscillator, amplitude, LAST_GAIN if pace > 0.0 else EAGER_GAIN, eta, most, tip, row)
         if ends == LOWEST_OFFSET and presses(p, tip):
             return col.PRESSED
         if ends != ORBIT_AGAIN:

@@ -10,7 +10,7 @@ setpoint, down and up again, may be held when it comes by more slowly.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,9 +38,7 @@ from phasemap._kernels.orbits.time.tip import (
     move_state,
     ring_down_periods,
 )
-
-if TYPE_CHECKING:
-    pass
+from phasemap._kernels.records import record
 
 LONGEST_STRIDE = 8.0  # steps of the tip offset on that way, over the one given
 SHORTEST_STRIDE = 0.02  # the same, at least
@@ -122,7 +120,7 @@ def follow_down(
     p, lever = oscillator.p, oscillator.lever
     u, linear, slopes = tip.u, tip.linear, Way()
     before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
-    lowest = deepest_offset(lever) if near_resonance(lever) else lowest_tip_offset(oscillator)
+    lowest = min(deepest_offset(lever), lowest_tip_offset(oscillator))
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else DISTURBED_NECK) * ring_down_periods(lever))
     stride, slope = 0.0, 0.0
     while tip.periods.marched < most:
@@ -163,6 +161,91 @@ def follow_down(
     return TIME_SPENT
 
 
+class Fall(NamedTuple):
+    """How a tip is lowered in time."""
+
+    amplitude: float  # at which a feedback takes over [m]
+    pace: float  # by which it is lowered in a period until then [m]
+    eta: float  # as for `march_period`
+    gentle: bool  # whether many periods may be passed at once
+
+
+@record
+class Seen:
+    """What is seen of it behind a low-pass of one ring-down time."""
+
+    cos: float  # phasor [m]
+    sin: float
+    held: int  # periods since the feedback took over, 0 before
+    change: float  # largest change of the phasor from period to period in the last ring-down time [m]
+    missed: float  # largest error of the amplitude in that time [m]
+
+
+@kernel
+def falls_gently(oscillator: Oscillator) -> bool:
+    """Whether a fall is smooth enough for many periods at once.
+
+    A mode above the first turns by a part of a turn from each period to the next: its ringing allows no long steps.
+    """
+    law, lever = oscillator.law, oscillator.lever
+    gentle = law.memory == 0 and lever[col.MODES] < 2 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE
+    return gentle and not attraction_defies_averaging(oscillator, free_amplitude(lever))
+
+
+@kernel
+def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: Flow, seen: Seen) -> bool:
+    """Let a ring-down time pass, in which the tip is lowered, or held by the feedback; False where marching fails."""
+    law, p, lever = oscillator
+    acc, passed, allowed = tip.acc, 0, MANY_PERIODS_MISS * reach_of(law, p)
+    seen.change = seen.missed = 0.0
+    while passed < ring:
+        last_x, last_y, many = acc.cos, acc.sin, 1
+        if seen.held == 0 and fall.gentle:
+            flow.count = min(flow.count, ring)
+            many = pass_many(oscillator, ROUGH_STEPS * fall.eta, fall.pace, allowed, tip, flow)
+        else:
+            off, gain = math.hypot(seen.cos, seen.sin) - fall.amplitude, FIRST_GAIN / (ring + seen.held / GAIN_HALVES)
+            tip.u[Z0] -= fall.pace if seen.held == 0 else gain * off
+            many = 1 if march_tip(oscillator, fall.eta, tip) else 0
+        if many == 0:
+            return False
+        passed += many
+        seen.change = max(seen.change, math.hypot(acc.cos - last_x, acc.sin - last_y) / many)
+        late_x, late_y, behind = acc.cos, acc.sin, float(ring)
+        if many > 1:
+            late_x, late_y = 0.5 * (last_x + acc.cos), 0.5 * (last_y + acc.sin)
+            behind = 1.0 / (1.0 - (1.0 - 1.0 / ring) ** many)
+        late_x, late_y = seen_phasor(lever, late_x, late_y)
+        seen.cos += (late_x - seen.cos) / behind
+        seen.sin += (late_y - seen.sin) / behind
+        off = math.hypot(seen.cos, seen.sin) - fall.amplitude
+        if seen.held > 0 or off <= 0.0:
+            seen.held += 1
+        seen.missed = max(seen.missed, abs(off))
+    return True
+
+
+@kernel
+def end_of_fall(
+    oscillator: Oscillator, fall: Fall, tolerance: Tolerance, far: bool, most: int, tip: Tip, seen: Seen
+) -> int:
+    """How a fall ends by what is seen; ORBIT_LEFT while it does not. An orbit above the amplitude counts if `far`."""
+    ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), fall.amplitude
+    still, held = seen.change < STILL_MOTION * amplitude, seen.held > 0
+    if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * most):
+        if not still:
+            return AMPLITUDE_SEEN
+        return ORBIT_AGAIN if math.hypot(seen.cos, seen.sin) > amplitude else ORBIT_HELD
+    if still and held:
+        if presses(oscillator.p, tip):
+            return ORBIT_AGAIN if amplitude_of(oscillator.lever, tip.acc) > amplitude else ORBIT_HELD
+        if skip(oscillator, tolerance, amplitude, tip):
+            return ORBIT_HELD
+    elif still and far and skip(oscillator, tolerance, 0.0, tip):
+        return ORBIT_AGAIN
+    return ORBIT_LEFT
+
+
 @kernel
 def fall_to_setpoint(
     oscillator: Oscillator, amplitude: float, pace: float, least: float, tolerance: Tolerance, most: int, tip: Tip
@@ -173,62 +256,26 @@ def fall_to_setpoint(
 
     Returns ORBIT_AGAIN or ORBIT_HELD, also where it stays in contact above the amplitude or below. Else MOTION_KEPT
     where the feedback holds it so for long, AMPLITUDE_SEEN where it does not come to rest, TIME_SPENT or LOWEST_OFFSET.
-    An orbit above the amplitude is not looked for
-    before z0 has fallen by `least` [m].
+    An orbit above the amplitude is not looked for before z0 has fallen by `least` [m].
     """
-    law, p, lever = oscillator
-    u, acc, ring = tip.u, tip.acc, max(FEWEST_RINGING, ring_down_periods(lever))
+    lever, acc, u = oscillator.lever, tip.acc, tip.u
+    ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), Flow(), 0
     if not march_tip(oscillator, tolerance.eta, tip):
         return TIME_SPENT
-    x, y = seen_phasor(lever, acc.cos, acc.sin)
-    from_z0, steady = u[Z0], 0
-    seen, flow, allowed = 0 if pace > 0.0 else 1, Flow(), MANY_PERIODS_MISS * reach_of(law, p)
-    # A mode above the first turns by a part of a turn from each period to the next: its ringing allows no long steps.
-    gentle = law.memory == 0 and lever[col.MODES] < 2 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE
-    gentle = gentle and not attraction_defies_averaging(oscillator, free_amplitude(lever))
-    if seen == 0 and gentle and not begin_flow(oscillator, ROUGH_STEPS * tolerance.eta, pace, tip, flow):
+    seen.cos, seen.sin = seen_phasor(lever, acc.cos, acc.sin)
+    seen.held, from_z0 = 0 if pace > 0.0 else 1, u[Z0]
+    fall = Fall(amplitude, pace, tolerance.eta, falls_gently(oscillator))
+    if seen.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.eta, pace, tip, flow):
         return TIME_SPENT
     while tip.periods.marched + ring <= most:
-        change, missed, passed = 0.0, 0.0, 0
-        while passed < ring:
-            last_x, last_y, many = acc.cos, acc.sin, 1
-            if seen == 0 and gentle:
-                flow.count = min(flow.count, ring)
-                many = pass_many(oscillator, ROUGH_STEPS * tolerance.eta, pace, allowed, tip, flow)
-                if many == 0:
-                    return TIME_SPENT
-            else:
-                u[Z0] -= (
-                    pace if seen == 0 else FIRST_GAIN / (ring + seen / GAIN_HALVES) * (math.hypot(x, y) - amplitude)
-                )
-                if not march_tip(oscillator, tolerance.eta, tip):
-                    return TIME_SPENT
-            passed += many
-            change = max(change, math.hypot(acc.cos - last_x, acc.sin - last_y) / many)
-            late_x, late_y = acc.cos, acc.sin
-            behind = float(ring)
-            if many > 1:
-                late_x, late_y = 0.5 * (last_x + acc.cos), 0.5 * (last_y + acc.sin)
-                behind = 1.0 / (1.0 - (1.0 - 1.0 / ring) ** many)
-            late_x, late_y = seen_phasor(lever, late_x, late_y)
-            x += (late_x - x) / behind
-            y += (late_y - y) / behind
-            if seen > 0 or math.hypot(x, y) <= amplitude:
-                seen += 1
-            missed = max(missed, abs(math.hypot(x, y) - amplitude))
+        if not pass_ring_down_time(oscillator, fall, ring, tip, flow, seen):
+            return TIME_SPENT
         if too_far(lever, from_z0, u[Z0]):
             return LOWEST_OFFSET
-        still = change < STILL_MOTION * amplitude
-        if seen > FEEDBACK_PATIENCE * ring or (seen > 0 and tip.periods.marched > FEEDBACK_SHARE * most):
-            return AMPLITUDE_SEEN if not still else ORBIT_AGAIN if math.hypot(x, y) > amplitude else ORBIT_HELD
-        if still:
-            if seen > 0 and presses(p, tip):
-                return ORBIT_AGAIN if amplitude_of(lever, acc) > amplitude else ORBIT_HELD
-            if seen > 0 and skip(oscillator, tolerance, amplitude, tip):
-                return ORBIT_HELD
-            if seen == 0 and from_z0 - u[Z0] > least and skip(oscillator, tolerance, 0.0, tip):
-                return ORBIT_AGAIN
-        steady = steady + 1 if seen > 0 and missed < KEPT_WITHIN * amplitude else 0
+        ends = end_of_fall(oscillator, fall, tolerance, from_z0 - u[Z0] > least, most, tip, seen)
+        if ends != ORBIT_LEFT:
+            return ends
+        steady = steady + 1 if seen.held > 0 and seen.missed < KEPT_WITHIN * amplitude else 0
         if steady >= KEPT_FOR:
             return MOTION_KEPT
     return TIME_SPENT

@@ -38,7 +38,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, mismatch, reach_of, scale_of
+from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, mismatch
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.response.passes import beside_resonance
 from phasemap._kernels.records import clear, record
@@ -124,28 +124,13 @@ def attractive_mismatch_at_gap(
 
 
 @kernel
-def attracts(oscillator: Oscillator) -> bool:
-    """Whether the surface attracts the tip: from afar, or once it touches."""
-    law, p = oscillator.law, oscillator.p
-    return p[col.LONGRANGE] != 0.0 or contact_force(law, 0.0, p) < 0.0
-
-
-@kernel
-def length_of_attraction(oscillator: Oscillator) -> float:
-    """Length [m] on which attraction changes: its reach, or the depth at which it counts where there is none."""
-    law, p, lever = oscillator
-    return reach_of(law, p) if p[col.LONGRANGE] != 0.0 else scale_of(oscillator, free_amplitude(lever))
-
-
-@kernel
 def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
     """Indentation [m] at which the elastic force makes up for the attraction, taking it to rise as d^(3/2)."""
     d = 0.1 * reach
-    pull = -(longrange_force(law, 0.0, p) if p[col.LONGRANGE] != 0.0 else contact_force(law, 0.0, p))
     rise = contact_force(law, d, p) - contact_force(law, 0.0, p)
     if not rise > 0.0:
         return 10.0 * reach
-    return min(d * (pull / rise) ** (2 / 3), 10.0 * reach)
+    return min(d * (-longrange_force(law, 0.0, p) / rise) ** (2 / 3), 10.0 * reach)
 
 
 @kernel
@@ -305,11 +290,12 @@ def attraction_is_too_weak(lever: np.ndarray, amplitude: float, highest: float) 
 @kernel
 def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float, top: Maximum) -> int:
     """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
-    lever = oscillator.lever
+    law, p, lever = oscillator
     clear(top)
-    if not attracts(oscillator):
+    if p[col.LONGRANGE] == 0.0:
+        # Without attraction there is one branch; with adhesion alone its onset jumps.
         top.behind = -1e-3 * amplitude
-        return REPULSIVE
+        return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least = decisive_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS]))
     find_mismatch_maximum(oscillator, reach, amplitude, plain, top)
@@ -325,10 +311,10 @@ def side_reached_from_far(
     oscillator: Oscillator, reach: float, amplitude: float, free: float, margin: float, top: Maximum
 ) -> int:
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
-    lever = oscillator.lever
+    p, lever = oscillator.p, oscillator.lever
     worst = narrowest_amplitude_ratio(lever) * free
     side = decide(oscillator, reach, max(amplitude, min(worst, free)), margin, top)
-    if side == REPULSIVE or worst <= free:
+    if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
         return side
     return ATTRACTIVE if decide(oscillator, reach, worst, margin, top) == ATTRACTIVE else UNCLEAR
 

@@ -21,7 +21,7 @@ from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping
 from phasemap._kernels.lever import bend_by_adhesion
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
-from phasemap._kernels.orbits.time.period_map import Tolerance, rest
+from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
@@ -46,6 +46,8 @@ RAISING_MISS = 0.1  # of the amplitude, by which a longer one may miss a linear 
 END_JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
 RAISING_PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step
 LINEAR_SWING = 0.3  # of the depth, a swing that the surface answers like a spring
+# Of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
+LEAD_OF_LOOSE = 2.0
 # What becomes of a tip that is raised.
 COMES_TO_IT = 0  # to the amplitude
 JUMPS_FREE = 1  # across it, and touches nothing
@@ -208,3 +210,28 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
         slopes.z0 = 1.0
         move_state(lever, slopes, step, u)
     return NOT_KNOWN
+
+
+@kernel
+def raise_stuck_tip(
+    oscillator: Oscillator, amplitude: float, periodic: bool, slow: bool, tolerance: Tolerance, most: int, tip: Tip
+) -> int:
+    """Raise a tip that fell across the amplitude and sticks, from a `periodic` motion, or as it was lowered slowly.
+
+    JUMPS_FREE where nothing holds the amplitude, JUMPS_LOOSE where the tip is ready to be lowered again, COMES_TO_IT;
+    NOT_KNOWN with the tip as it was: a feedback may lower it faster than it was lowered.
+    """
+    p, lever, u = oscillator.p, oscillator.lever, tip.u
+    if (periodic or p[col.RELEASE] != 0.0) and too_stiff(oscillator, amplitude):
+        return JUMPS_FREE
+    fell = u.copy()
+    comes = comes_loose(oscillator, amplitude, tolerance, most, tip)
+    if comes == COMES_TO_IT or (comes == JUMPS_FREE and periodic):
+        return comes
+    if comes == NOT_KNOWN or not (periodic or slow):
+        copy(fell, u)
+        march_tip(oscillator, tolerance.eta, tip)
+        return NOT_KNOWN
+    if comes == JUMPS_FREE:
+        u[Z0] = min(u[Z0], fell[Z0] + LEAD_OF_LOOSE * (amplitude_of(lever, tip.acc) - amplitude))
+    return JUMPS_LOOSE
