@@ -21,8 +21,8 @@ amplitude changes 1.1 to 1.4 times as much as the tip offset: a feedback holds t
 two tip offsets, 10 pm apart, and a straight line tells the one at the setpoint.
 
 Fields: tip_offset [m], phase [degree], and their standard errors (the largest over groups of 1, 2, 4, ... values).
-`near` of one hard tap: [tip_offset, phase] of the motion of one period that `make_taps.engaged` comes to at a speed of
-4e-3, which is how phasemap lowers a tip; at 2e-2, 1e-3 and 2.5e-4 it comes to the motion of six periods.
+`near` of two hard taps: [tip_offset, phase] of the motion of one period that `make_taps.engaged` comes to at one of the
+speeds 2e-2, 4e-3, 1e-3 and 2.5e-4, and at the others to motions of six or seven periods: 249 at 4e-3, 272 at 1e-3.
 """
 
 import json

@@ -122,3 +122,15 @@ def test_where_loss_takes_the_drive_before_the_sample_repels_there_is_no_other_o
     assert pm.orbits(pm.Material(modulus, adhesion, damping), scope, 0.64).sizes["orbit"] == 1
     # A hundredth of a degree is what the march settles to; the largest error of either is 1e-3.
     assert image.phase.values[0, 0] == pytest.approx(held.phase, rel=0, abs=0.01)
+
+
+def test_where_adhesion_alone_sets_in_a_slow_tip_stays_on_the_attractive_side() -> None:
+    # Held by tests/reference/make_taps.py after approaches at 4e-3, 1e-3 and 2.5e-4; large steps of the tip offset jump
+    # over the onset of adhesion to the repulsive orbit, 32 pm lower.
+    lever, drive = pm.Cantilever(1.0983165616734807, 300e3, 113.787919199667), pm.Drive(1.7210497941389413e-08)
+    scope = pm.Microscope(lever, pm.Tip(8.004470417838485e-09), drive, pm.Interaction("dmt", decay_length=None))
+    stiff = pm.Material(62795603253.14876, 0.05991347444169698, 0.004237572949101453, poisson_ratio=0.35)
+    pixel = pm.solve_pixel(stiff, scope, 0.8173451452501452)
+    assert pixel.branch == "attractive" and pixel.motion == "periodic"
+    assert pixel.phase == pytest.approx(-35.177452, abs=1e-4)
+    assert pixel.tip_offset == pytest.approx(1.40280148e-08, abs=1e-13)

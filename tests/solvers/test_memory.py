@@ -149,20 +149,18 @@ def test_where_averaging_tells_the_orbit_it_is_that_from_far(viscous: dict[str, 
     ("modulus", "adhesion", "setpoint", "attracted"),
     [(6.1e9, 0.159, 0.7, True), (14e9, 0.173, 0.7, False), (4e9, 0.145, 0.5, False), (4e9, 0.15, 0.5, True)],
 )
-def test_where_averaging_leaves_the_side_open_the_end_of_the_attractive_branch_decides(
+def test_where_averaging_leaves_the_side_open_time_decides_on_either_side_of_the_end_of_the_branch(
     modulus: float, adhesion: float, setpoint: float, attracted: bool
 ) -> None:
     # At 0.7 the setpoint decides, at 0.5 the amplitude above it at which the branch is narrowest, 1/sqrt(3).
     scope = scope_of({"free_amplitude": 20e-9, "decay_length": 0.3e-9})
     solid = pm.Material(modulus, adhesion, relaxed_modulus=0.5 * modulus, relaxation_time=30e-9)
     work = work_of_material(solid, scope, setpoint * 20e-9, marched=True)
-    few = pm.Accuracy(periods=300)  # engaging from far takes a thousand and more
-    (near, status, _), (far, _, _) = run(Remembering(March()), work, few), run(FromFar(), work, pm.Accuracy())
+    rows, status, _ = run(Remembering(March()), work, pm.Accuracy())
     assert status[0] == col.GOOD
-    assert (near[0, col.PHASE] < 0) == attracted
-    assert abs(near[0, col.PHASE] - far[0, col.PHASE]) < near[0, col.ERROR_PHASE] + far[0, col.ERROR_PHASE]
-    assert abs(near[0, col.TIP_OFFSET] - far[0, col.TIP_OFFSET]) < near[0, col.ERROR_HEIGHT] + far[0, col.ERROR_HEIGHT]
-    assert run(FromFar(), work, few)[1][0] == col.NOT_SETTLED
+    assert (rows[0, col.PHASE] < 0) == attracted
+    few = pm.Accuracy(periods=300)  # engaging from far takes a thousand and more, an orbit that is known a hundred
+    assert run(Remembering(March()), work, few)[1][0] == col.NOT_SETTLED
 
 
 def test_a_tip_lifted_by_harmonics_is_looked_at_where_it_is_attracted_most() -> None:

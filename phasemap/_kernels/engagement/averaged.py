@@ -30,7 +30,7 @@ from phasemap._kernels.engagement.resonance import (
     put_averaged_orbit,
     side_reached_from_far,
 )
-from phasemap._kernels.law import Oscillator, contact_force
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
@@ -39,7 +39,7 @@ FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on
 SURE = 0
 DOUBTFUL = 1  # the curve of exact orbits tells
 UNDECIDED = 2  # the fold at the end of the attractive branch tells, by exact orbits
-LEAP = 3  # the tip is carried over its resonance, rebounds, or meets a force that jumps: only time tells where to
+LEAP = 3  # the tip is carried over its resonance, or rebounds, and only time tells where
 
 
 @kernel(shared=True)
@@ -62,8 +62,7 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndar
     rises = attracted and leaps(lever, reach, free)
     if low_q(lever):
         return find_orbit_at_low_q(oscillator, amplitude, rises, guess, top)
-    jumps = not attracted and contact_force(law, 0.0, p) < 0.0  # no orbit touches a little where adhesion sets in
-    if jumps or (rises and attraction_defies_averaging(oscillator, free)):
+    if rises and attraction_defies_averaging(oscillator, free):
         return LEAP
     side = side_reached_from_far(oscillator, reach, amplitude, free, low_q_margin_factor(lever), top)
     landing = rises and side != REPULSIVE
