@@ -13,9 +13,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE
+from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact import Rooms
-from phasemap._kernels.engagement.response import cheap_orbit, engage_by_response
+from phasemap._kernels.engagement.response import cheap_orbit
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, seen_rate, show
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import drive_needed, phase_of
@@ -59,7 +59,7 @@ class SeenRoom(NamedTuple):
 def orbit_at(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> tuple[int, float]:
     """Orbit of amplitude A [m] that engagement reaches: GOOD by passes, KNOWN if averaged, or PENDING; its phase."""
     guess = room.guess
-    surety = engage_by_response(oscillator, amplitude, guess, room.room.top)
+    surety = engage_by_averaging(oscillator, amplitude, guess, room.room.top)
     done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
     if done == col.GOOD:
         return col.GOOD, room.room.state.phase
