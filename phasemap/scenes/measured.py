@@ -6,7 +6,6 @@ image knows the moduli, are placeholders that are said to be so.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import shlex
 from collections.abc import Iterable, Mapping
@@ -17,12 +16,10 @@ from typing import TYPE_CHECKING, Any
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap._shared.notices import tell, untold
+from phasemap._shared.notices import tell
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
-from phasemap.experiment.material import Material
 from phasemap.experiment.presets import preset_of
-from phasemap.experiment.properties import damping_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.flattening import level_height
 from phasemap.io.measured import APART, one_scan, segment_height, segment_phase, separation_of
@@ -30,6 +27,7 @@ from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 from phasemap.io.whole_files import check_target, replacing
 from phasemap.scenes.objects import microscope_of
+from phasemap.scenes.placeholders import placeholder_with, placeholders, starts_of_contrast, with_own_damping
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
 from phasemap.scenes.tables import Table, construct, with_override
 from phasemap.scenes.writing import toml_of
@@ -38,10 +36,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from phasemap.experiment.microscope import Microscope
 
-PLACEHOLDERS = ("LDPE", "PS", "glass", "gold")  # presets, so that an image that nobody edited has a contrast
-ONE = "PS"  # where there is one material only
 WAYS = ("phase", "height")
 NEEDED = {
     "scan.setpoint": "0.7",
@@ -61,8 +56,6 @@ RECORDED = {
 }
 """Keys of a scene, and the attributes of an image that say them."""
 MATCHED = "start that gives the measured contrast, not a measurement: edit"
-TRIED = (0.02, 50.0, 31)  # factors on modulus and damping of a placeholder that are tried: ends, and how many
-NEAR = 0.5  # of a contrast that counts as given [degree]
 UNITS_OF = {"height": "m", "phase": "degree"}
 
 
@@ -181,14 +174,14 @@ def scene_from(
         "surface.topography": "m, recorded height without tilt and row offsets",
     }
     given = tables["materials"]
-    presets = _placeholders(phases, by, scan.attrs)
+    presets = placeholders(phases, by, scan.attrs)
     tables["materials"] = given | {
-        name: _material(preset, given.get(name, {})) for name, preset in zip(names, presets, strict=True)
+        name: placeholder_with(preset, given.get(name, {})) for name, preset in zip(names, presets, strict=True)
     }
     notes |= {f"materials.{name}": share for name, share in zip(names, shares, strict=True)}
     scene = scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values
     for name in names:
-        tables["materials"][name] = _damped(tables["materials"][name], given.get(name, {}), scene.microscope)
+        tables["materials"][name] = with_own_damping(tables["materials"][name], given.get(name, {}), scene.microscope)
     made = {
         f"materials.{name}.{key}": f"placeholder, {preset}: edit"
         for name, preset in zip(names, presets, strict=True)
@@ -197,7 +190,7 @@ def scene_from(
     if by == "phase" and phases > 1 and not given:
         levels = [np.median(scan["phase"].values[maps["labels"].values == label]) for label in range(phases)]
         sign = -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0
-        for label, start in _matching(tables["materials"], names, sign * np.array(levels), scene).items():
+        for label, start in starts_of_contrast(tables["materials"], names, sign * np.array(levels), scene).items():
             tables["materials"][label] |= start
             made |= dict.fromkeys((f"materials.{label}.{key}" for key in start), MATCHED)
     save(maps, maps_path, overwrite)
@@ -324,74 +317,6 @@ def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
             share += f", median of the recorded phase {np.median(scan['phase'].values[part]):.3g} degrees"
         told.append(share)
     return told
-
-
-def _placeholders(phases: int, by: str, attrs: Mapping[str, Any]) -> list[str]:
-    """Presets that stand for materials nobody has named, from the lowest label."""
-    if phases == 1:
-        return [ONE]
-    first = list(PLACEHOLDERS[:phases])
-    return first[::-1] if by == "phase" and attrs.get("phase_sign") == -1 else first
-
-
-def _material(preset: str, given: Any) -> Any:
-    """The placeholder with the values that the user gives; a damping takes the place of its viscosity."""
-    if not isinstance(given, dict):
-        return given  # what is wrong is said when the scene is checked
-    if "preset" in given:
-        return given
-    own = {name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if value is not None}
-    del own["viscosity" if given.get("damping") else "damping"]
-    return own | given
-
-
-def _damped(table: Any, given: Any, scope: Microscope) -> Any:
-    """The placeholder with the damping that its viscosity is under this lever, which is what one turns to fit."""
-    import numpy as np
-
-    kept = "viscosity" not in table or "viscosity" in given or "preset" in table
-    if kept or scope.interaction.damping_exponent != scope.interaction.law.spread:
-        return table
-    damping = float(damping_of(np.array(table["viscosity"]), scope))
-    return {"damping" if key == "viscosity" else key: value for key, value in table.items()} | {
-        "damping": float(f"{damping:.1e}")
-    }
-
-
-def _matching(materials: Table, names: list[str], levels: np.ndarray, scene: Scene) -> dict[str, Table]:
-    """Modulus and damping that give the measured contrasts to the stiffest placeholder, those nearest to the others.
-
-    `levels`: median phases of the materials, positive repulsive, whatever their zero [degree].
-    """
-    import numpy as np
-
-    from phasemap.imaging.simulation import simulate
-
-    reference = max(names, key=lambda name: float(materials[name]["modulus"]))
-    moved = np.geomspace(*TRIED)
-    stiffer, lossier = (one.reshape(1, -1) for one in np.meshgrid(moved, moved))
-
-    def phases(own: Table, modulus: Any, damping: Any) -> np.ndarray:
-        size, loss = own["modulus"] * modulus, own.get("damping", 0.0) * damping
-        more = {key: own[key] for key in ("adhesion", "poisson_ratio") if key in own}
-        tried = Surface(size, damping=loss, pixel_size=1e-9, **more)
-        image = simulate(tried, scene.microscope, scene.options["setpoint"], "averaging", variables=["phase"])
-        return np.asarray(image["phase"].values[0])
-
-    below = phases(materials[reference], np.ones((1, 1)), 1.0) - levels[names.index(reference)]
-    found = {}
-    for name, level in zip(names, levels, strict=True):
-        own = materials[name]
-        if name == reference or "damping" not in own:
-            continue
-        with untold():  # of those that have no orbit
-            apart = (phases(own, stiffer, lossier) - below - level) / NEAR
-        cost = apart**2 + np.log(stiffer[0]) ** 2 + np.log(lossier[0]) ** 2
-        best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
-        if abs(apart[best]) < 2.0:
-            both = (("modulus", stiffer), ("damping", lossier))
-            found[name] = {key: float(f"{own[key] * by[0, best]:.3g}") for key, by in both}
-    return found
 
 
 def _heading(scan: xr.Dataset, path: Path, homogeneous: str) -> list[str]:

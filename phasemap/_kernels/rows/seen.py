@@ -47,6 +47,14 @@ APART, BESIDE = 1e-7, 1e-5  # of A: secants over less say nothing; an orbit aske
 SEEN_BY_A, PHASE_BY_A, OFFSET_BY_A, SLOPES = 0, 1, 2, 3
 
 
+class AskedSeen(NamedTuple):
+    """Materials and what is asked of them."""
+
+    rows: np.ndarray  # shape (n, ROW)
+    amplitudes: np.ndarray  # shape (n,); that the detector is to see [m]
+    limits: np.ndarray  # largest errors of passes: phase [rad], tip offset [m]
+
+
 class SeenRoom(NamedTuple):
     """Room for the orbits of one material."""
 
@@ -152,14 +160,14 @@ def by_collocation_at_seen(
 
 @kernel
 def seen_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, seen: np.ndarray, limits: np.ndarray,
-    first: int, last: int, answers: Answers, slopes: np.ndarray,
+    law: Law, asked: AskedSeen, lever: np.ndarray, tables: np.ndarray, first: int, last: int, answers: Answers,
+    slopes: np.ndarray,
 ) -> None:  # fmt: skip
     """Orbit of the tip of every row in [first, last) that is seen with an amplitude, where its branch is sure.
 
     Other rows stay PENDING. The errors are those at a given A; `slopes` (shape (n, SLOPES)) are there for the rest.
     """
-    out, status, solver = answers
+    (rows, seen, limits), (out, status, solver) = asked, answers
     room, rooms = SeenRoom(np.zeros(col.GUESS), Room(), limits), new_rooms(lever)
     for i in range(first, last):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
