@@ -204,7 +204,8 @@ class Ensemble:
             if progress is not None:
                 progress(parts.done, len(self))
             jobs = ((sample, self._tables(sample), file) for sample, file in parts.missing())
-            make = partial(_make, folder=self.folder, form=_form(first), named=self._named)
+            named = not any(key.startswith("surface.materials") for key in self.keys)  # the same in all samples
+            make = partial(_make, folder=self.folder, form=_form(first), named=named)
             with closing(in_processes(make, jobs, workers)) as made:
                 for file in made:
                     done = parts.add(file)
@@ -227,11 +228,6 @@ class Ensemble:
         for key, value in sorted(self.samples[sample].items(), key=lambda one: not one[0].endswith(".preset")):
             tables = with_value(tables, key, value)
         return tables
-
-    @property
-    def _named(self) -> bool:
-        """Whether a label means the same material in all samples."""
-        return not any(key.startswith("surface.materials") for key in self.keys)
 
     def _card(self, path: Path, netcdf: Path, first: Scene) -> str:
         """The data card of a file; where that is a store, `netcdf` has the same in it."""

@@ -85,7 +85,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows import beside, every_orbit, exact, fast, marched, other_branch_exact, stiff
+    from phasemap._kernels.rows import beside, every_orbit, exact, fast, marched, other_branch_exact, seen
     from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.scanning.reach import reach_rows
     from phasemap.solvers.continuation.path import Question, fixed_path
@@ -99,12 +99,13 @@ def solve_one_of_each_kind() -> None:
     answers = Answers(np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     branches = Answers(*(np.stack([one] * 3) for one in answers))
     oscillator, numbers = law.Oscillator(work.law, law.parameters(work.rows[0]), work.lever), np.zeros(4)
+    asked = seen.AskedSeen(work.rows, work.amplitudes, np.zeros(2))
     path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever)
     for entry, *examples in (
         (fast.averaging_rows, *given, work.amplitudes, 0, 1, answers),
         (fast.averaged_near_rows, *given, work.amplitudes, 0, 1, answers),
         (exact_orbit_at, path, numbers, 0.0, 0, 1.0, orbit, orbit),
-        (stiff.stiff_rows, *given, numbers, True, 0, 1, answers),
+        (seen.seen_rows, work.law, asked, work.lever, TABLES, 0, 1, answers, np.zeros((1, seen.SLOPES))),
         (exact.exact_rows, *tabled, work.amplitudes, 0, 1, answers),
         (other_branch_exact.exact_near_rows, *tabled, work.amplitudes, 0, 1, branches),
         (beside.rows_beside, *tabled, work.amplitudes, answers.rows, np.zeros(1, bool)),
