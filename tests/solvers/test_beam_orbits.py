@@ -31,6 +31,21 @@ def test_a_tip_from_far_comes_to_the_orbit_of_the_reference_within_what_is_state
     assert (found[:, 2:] <= 1).all()
 
 
+STIFF = [(3945732939.67, 0.0, 0.8234), (5330805036.94, 1.9128e-3, 0.8225), (3920629377.88, 9.0708e-3, 0.8835)]
+
+
+@pytest.mark.parametrize(("modulus", "damping", "setpoint"), STIFF)
+def test_a_stiff_sample_that_throws_two_modes_back_has_the_orbit_that_time_leads_to(
+    modulus: float, damping: float, setpoint: float
+) -> None:
+    scope = pm.Microscope(pm.Cantilever(0.1, 30e3, 2.5, modes=2), pm.Tip(10e-9), pm.Drive(10e-9))
+    material = pm.Material(modulus, damping=damping, poisson_ratio=0.3)
+    found, marched = (pm.solve_pixel(material, scope, setpoint, solver) for solver in ("orbit", "march"))
+    assert found.status is marched.status is pm.Status.good
+    assert abs(found.phase - marched.phase) < found.error_phase + marched.error_phase
+    assert abs(found.tip_offset - marched.tip_offset) < found.error_height + marched.error_height
+
+
 def test_in_liquid_phase_contrast_comes_from_the_second_mode() -> None:
     # Melcher et al., PNAS 106, 13655 (2009): with one mode, gel and glass are hardly told apart.
     gel, glass = (pm.Material(modulus, poisson_ratio=0.3) for modulus in (10e6, 1e9))
