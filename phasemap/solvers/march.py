@@ -13,7 +13,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.averaging import engage_averaged
 from phasemap.solvers.in_time import ERROR_HEIGHT, ERROR_PHASE, ETA, InTime
-from phasemap.solvers.orbit import LENGTH, PHASE, solve_from_far
+from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly, solve_from_far
 from phasemap.solvers.problem import Work
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class March(InTime):
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         from phasemap._kernels.engagement.resonance import near_resonance
+        from phasemap._kernels.lever import low_q
 
         if (
             work.lever[col.MODES] > 1
@@ -52,7 +53,10 @@ class March(InTime):
             pressed = solve_from_far(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers, self)
             self.settle(work, pressed, answers, accuracy.periods)
             return
-        engage_averaged(work, accuracy.periods, first, last, answers)
+        if low_q(work.lever):  # an averaged orbit is far from that which holds the setpoint
+            solve_exactly(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers)
+        else:
+            engage_averaged(work, accuracy.periods, first, last, answers)
         _, status, solver = answers
         decided = np.isin(status[first:last], (col.GOOD, col.NO_STABLE_ORBIT))
         in_time = solver[first:last] == col.MARCH  # engaged from far, with the steps of the default

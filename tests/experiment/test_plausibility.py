@@ -149,7 +149,7 @@ def test_a_lever_too_soft_for_the_adhesion_is_told_of_sticking_and_the_advice_cu
         surface = pm.Surface("3 GPa", adhesion="70 mJ/m^2", damping=0.004, pixel_size="4 nm", shape=(1, 1))
         return pm.simulate(surface, scope, setpoint=0.7)
 
-    stuck = taken(20e-9)
+    stuck = taken(6e-9)
     (line,) = describe_validity(stuck)
     assert line.startswith("1 of 1 pixels (100 %) failed, and the tip may stick: adhesion holds it with up to 4.4 nN")
     advice = re.search(r"Take a free amplitude above (\d+) nm", line)

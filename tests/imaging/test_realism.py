@@ -241,7 +241,7 @@ def test_noise_needs_a_control_that_acts_in_time(noise: dict[str, float]) -> Non
         ({"drift": 1e-9}, r"drift is 1e-09; allowed: three lengths in m, \(x, y, z\)"),
         ({"drift": (0, 0)}, r"drift is \(0, 0\); allowed: three lengths in m"),
         ({"drift": (0, math.inf, 0)}, "drift y is inf; allowed: a finite number, in m"),
-        ({"tip_change": 30e-9}, "tip_change is 3e-08; allowed: a TipChange, with line and radius"),
+        ({"tip_change": 30e-9}, "tip_change is 3e-08; allowed: a TipChange or None"),
         ({"bits": 0}, "bits is 0; allowed: a whole number from 1 to 32"),
         ({"bits": 12.0}, "bits is 12.0; allowed: a whole number"),
         ({"seed": -1}, "seed is -1; allowed: a whole number of at least 0"),

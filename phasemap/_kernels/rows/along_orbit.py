@@ -70,7 +70,8 @@ def nodes_of(
         return True
     guess_of_row(oscillator.lever, row, again.guess)
     side = REPULSIVE if again.guess[col.G_P] > 0.0 else ATTRACTIVE
-    if oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE] and _by_passes(oscillator, row, side, again):
+    faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
+    if faint and _by_passes(oscillator, row, side, again):
         return True
     guess_of_row(oscillator.lever, row, again.guess)
     orbit, spare, saved, found = again.rooms
@@ -80,7 +81,7 @@ def nodes_of(
         done, rooms = orbit_along_curve(oscillator, tables, row[col.AMPLITUDE], side == REPULSIVE, rooms, again.row)
         orbit = rooms.found
     if done != col.GOOD or not same_orbit(again.row, row):
-        return False
+        return not faint and _by_passes(oscillator, row, side, again)  # what holds the harmonics roughly
     nodes_from_collocation(oscillator, tables, orbit, again.at)
     return True
 

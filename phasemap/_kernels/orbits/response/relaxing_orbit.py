@@ -224,7 +224,7 @@ def energy_defect(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool
 
 @kernel
 def slow_flow_is_stable(oscillator: Oscillator, bench: Bench) -> bool:
-    """True if disturbances of amplitude and phase decay in the slow flow: theory, Eq. (memory-12).
+    """True if disturbances of amplitude and phase decay in the slow flow: theory, Eq. (memory-11).
 
     What a tap takes may fall with the amplitude, by more than what air takes rises. Leaves the state as it was, and the
     nodes at a larger amplitude.
