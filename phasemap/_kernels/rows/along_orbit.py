@@ -71,9 +71,10 @@ def nodes_of(
     guess_of_row(oscillator.lever, row, again.guess)
     side = REPULSIVE if again.guess[col.G_P] > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
-    if faint and _by_passes(oscillator, row, side, again):
-        return True
-    guess_of_row(oscillator.lever, row, again.guess)
+    if faint:
+        if _by_passes(oscillator, row, side, again):
+            return True
+        guess_of_row(oscillator.lever, row, again.guess)  # which passes began elsewhere
     orbit, spare, saved, found = again.rooms
     done, _, orbit, spare = orbit_near(oscillator, tables, again.guess, orbit, spare, again.row)
     if done != col.GOOD or not same_orbit(again.row, row):

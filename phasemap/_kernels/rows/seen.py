@@ -89,30 +89,30 @@ def by_passes_at_seen(
     done, phase = orbit_at(oscillator, amplitude, room)
     if done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]:
         amplitude = likely_amplitude(lever, seen, 1)  # the attractive branch is not what is reached there
+        done, phase = orbit_at(oscillator, amplitude, room)
     before, old_phase, old_offset = (math.nan, math.nan), math.nan, math.nan
     for _ in range(MOST_SECANTS):
+        if done == col.PENDING:
+            following = 0.5 * (amplitude + before[0])
+        else:
+            miss, moved = show(lever, amplitude, phase)[0] - seen, amplitude - before[0]
+            if done == col.KNOWN and abs(miss) < ROUGHLY_SEEN * seen:
+                return col.KNOWN, amplitude
+            if abs(moved) > APART * amplitude:
+                slopes[SEEN_BY_A], slopes[PHASE_BY_A] = (miss - before[1]) / moved, (phase - old_phase) / moved
+                slopes[OFFSET_BY_A] = (state.tip_offset - old_offset) / moved
+            there = done == col.GOOD and abs(miss) < EXACTLY_SEEN * seen
+            if there and math.isfinite(slopes[SEEN_BY_A]):
+                fill_row_from_passes(lever, nodes_of_solution(room.room), state, row)
+                return col.GOOD, amplitude
+            following = next_amplitude(lever, seen, amplitude, phase, miss, before)
+            if there:
+                following = amplitude * (1.0 + BESIDE)  # for the slopes alone
+            before, old_phase, old_offset = (amplitude, miss), phase, state.tip_offset
+        amplitude = following
         if not amplitude > 0.0:
             break
         done, phase = orbit_at(oscillator, amplitude, room)
-        if done == col.PENDING:
-            amplitude = 0.5 * (amplitude + before[0])
-            continue
-        miss = show(lever, amplitude, phase)[0] - seen
-        if done == col.KNOWN and abs(miss) < ROUGHLY_SEEN * seen:
-            return col.KNOWN, amplitude
-        moved = amplitude - before[0]
-        if abs(moved) > APART * amplitude:
-            slopes[SEEN_BY_A], slopes[PHASE_BY_A] = (miss - before[1]) / moved, (phase - old_phase) / moved
-            slopes[OFFSET_BY_A] = (state.tip_offset - old_offset) / moved
-        there = done == col.GOOD and abs(miss) < EXACTLY_SEEN * seen
-        if there and math.isfinite(slopes[SEEN_BY_A]):
-            fill_row_from_passes(lever, nodes_of_solution(room.room), state, row)
-            return col.GOOD, amplitude
-        following = next_amplitude(lever, seen, amplitude, phase, miss, before)
-        if there:
-            following = amplitude * (1.0 + BESIDE)  # for the slopes alone
-        before, old_phase, old_offset = (amplitude, miss), phase, state.tip_offset
-        amplitude = following
     return col.PENDING, math.nan
 
 
@@ -171,7 +171,6 @@ def seen_rows(
     room, rooms = SeenRoom(np.zeros(col.GUESS), Room(), limits), new_rooms(lever)
     for i in range(first, last):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
-        status[i] = col.PENDING
         row[:], slopes[i, :] = math.nan, math.nan
         status[i], amplitude = by_passes_at_seen(oscillator, seen[i], room, row, slopes[i])
         solver[i] = col.CORRECTED
