@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-# Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11.
+# Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11, necks of
+# liquid 12-15.
 CONTACT = 0
 LONGRANGE = 4
 DAMPING = 8
-ROW = 12
+ROW = 16
 INVERSE_REACH = 5  # 1/d0 [1/m] of the built-in long-range law, whose strength [N] stands at LONGRANGE
 EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
 BIAS = 11  # attraction [N] of an electrostatic bias in contact
@@ -19,6 +20,10 @@ PULL = 1  # attraction [N] in contact of DMT's law
 RELAXATION = 2  # of a law that may remember: tau [1/omega_c] if above 0
 RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
+FORMING = 12  # depth [m] at which a neck forms on the way in, from RELEASE to 0: below 0 where films of liquid meet
+BRIDGE = 13  # attraction [N] of a bridge of liquid on a tip in contact
+BRIDGE_CURVE = 14  # 1 / sqrt(V / (pi R)) [1/m] of a bridge of constant volume V; 0 of any other
+BRIDGE_FALL = 15  # 1 / length [1/m] of a bridge whose force falls as a line; 0 of any other
 
 # Entries of the lever, shape (MODE + MODE_NUMBERS n,) for n modes; see `phasemap.experiment.lever.lever_of`. Motion is
 # that of the tip, forces are over k, and the phase of the drive is that of the force it makes at the tip.

@@ -170,5 +170,6 @@ def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
 def parameters(row: np.ndarray) -> tuple[float, ...]:
     """A parameter row as numbers: passed by value, it costs no reference counts in the innermost calls."""
     return (
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11]
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12],
+        row[13], row[14], row[15],
     )  # fmt: skip

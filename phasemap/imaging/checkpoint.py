@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import RELEASE
+from phasemap._kernels.columns import RELEASE, ROW
 from phasemap._kernels.frozen import frozen
 from phasemap._shared.errors import FileError
 from phasemap.experiment.interaction import ContactLaw
@@ -157,7 +157,7 @@ def _law_in_words(law: ContactLaw) -> str:
         modules = sorted({kind.__module__ for kind in type(law).__mro__ if issubclass(kind, ContactLaw)})
         code = [inspect.getsource(sys.modules[name]) for name in modules]
         stiffness, adhesion, radius = np.array([1e9]), np.array([0.05]), 1e-8
-        row = np.zeros(12)
+        row = np.zeros(ROW)
         for j, column in enumerate(law.columns(stiffness, adhesion, radius)):
             row[j] = np.broadcast_to(column, 1)[0]
         row[RELEASE] = np.broadcast_to(law.release(stiffness, adhesion, radius), 1)[0]

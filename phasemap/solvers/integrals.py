@@ -23,7 +23,7 @@ NONE = np.zeros((1, 0))  # rows with nodes
 
 
 def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
-    """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 12).
+    """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 16).
 
     `stiffness` (shape (n,)): k [Pa].
     `film` (shape (n, 2)): of `phasemap.experiment.properties.film_of`.
@@ -40,7 +40,7 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
 
     `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
     `used` (shape (..., n)): codes of the solvers that made the rows.
-    `bare` (shape (n, 12)): see `bare_rows`.
+    `bare` (shape (n, 16)): see `bare_rows`.
     `kept` (shape (n, KEEPING)): rows with nodes of the same orbits, for rows of shape (n, ...).
     Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
     """

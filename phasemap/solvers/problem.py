@@ -29,7 +29,7 @@ class Work:
     """Distinct pixels, ready for a solver."""
 
     law: Law  # the formulas of the interaction
-    rows: Array  # shape (n, 12); their parameters, one row a pixel
+    rows: Array  # shape (n, 16); their parameters, one row a pixel
     lever: Array  # see `phasemap.experiment.lever.lever_of`
     amplitudes: Array  # shape (n,); setpoint amplitude of each pixel [m], as the detector sees it
 

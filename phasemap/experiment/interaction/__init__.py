@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from phasemap._kernels.columns import BIAS, DAMPING, RELAXATION, RELAXING, RELEASE
+from phasemap._kernels.columns import BIAS, DAMPING, RELAXATION, RELAXING, RELEASE, ROW
 from phasemap._kernels.forces import hertzian
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
@@ -115,7 +115,7 @@ class Interaction(Shown):
         radius: float,
         film: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Parameter rows of the kernels, one a material, shape (n, 12).
+        """Parameter rows of the kernels, one a material, shape (n, 16).
 
         `contact_stiffness` (shape (n,)): K [Pa], 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t].
         `adhesion`, `damping` (shape (n,)): work of adhesion [J/m2], alpha1 [1].
@@ -207,7 +207,7 @@ class Interaction(Shown):
         """`columns` without marks."""
         import numpy as np
 
-        rows = np.zeros((len(contact_stiffness), 12))
+        rows = np.zeros((len(contact_stiffness), ROW))
         law = self.law
         with np.errstate(all="ignore"):  # a material that the law cannot have ends as NaN
             try:

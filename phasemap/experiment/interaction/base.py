@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from phasemap._kernels.columns import RELEASE
+from phasemap._kernels.columns import RELEASE, ROW
 from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction.longrange import InverseSquare
@@ -36,7 +36,7 @@ class ContactLaw(ABC):
     ...     @staticmethod
     ...     def force(d, p):
     ...         return 0.3 * p[0] * d * d
-    >>> Cone().name, round(Cone.slope(1e-9, [1e9, 0, 1e-8] + 9 * [0]), 12)
+    >>> Cone().name, round(Cone.slope(1e-9, [1e9, 0, 1e-8] + 13 * [0]), 12)
     ('Cone', 0.6)
     """
 
@@ -120,7 +120,7 @@ class ContactLaw(ABC):
         """Attraction [N] >= 0 that the long-range force joins at d = 0; by default that of `force`."""
         import numpy as np
 
-        rows = np.zeros((len(contact_stiffness), 12))
+        rows = np.zeros((len(contact_stiffness), ROW))
         for j, column in enumerate(self.columns(contact_stiffness, adhesion, radius)):
             rows[:, j] = column
         return np.array([max(-self.force(0.0, row), 0.0) for row in rows])

@@ -154,7 +154,7 @@ class Model:
         return materials
 
     def rows(self, q: Array) -> Array:
-        """Parameters of the kernels, shape (n, 12)."""
+        """Parameters of the kernels, shape (n, 16)."""
         modulus, adhesion, damping = self.materials(q).T
         stiffness = contact_stiffness(modulus, np.full(len(q), self.poisson_ratio), self.scope.tip)
         return self.scope.interaction.columns(stiffness, adhesion, damping, self.scope.tip.radius)

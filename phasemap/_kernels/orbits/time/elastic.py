@@ -197,7 +197,9 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     """March for a period of the drive over a surface without memory: see `march.march_period`."""
     # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
     law, p, lever = oscillator
-    row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11])
+    row: Row = (
+        p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )  # fmt: skip
     motion, modes, compliance = Motion(), Modes(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)
     beam, u = beam_over(lever, z0, modes), motion.here.at
