@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import LONGRANGE, RELEASE
+from phasemap._kernels.columns import FORMING, LONGRANGE, RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope, parameters
 from phasemap._kernels.quadrature import gauss
@@ -16,22 +16,23 @@ _X, _W = gauss(24)
 
 @kernel
 def loop_energy(law: Law, p: np.ndarray) -> float:
-    """Energy [J] lost between contact at d = 0 and release: the integral of F_longrange - F_contact over the neck.
+    """Energy [J] lost between where the neck forms and release: the integral of F_longrange - F_contact over that.
 
     See theory, Eq. (model-11).
-    In x, with d = d_r (1 - x^2), the root of a contact force at release is smooth; the long-range force is, over reach,
-    a power of exp(x) where the gap is reach (exp(x) - 1).
+    In x, with d = d_r + (d_f - d_r) x^2, the root of a contact force at release is smooth; the long-range force is,
+    over reach, a power of exp(x) where the gap is reach (exp(x) - 1).
     """
-    depth = -p[RELEASE]
+    depth = p[FORMING] - p[RELEASE]
     energy = 0.0
     for i in range(len(_X)):
         x = _X[i]
         energy -= _W[i] * 2.0 * depth * x * contact_force(law, p[RELEASE] + depth * x * x, p)
     if p[LONGRANGE] != 0.0:
         reach = abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
-        span = math.log1p(depth / reach)
+        start = reach - p[FORMING]
+        span = math.log1p(depth / start)
         for i in range(len(_X)):
-            gap = reach * math.expm1(span * _X[i])
+            gap = start * math.exp(span * _X[i]) - reach
             energy += _W[i] * span * (reach + gap) * longrange_force(law, -gap, p)
     return energy
 

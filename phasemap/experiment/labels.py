@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,6 +13,7 @@ from phasemap._shared.dask_arrays import lazy_map
 from phasemap._shared.errors import InputError
 from phasemap.experiment.distinct_rows import factorise
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import MORE, column_of, rows_of
 from phasemap.experiment.relaxing import refuse_film
 from phasemap.experiment.surface_maps import check_memory, where
 
@@ -62,10 +62,12 @@ def lazily_looked_up(labels: Any, materials: Any) -> dict[str, Any]:
 
 def _named(columns: Sequence[Any], viscous: bool) -> dict[str, Any]:
     """Columns of a material as arguments of a surface."""
-    modulus, adhesion, loss, poisson_ratio, *more = columns
+    modulus, adhesion, loss, poisson_ratio, *rest = columns
     maps = {"modulus": modulus, "adhesion": adhesion, "poisson_ratio": poisson_ratio}
-    names = ("thickness",) if len(more) == 1 else ("relaxed_modulus", "relaxation_time")
-    return {**maps, "viscosity" if viscous else "damping": loss, **dict(zip(names, more, strict=False))}
+    more = {name: one for name, one in zip(MORE, rest, strict=False) if np.ndim(one) or np.isfinite(one)}
+    if "relaxation_time" not in more:
+        more.pop("relaxed_modulus", None)
+    return {**maps, "viscosity" if viscous else "damping": loss, **more}
 
 
 def _whole_numbers(labels: Any) -> NDArray[Any]:
@@ -91,17 +93,8 @@ def _whole_numbers(labels: Any) -> NDArray[Any]:
 def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
     """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
     labelled = _labelled(materials)
-    chosen = list(labelled.values())
-    viscous = any(m.viscosity for m in chosen)
-    rows = [(m.modulus, m.adhesion, (m.viscosity or 0.0) if viscous else m.damping, m.poisson_ratio) for m in chosen]
-    table = np.array(rows, dtype=np.float64)
-    if any(m.thickness is not None for m in chosen):
-        endless = [math.inf if m.thickness is None else m.thickness for m in chosen]
-        table = np.column_stack([table, endless])
-    if any(m.relaxation_time is not None for m in chosen):
-        refuse_film(table.shape[1] > 4)
-        relaxing = [(m.relaxed_modulus or m.modulus, m.relaxation_time or math.inf) for m in chosen]
-        table = np.column_stack([table, relaxing])
+    table, viscous = rows_of(labelled.values())
+    refuse_film(column_of(table, "thickness") is not None and column_of(table, "relaxation_time") is not None)
     return list(labelled), table, viscous
 
 

@@ -16,6 +16,7 @@ from phasemap._shared.pixels import centres
 from phasemap._shared.shown import table
 from phasemap._shared.units import say
 from phasemap.experiment.distinct_rows import distinct_materials
+from phasemap.experiment.material_rows import MORE
 from phasemap.experiment.surface_variables import QUANTITIES
 
 FloatArray = NDArray[np.float64]
@@ -35,6 +36,8 @@ class Maps:
     thickness: FloatArray | None
     relaxed_modulus: FloatArray | None
     relaxation_time: FloatArray | None
+    liquid_film: FloatArray | None
+    contact_angle: FloatArray | None
     pixel_size: tuple[float, float]
     shape: tuple[int, int]
     allow_nan: bool
@@ -75,9 +78,10 @@ class Maps:
 
         Returns
         -------
-        rows : ndarray, shape (n, 4), (n, 5) or (n, 6)
-            Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1], and
-            thickness [m] if there is one, or relaxed modulus [Pa] and relaxation time [s].
+        rows : ndarray, shape (n, 4) or (n, 9)
+            Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1]; and
+            if there is one of them, thickness [m], relaxed modulus [Pa], relaxation time [s], liquid film [m] and
+            contact angle [degree], infinite where a material has none.
         inverse : ndarray of int32, shape (ny, nx)
             Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
             read-only.
@@ -122,8 +126,14 @@ class Maps:
     @property
     def columns(self) -> list[FloatArray]:
         """The maps that make up a material."""
-        fields = (getattr(self, name) for name in QUANTITIES if name != "topography")
-        return [column for column in fields if column is not None]
+        loss = self.viscosity if self.damping is None else self.damping
+        assert loss is not None
+        found, more = [self.modulus, self.adhesion, loss, self.poisson_ratio], [getattr(self, name) for name in MORE]
+        if all(one is None for one in more):
+            return found
+        none = {"relaxed_modulus": self.modulus}
+        endless = np.broadcast_to(np.inf, self.shape)
+        return found + [none.get(name, endless) if one is None else one for name, one in zip(MORE, more, strict=True)]
 
     @asked_as()
     def rows(self, rows: slice) -> Self:

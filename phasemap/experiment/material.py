@@ -10,7 +10,7 @@ from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what is found in practice [Pa, J/m2, Pa s]
-THICKNESS, RELAXATION = (0.2e-9, 1e-4), (1e-10, 1e-2)  # [m, s]
+THICKNESS, RELAXATION, LIQUID = (0.2e-9, 1e-4), (1e-10, 1e-2), (0.05e-9, 20e-9)  # [m, s, m]
 
 
 @known_as(
@@ -43,6 +43,10 @@ class Material(Shown):
         exp(-t / relaxation_time), theory, Eq. (memory-1). Given together with `relaxation_time`, or None.
     relaxation_time : float, optional
         tau [s], > 0; contacts then follow Ting and are marched in time.
+    liquid_film : float, optional
+        Thickness of the film of liquid on it [m], >= 0, for the contact "capillary"; None is that of the law.
+    contact_angle : float, optional
+        Of that liquid on it [degree], 0 to 180; None is that of the law.
 
     Raises
     ------
@@ -63,6 +67,8 @@ class Material(Shown):
     thickness: Number[float | None] = Number("m", None, above=0, usual=THICKNESS)
     relaxed_modulus: Number[float | None] = Number("Pa", None, above=0, usual=MODULUS)
     relaxation_time: Number[float | None] = Number("s", None, above=0, usual=RELAXATION)
+    liquid_film: Number[float | None] = Number("m", None, minimum=0, usual=LIQUID)
+    contact_angle: Number[float | None] = Number("degree", None, minimum=0, maximum=180)
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Material:

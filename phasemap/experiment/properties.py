@@ -9,6 +9,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import column_of
 from phasemap.experiment.microscope import Microscope, Tip
 
 Array = np.ndarray
@@ -69,9 +70,8 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
     """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
 
-    `materials` (shape (n, 4), (n, 5) or (n, 6)): modulus [Pa], adhesion [J/m2], damping [1] (viscosity [Pa s] if
-        `viscous`), Poisson's ratio [1], and of films the thickness [m], or of solids that relax the relaxed modulus
-        [Pa] and relaxation time [s].
+    `materials` (shape (n, 4) or (n, 9)): as `phasemap.experiment.material_rows` has them; `viscous` where their loss is
+        a viscosity.
     """
     modulus, adhesion, loss, poisson_ratio = materials.T[:4]
     stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
@@ -80,7 +80,17 @@ def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Arra
 
 def film_of(materials: Array) -> Array | None:
     """Poisson's ratio [1] and thickness [m] of materials that are films on a rigid base, shape (n, 2); else None."""
-    return materials[:, 3:] if materials.shape[1] == 5 else None
+    thickness = column_of(materials, "thickness")
+    return None if thickness is None else np.column_stack([materials[:, 3], thickness])
+
+
+def liquid_of(materials: Array) -> Array | None:
+    """Thickness [m] and contact angle [degree] of films of liquid, shape (n, 2), infinite if not given; else None."""
+    film, angle = column_of(materials, "liquid_film"), column_of(materials, "contact_angle")
+    if film is None and angle is None:
+        return None
+    none = np.full(len(materials), np.inf)
+    return np.column_stack([none if film is None else film, none if angle is None else angle])
 
 
 def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
@@ -89,9 +99,10 @@ def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
     Both are 0 where nothing relaxes. An elastic tip in series makes contacts relax sooner, by the ratio of the shares
     that are left, for the time in which they recover does not change: theory, Eq. (memory-1).
     """
-    if materials.shape[1] < 6:
+    time, relaxed = column_of(materials, "relaxation_time"), column_of(materials, "relaxed_modulus")
+    if time is None or relaxed is None:
         return None
-    modulus, relaxed, time = materials[:, 0], materials[:, 4], materials[:, 5]
+    modulus = materials[:, 0]
     first, last = (contact_stiffness(one, materials[:, 3], scope.tip) for one in (modulus, relaxed))
     relaxes = np.isfinite(time) & (relaxed < modulus)
     with np.errstate(all="ignore"):

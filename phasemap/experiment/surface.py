@@ -65,6 +65,8 @@ class Surface(Maps):
         Of a film on a rigid base [m], > 0, for the contact "film"; infinite where the material has no bottom.
     relaxed_modulus, relaxation_time : float or array_like, shape (ny, nx), optional
         [Pa, s] of materials that relax, as of `Material`; the time is infinite where one does not.
+    liquid_film, contact_angle : float or array_like, shape (ny, nx), optional
+        [m, degree] of the film of liquid, for the contact "capillary"; infinite where it is that of the law.
     pixel_size : float or (float, float)
         Side of a square pixel [m], or its (dy, dx); kept as (dy, dx).
     shape : (int, int), optional
@@ -104,6 +106,8 @@ class Surface(Maps):
         *,
         relaxed_modulus: ArrayLike | None = None,
         relaxation_time: ArrayLike | None = None,
+        liquid_film: ArrayLike | None = None,
+        contact_angle: ArrayLike | None = None,
         pixel_size: float | Sequence[float],
         shape: Sequence[int] | None = None,
         allow_nan: bool = False,
@@ -117,7 +121,8 @@ class Surface(Maps):
         given = {
             "modulus": modulus, "adhesion": adhesion, "damping": damping, "viscosity": viscosity,
             "poisson_ratio": poisson_ratio, "topography": topography, "thickness": thickness,
-            "relaxed_modulus": relaxed_modulus, "relaxation_time": relaxation_time,
+            "relaxed_modulus": relaxed_modulus, "relaxation_time": relaxation_time, "liquid_film": liquid_film,
+            "contact_angle": contact_angle,
         }  # fmt: skip
         maps = {
             name: found
@@ -212,7 +217,8 @@ class Surface(Maps):
         ----------
         dataset : xarray.Dataset
             Variables modulus and adhesion, and if there are any damping or viscosity, poisson_ratio, topography,
-            thickness, relaxed_modulus and relaxation_time; each with dims ("y", "x") or none. Coordinates y and x,
+            thickness, relaxed_modulus and relaxation_time, liquid_film and contact_angle; each with dims ("y", "x") or
+            none. Coordinates y and x,
             evenly spaced, x increasing; row 0 is the top, whichever way y counts. A units attribute with a
             metric prefix (GPa, mJ/m2, nm) is converted, a missing one is SI.
         allow_nan : bool

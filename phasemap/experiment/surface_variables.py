@@ -12,7 +12,7 @@ from phasemap._shared.arrays import read_only
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import FloatArray, coordinate_step, coordinates, in_si_of
-from phasemap.experiment.material import ADHESION, MODULUS, RELAXATION, THICKNESS, VISCOSITY
+from phasemap.experiment.material import ADHESION, LIQUID, MODULUS, RELAXATION, THICKNESS, VISCOSITY
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,6 +37,8 @@ QUANTITIES = {
     "thickness": Quantity("thickness of the film on a rigid base", "m", {"above": 0}, THICKNESS, endless=True),
     "relaxed_modulus": Quantity("Young's modulus after relaxation", "Pa", {"above": 0}, MODULUS),
     "relaxation_time": Quantity("relaxation time", "s", {"above": 0}, RELAXATION, endless=True),
+    "liquid_film": Quantity("thickness of the liquid film", "m", {"minimum": 0}, LIQUID, endless=True),
+    "contact_angle": Quantity("contact angle of the liquid", "degree", {"minimum": 0, "maximum": 180}, endless=True),
     "topography": Quantity("topography", "m", {}, (0.0, 1e-4)),
 }
 

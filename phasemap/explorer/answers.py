@@ -18,6 +18,7 @@ from phasemap._shared.notices import untold
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.properties import film_of
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
@@ -29,7 +30,7 @@ from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
 from phasemap.solvers.pixel import solve_pixel
-from phasemap.solvers.problem import Work, forces_of, make_work, material_rows
+from phasemap.solvers.problem import Work, forces_of, make_work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
 from phasemap.sweeps.contrasts.contrast_map import contrast
@@ -99,7 +100,7 @@ def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
     import xarray as xr
 
     scope = setting.scope
-    materials, viscous = material_rows(setting.materials.values())
+    materials, viscous = rows_of(setting.materials.values())
     work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)
     rows, status, used = run(by_name(setting.solver), work, accuracy_of(scope), threads=1)
     flags = {"status": status, "solver": used, "branch": branch_of(rows), "motion": motion_of(rows)}

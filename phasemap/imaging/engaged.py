@@ -82,7 +82,7 @@ def interpolates(job: Job) -> bool:
     """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks, films or memories."""
     direct = job.scope.drive.excitation == "direct"
     plain = not job.scope.interaction.law.hysteretic and job.surface.thickness is None
-    return job.solver.name == "auto" and plain and direct and not job.remembers
+    return job.solver.name == "auto" and plain and direct and not job.only_in_time
 
 
 def _most(job: Job) -> int:

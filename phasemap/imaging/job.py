@@ -16,7 +16,7 @@ from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, properties, relaxation_of
+from phasemap.experiment.properties import film_of, liquid_of, properties, relaxation_of
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
@@ -78,11 +78,11 @@ class Job:
     memo: Memo | None = None
 
     @property
-    def remembers(self) -> bool:
-        """Whether some contact does."""
+    def only_in_time(self) -> bool:
+        """Whether some contact remembers or is wet."""
         loss = self.surface.viscosity if self.surface.damping is None else self.surface.damping
         viscous = self.scope.interaction.withdrawal == "ting" and loss is not None and bool((loss > 0).any())
-        return self.surface.relaxation_time is not None or viscous
+        return self.surface.relaxation_time is not None or viscous or self.scope.interaction.law.wets
 
     @property
     def pixels(self) -> int:
@@ -103,7 +103,7 @@ class Job:
     def work(self, materials: Array) -> Work:
         """Work of these materials."""
         given = *self.properties(materials), self.scope, self.amplitude, film_of(materials)
-        return work_of(*given, relaxation_of(materials, self.scope), marched=True)
+        return work_of(*given, relaxation_of(materials, self.scope), liquid_of(materials), marched=True)
 
     def solve(self, materials: Array, progress: Progress | None = None) -> Values:
         """Variables of distinct materials, one entry a material."""

@@ -230,12 +230,12 @@ def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
     """
     if job.surface.lazy and (job.surface.relaxation_time is not None or job.scope.interaction.withdrawal == "ting"):
         raise InputError("surface", Word("in Dask arrays"), "maps in memory where contacts remember")
-    if job.surface.lazy or not job.remembers:
+    if job.surface.lazy or not job.only_in_time:
         return
     check_marches(job.solver.name)
     if isinstance(job.control, Raster):
         hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
-        raise InputError("control", "Raster", "Engage or Feedback where contacts remember", hint)
+        raise InputError("control", "Raster", "Engage or Feedback where contacts remember or are wet", hint)
     check_marched(True, job.scope)
     check_integrals([name for name in asked if {*OF_ADHESION, *OF_FORCES}.intersection(needs_of((name,)))])
 
@@ -261,22 +261,24 @@ def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Data
     work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
     return canvas.image().assign_attrs(
         dict(zip(FORCES, forces_of(largest, viscous, scope), strict=True)),
-        modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
+        modelled="; ".join(modelled(work, scope, surface.topography is not None)),
         distinct_materials=found.count,
     )
 
 
-def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool = False) -> list[str]:
+def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
     """What acts in this work, in words."""
     rows, law = work.rows, scope.interaction.law
     names = [next((name for name, one in LAWS.items() if one == law), law.name) + " contact"]
     if np.any(rows[:, col.LONGRANGE] > rows[:, col.BIAS]):
         names.append(f"{law.attraction.name.replace(' ', '-')} attraction")
+    if np.any(rows[:, col.FORMING] < 0):
+        names.append("necks of liquid")
     if np.any(rows[:, col.BIAS] != 0):
         names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):
         names.append(f"damping with depth^{scope.interaction.damping_exponent:g}")
-    if remembers:
+    if work.law.memory:
         names.append("relaxation after Ting" if not np.any(work.rows[:, col.DAMPING]) else "withdrawal after Ting")
     if scope.tip.modulus is not None:
         names.append("elastic tip")

@@ -68,7 +68,7 @@ def hold(
     from phasemap._kernels.engagement.resonance import near_resonance
 
     search = _Search(work, solve, sides, periods)
-    if limits is not None and near_resonance(work.lever) and not work.law.memory:
+    if limits is not None and near_resonance(work.lever) and not work.in_time:
         search.take_sure(np.array([math.radians(limits[0]), limits[1]]), workers)
     for _ in range(MOST_ROUNDS):
         if not search.go_on():

@@ -76,11 +76,11 @@ class FromFar(March):
         self.engage(work, np.arange(first, last), answers, accuracy.periods)
 
 
-class Remembering(FromFar):
-    """The march for surfaces that remember, and another solver for the materials among them that do not.
+class OnlyInTime(FromFar):
+    """The march for surfaces that remember or are wet, and another solver for the materials among them that are not.
 
     Where that does not march, solids are solved by the lever's response if one tap leaves the next no dent. Where it is
-    the march from far, or the lever has several modes, all are engaged from far.
+    the march from far, the surface is wet or the lever has several modes, all are engaged from far.
     """
 
     rows_per_chunk = March.rows_per_chunk
@@ -92,7 +92,9 @@ class Remembering(FromFar):
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
-        remembers = (rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0)
+        wet = rows[:, col.FORMING] < 0
+        self.engage(work, first + np.flatnonzero(wet), answers, accuracy.periods)
+        remembers = ~wet & bool(work.law.memory) & ((rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0))
         far = first + np.flatnonzero(remembers)
         one_mode = work.lever[col.MODES] < 2
         if len(far) and one_mode and not isinstance(self.other, March):
@@ -102,7 +104,7 @@ class Remembering(FromFar):
             self._start_averaged(work, far, answers, accuracy.periods)
             far = far[answers.status[far] != col.GOOD]
         self.engage(work, far, answers, accuracy.periods)
-        rest = first + np.flatnonzero(~remembers)
+        rest = first + np.flatnonzero(~(remembers | wet))
         if not len(rest):
             return
         plain = replace(work.part(rest), law=work.law._replace(memory=0))
@@ -127,13 +129,13 @@ class Remembering(FromFar):
 
 
 def check_integrals(names: list[str]) -> None:
-    """Refuse variables and channels that are integrals over a static force, where contacts remember.
+    """Refuse variables and channels that are integrals over a static force, where contacts remember or are wet.
 
     `names`: of those that are, among the variables asked for.
     Raises `InputError`, with what is allowed.
     """
     if names:
-        allowed = "variables that are no integral over a static force, where contacts remember"
+        allowed = "variables that are no integral over a static force, where contacts remember or are wet"
         hint = (
             "loss_tangent, dissipation and virial are none; harmonics, loss_tangent_corrected and a second mode's are."
         )
@@ -141,6 +143,6 @@ def check_integrals(names: list[str]) -> None:
 
 
 def check_marches(name: str) -> None:
-    """Refuse a solver that does not march, where contacts remember."""
+    """Refuse a solver that does not march, where contacts remember or are wet."""
     if name not in ("auto", March.name):
-        raise InputError("solver", name, "'march' or 'auto' where contacts remember")
+        raise InputError("solver", name, "'march' or 'auto' where contacts remember or are wet")

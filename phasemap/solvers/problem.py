@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,8 +13,9 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.plausible import question
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, properties, relaxation_of
+from phasemap.experiment.properties import film_of, liquid_of, properties, relaxation_of
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
@@ -40,6 +39,11 @@ class Work:
         """Work of some of the pixels, at their setpoint amplitudes or at other ones."""
         wanted = self.amplitudes[chosen] if amplitudes is None else amplitudes
         return Work(self.law, np.ascontiguousarray(self.rows[chosen]), self.lever, wanted)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether contacts remember, or liquid draws necks: only the march in time knows the motion over these."""
+        return bool(self.law.memory) or bool((self.rows[:, col.FORMING] < 0).any())
 
     def refused(self) -> Array:
         """Status codes (int8): GOOD where there is something to solve, or what a mark of `Interaction.columns` says."""
@@ -70,14 +74,15 @@ def work_of(
     amplitude: float | Array,
     film: Array | None = None,
     relaxation: Array | None = None,
+    liquid: Array | None = None,
     *,
     marched: bool = False,
 ) -> Work:
-    """Work of what `properties`, `film_of` and `relaxation_of` give, at setpoint amplitudes [m]."""
-    rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film)
+    """Work of what `properties`, `film_of`, `relaxation_of` and `liquid_of` give, at setpoint amplitudes [m]."""
+    rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film, liquid)
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     remembers = scope.interaction.remembering(rows, relaxation)
-    if remembers:
+    if remembers or scope.interaction.law.wets:
         check_marched(marched, scope)
     return Work(scope.interaction.token(remembers), rows, lever_of(scope), amplitudes)
 
@@ -85,13 +90,16 @@ def work_of(
 def check_marched(marched: bool, scope: Microscope) -> None:
     """Refuse what goes beyond the march in time, the only one that knows a memory."""
     if not marched:
-        allowed = "materials without a relaxation time, and withdrawal 'linear', for what is not marched in time"
         hint = "Ask simulate, solve_pixel, contrast or a sweep, with solver 'march' or 'auto'."
+        if scope.interaction.law.wets:
+            raise InputError("contact", scope.interaction.law.name, "a dry law, for what is not marched in time", hint)
+        allowed = "materials without a relaxation time, and withdrawal 'linear', for what is not marched in time"
         raise InputError("surface", Word("one that remembers"), allowed, hint)
-    if scope.drive.excitation != "direct":
-        raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
     if scope.drive.second is not None:
-        raise InputError("second", Word("given"), "None where a surface remembers: its mode feels a static law only")
+        allowed = "None where a surface remembers or is wet: its mode feels a static law only"
+        raise InputError("second", Word("given"), allowed)
+    if scope.drive.excitation != "direct" and not scope.interaction.law.wets:
+        raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
 
 
 def make_work(
@@ -99,39 +107,20 @@ def make_work(
 ) -> Work:
     """Turn materials into work.
 
-    `materials` (shape (n, 4), (n, 5) or (n, 6)): as for `properties`.
+    `materials` (shape (n, 4) or (n, 9)): as for `properties`.
     `amplitudes` (shape (n,)): setpoint amplitudes [m].
     `marched`: as for `work_of`.
     """
     given = *properties(materials, viscous, scope), scope, amplitudes, film_of(materials)
-    return work_of(*given, relaxation_of(materials, scope), marched=marched)
+    return work_of(*given, relaxation_of(materials, scope), liquid_of(materials), marched=marched)
 
 
 def work_of_material(material: Material, scope: Microscope, amplitude: float, *, marched: bool = False) -> Work:
     """Work of one material, at a setpoint amplitude [m]."""
-    row, viscous = material_row(material)
+    row, viscous = rows_of([material])
     stiffness, adhesion, _ = properties(row, viscous, scope)
-    scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius, film_of(row))
+    scope.interaction.check(float(stiffness[0]), float(adhesion[0]), scope.tip.radius, film_of(row), liquid_of(row))
     return make_work(row, viscous, scope, amplitude, marched=marched)
-
-
-def material_row(material: Material) -> tuple[Array, bool]:
-    """The row of one material for `make_work`, and whether it is viscous."""
-    return material_rows([material])
-
-
-def material_rows(materials: Iterable[Material]) -> tuple[Array, bool]:
-    """The rows of materials that are all viscous or none, for `make_work`, and whether they are."""
-    every = list(materials)
-    viscous = any(one.viscosity is not None for one in every)
-    rows = [[one.modulus, one.adhesion, one.viscosity if viscous else one.damping, one.poisson_ratio] for one in every]
-    if any(one.thickness is not None for one in every):
-        for row, one in zip(rows, every, strict=True):
-            row.append(math.inf if one.thickness is None else one.thickness)
-    if any(one.relaxation_time is not None for one in every):
-        for row, one in zip(rows, every, strict=True):
-            row += [one.relaxed_modulus or one.modulus, one.relaxation_time or math.inf]
-    return np.array(rows, dtype=np.float64), viscous
 
 
 def forces_of(materials: Array, viscous: bool, scope: Microscope) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import sees_tip
 from phasemap.solvers.detected_setpoint import hold
 from phasemap.solvers.energy import close
-from phasemap.solvers.march import Remembering, check_marches
+from phasemap.solvers.march import OnlyInTime, check_marches
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import Solver
 
@@ -42,9 +42,9 @@ def run(
         exact, workers = solver.exact_limits(accuracy), workers_of(threads)
         rows, status, used = hold(work, at_amplitudes, accuracy.periods, limits=exact, workers=workers)
         return (rows if widen is None else widen(work, rows, used, np.arange(len(work)))), status, used
-    if work.law.memory and not isinstance(solver, Remembering):
+    if work.in_time and not isinstance(solver, OnlyInTime):
         check_marches(solver.name)
-        solver = Remembering(solver)
+        solver = OnlyInTime(solver)
     count = len(work)
     rows = np.full((count, col.COLUMNS if widen is None else WIDE), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)

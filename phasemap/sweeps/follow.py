@@ -60,7 +60,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
     """`phasemap.sweep_distance`."""
     from phasemap._kernels.continuation.path import ENTRY_Z0
 
-    if Question(material, scope).remembers:
+    if Question(material, scope).only_in_time:
         return in_time.distance(Question(material, scope), axis, samples)
     path = fixed_path(Question(material, scope))
     wanted = np.sort(axis)
@@ -76,7 +76,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
 
 def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
-    if Question(material, scope).remembers:
+    if Question(material, scope).only_in_time:
         return in_time.setpoint(Question(material, scope), axis, samples)
     free = scope.driven_amplitude
     feedback = SlowFeedback(held_curves(fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
@@ -102,7 +102,7 @@ def parameter(
     question, scale = Question(material, scope), Scale.over(axis)
     for value in (scale.low, scale.high):
         question.at(name, value)
-    if question.remembers:
+    if question.only_in_time:
         return in_time.parameter(question, name, UNITS[name], axis, ratio, height, samples)
 
     def held_under(changed: Microscope) -> float:

@@ -18,12 +18,13 @@ from phasemap._kernels.orbits.kept import KEPT_COUNT
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE, WAVES
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
+from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.properties import properties
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
 from phasemap.solvers.integrals import NONE, bare_rows, with_adhesion, with_forces
 from phasemap.solvers.orbit import Orbit
-from phasemap.solvers.problem import Work, material_row, work_of_material
+from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
 
 CASES = load("channels")
@@ -63,7 +64,7 @@ def energies_of(case: Case) -> tuple[float, float, float]:
     """Virial and loss of the attraction along the reference orbit, and what the contact stores, as the kernel does."""
     scope, material = scope_of(case), material_of(case)
     work: Work = work_of_material(material, scope, 1e-9)
-    bare = bare_rows(properties(*material_row(material), scope)[0], scope)
+    bare = bare_rows(properties(*rows_of([material]), scope)[0], scope)
     wide = with_adhesion(row_of(case), work, np.array([col.ORBIT], np.int8), bare)[0]
     return float(wide[ADHESION_VIRIAL]), float(wide[ADHESION_LOSS]), float(wide[STORAGE])
 

@@ -10,13 +10,27 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from phasemap._kernels.columns import BIAS, DAMPING, RELAXATION, RELAXING, RELEASE, ROW
+from phasemap._kernels.columns import (
+    BIAS,
+    BRIDGE,
+    BRIDGE_CURVE,
+    BRIDGE_FALL,
+    DAMPING,
+    FORMING,
+    LONGRANGE,
+    PULL,
+    RELAXATION,
+    RELAXING,
+    RELEASE,
+    ROW,
+)  # fmt: skip
 from phasemap._kernels.forces import hertzian
 from phasemap._shared.checks import check_choice
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.capillary import Capillary
 from phasemap.experiment.interaction.cone import Cone
 from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz, LinearSpring, Neck
 from phasemap.experiment.interaction.damping import PowerLawDamping
@@ -31,8 +45,8 @@ if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
 __all__ = [
-    "DMT", "JKR", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Interaction", "LinearSpring", "MaugisDugdale",
-    "Neck",
+    "DMT", "JKR", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Interaction", "LinearSpring",
+    "MaugisDugdale", "Neck",
 ]  # fmt: skip
 
 WITHDRAWALS = ("linear", "ting")
@@ -48,9 +62,9 @@ class Interaction(Shown):
     ----------
     contact : str or ContactLaw
         "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length), "punch" (flat),
-        "cone", "film" (on a rigid base, which it sticks to) or "slipping film", in capitals or not; or a law object:
-        `FlatPunch`, `Cone`, `MaugisDugdale` and `Neck` take parameters, and a law of your own is a class derived from
-        `ContactLaw`. "spring" is the old name of "punch".
+        "cone", "film" (on a rigid base, which it sticks to), "slipping film" or "capillary" (under films of liquid), in
+        capitals or not; or a law object: `FlatPunch`, `Cone`, `MaugisDugdale`, `Neck` and `Capillary` take parameters,
+        and a law of your own is a class derived from `ContactLaw`. "spring" is the old name of "punch".
     decay_length : float, optional
         d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None (in a scene "none") for
         no such force.
@@ -93,8 +107,9 @@ class Interaction(Shown):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or in Python a ContactLaw", hint)
         law = self.law
-        if self.bias and law.attraction is not InverseSquare:
-            raise InputError("bias", self.bias, f"0 where the contact is {law.name!r}: it is that of a sphere")
+        if self.bias and (law.attraction is not InverseSquare or law.wets):
+            why = "liquid screens it" if law.wets else "it is that of a sphere"
+            raise InputError("bias", self.bias, f"0 where the contact is {law.name!r}: {why}")
         check_choice("withdrawal", self.withdrawal, WITHDRAWALS)
         if self.withdrawal == "ting":
             check_half_space(law)
@@ -114,6 +129,7 @@ class Interaction(Shown):
         damping: np.ndarray,
         radius: float,
         film: np.ndarray | None = None,
+        liquid: np.ndarray | None = None,
     ) -> np.ndarray:
         """Parameter rows of the kernels, one a material, shape (n, 16).
 
@@ -121,17 +137,18 @@ class Interaction(Shown):
         `adhesion`, `damping` (shape (n,)): work of adhesion [J/m2], alpha1 [1].
         `radius`: of the tip [m].
         `film` (shape (n, 2)): Poisson's ratio [1] and thickness [m] where materials are films on a rigid base.
+        `liquid` (shape (n, 2)): as for `ContactLaw.necks`.
 
         Contact parameters are in columns 0-3, long-range in 4-7 (4 is the whole attraction at d = 0 [N]), damping in 8
-        and 9, depth of release [m] in 10 (0 without a neck), constant attraction in contact [N] in 11; zeros where a
-        term is absent. A row is NaN where the law cannot have the material, and -inf in column 10 where breaking the
-        neck would give back more energy than forming the contact took.
+        and 9, depth of release [m] in 10 (0 without a neck), constant attraction in contact [N] in 11, necks of liquid
+        in 12-15; zeros where a term is absent. A row is NaN where the law cannot have the material, and -inf in column
+        10 where breaking the neck would give back more energy than forming the contact took.
 
         Raises InputError if the formulas of a user's law fail, or the law does not go together with a film.
         """
         import numpy as np
 
-        rows = self._rows(contact_stiffness, adhesion, damping, radius, film)
+        rows = self._rows(contact_stiffness, adhesion, damping, radius, film, liquid)
         creates = self._loop_energies(rows) < 0
         if self.law.may_do_without_neck:
             rows[creates, RELEASE] = 0.0
@@ -156,15 +173,23 @@ class Interaction(Shown):
         rows[(rows[:, DAMPING] > 0) & (rows[:, 0] == 0)] = math.nan  # a dent in a liquid never comes back
         return True
 
-    def check(self, contact_stiffness: float, adhesion: float, radius: float, film: np.ndarray | None = None) -> None:
+    def check(
+        self, contact_stiffness: float, adhesion: float, radius: float, film: np.ndarray | None = None,
+        liquid: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
         """Refuse one material that the laws cannot have: whose row `columns` would mark."""
         import numpy as np
 
-        rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film)
+        rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film, liquid)
         name, depth, energy = self.law.name, float(rows[0, RELEASE]), float(self._loop_energies(rows)[0])
         if not np.isfinite(rows).all():
             allowed = f"a number above 0 Pa where {name} contact has adhesion"
             raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
+        if rows[0, FORMING] < depth:
+            raise InputError(
+                "liquid_film", -float(rows[0, FORMING]), f"less than {-depth:.3g} m for both films together",
+                "There the neck of liquid between them breaks; choose thinner films or a blunter tip.",
+            )  # fmt: skip
         if energy < 0 and not self.law.may_do_without_neck:
             raise InputError(
                 "contact", name, "a law whose neck loses energy beside the long-range force",
@@ -203,12 +228,16 @@ class Interaction(Shown):
         damping: np.ndarray,
         radius: float,
         film: np.ndarray | None,
+        liquid: np.ndarray | None,
     ) -> np.ndarray:
         """`columns` without marks."""
         import numpy as np
 
         rows = np.zeros((len(contact_stiffness), ROW))
         law = self.law
+        if liquid is not None and not law.wets:
+            allowed = f"nothing where the contact is {law.name!r}, which is dry"
+            raise InputError("liquid_film", Word("given"), allowed, "The contact 'capillary' takes it.")
         with np.errstate(all="ignore"):  # a material that the law cannot have ends as NaN
             try:
                 for j, column in enumerate(law.columns_on(contact_stiffness, adhesion, radius, film)):
@@ -234,6 +263,13 @@ class Interaction(Shown):
                 reach = InverseSquare.columns(pull, self.decay_length)
             for j, column in enumerate(reach):
                 rows[:, 4 + j] = column
+        if law.wets:
+            none = np.full((len(rows), 2), np.inf)
+            rows[:, [RELEASE, FORMING, BRIDGE, BRIDGE_CURVE, BRIDGE_FALL]] = np.column_stack(
+                law.necks(radius, none if liquid is None else liquid)
+            )
+            dry = rows[:, RELEASE] == 0.0
+            rows[dry, PULL] = np.broadcast_to(pull, len(rows))[dry]
         return rows
 
     def _try(self, rows: np.ndarray) -> None:
@@ -264,7 +300,7 @@ class Interaction(Shown):
         """
         import numpy as np
 
-        if not rows[:, RELEASE].any() or not rows[:, 4].any():
+        if not rows[:, RELEASE].any() or not rows[:, [LONGRANGE, FORMING]].any():
             return np.zeros(len(rows))
         from phasemap._kernels.neck import loop_energies
 

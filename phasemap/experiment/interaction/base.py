@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from phasemap._kernels.columns import RELEASE, ROW
 from phasemap._kernels.forces import power_law, power_law_slope
@@ -18,6 +18,16 @@ if TYPE_CHECKING:
 
 STEP, LEAST = 4e-3, 1e-15
 """Step of the difference quotient over the distance from release, and the least of that distance [m]."""
+
+
+class Necks(NamedTuple):
+    """Necks of liquid, shape (n,) each: columns of parameter rows."""
+
+    release: Array  # depth at which they break [m], <= 0
+    forming: Array  # depth at which they form [m]
+    force: Array  # attraction in contact [N]
+    curve: Array  # 1 / sqrt(V / (pi R)) [1/m]
+    fall: Array  # 1 / length [1/m]
 
 
 class ContactLaw(ABC):
@@ -51,6 +61,9 @@ class ContactLaw(ABC):
 
     takes_film: ClassVar[bool] = False
     """Whether the material may be a film on a rigid base."""
+
+    wets: ClassVar[bool] = False
+    """Whether films of liquid draw necks, those of `necks`: motion over them is marched in time."""
 
     attraction: ClassVar[Any] = InverseSquare
     """Formulas of the long-range force, for columns 4 and 5 of a row: f0 [N] and 1/d0 [1/m]."""
@@ -114,7 +127,7 @@ class ContactLaw(ABC):
     @property
     def hysteretic(self) -> bool:
         """Whether contact may outlast its depth, in a neck."""
-        return type(self).release is not ContactLaw.release
+        return self.wets or type(self).release is not ContactLaw.release
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         """Attraction [N] >= 0 that the long-range force joins at d = 0; by default that of `force`."""
@@ -128,6 +141,13 @@ class ContactLaw(ABC):
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         """Depth d_r [m] <= 0 at which contact ends; by default 0, no neck."""
         return 0.0 * contact_stiffness
+
+    def necks(self, radius: float, liquid: Array) -> Necks:
+        """Necks of liquid on a tip of this radius [m], of a law that `wets`.
+
+        `liquid` (shape (n, 2)): thickness [m] and contact angle [degree] of films; infinite where they are the law's.
+        """
+        raise NotImplementedError
 
     def beside(self, decay_length: float | None) -> ContactLaw:
         """The law beside a long-range force that falls over `decay_length` [m]; by default itself."""

@@ -10,6 +10,7 @@ from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.capillary import Capillary
 from phasemap.experiment.interaction.cone import Cone
 from phasemap.experiment.interaction.film import Film
 from phasemap.experiment.interaction.jkr import JKR
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     Array = np.ndarray
 
 __all__ = [
-    "DMT", "JKR", "LAWS", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "LinearSpring", "MaugisDugdale", "Neck",
+    "DMT", "JKR", "LAWS", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "LinearSpring",
+    "MaugisDugdale", "Neck",
 ]  # fmt: skip
 
 
@@ -134,6 +136,6 @@ class Neck(ContactLaw):
 
 
 LAWS: dict[str, ContactLaw] = {
-    **{law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), FlatPunch(), Cone(), Film())},
+    **{law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), FlatPunch(), Cone(), Film(), Capillary())},
     "slipping film": Film("slipping"), "spring": LinearSpring(),
 }  # fmt: skip

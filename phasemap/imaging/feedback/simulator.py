@@ -79,7 +79,7 @@ def _engine_of(job: Job, work: Work) -> int:
     ringing = any(one > first for one in higher)
     if name == "auto":
         slow = job.scope.cantilever.quality_factor >= LOWEST_Q and not hysteretic and not ringing
-        return col.AVERAGING if slow and not job.remembers else col.MARCH
+        return col.AVERAGING if slow and not job.only_in_time else col.MARCH
     if name == "averaging" and ringing:
         allowed = "'march' or 'auto': a higher mode rings longer than the first, which alone is averaged"
         raise InputError("solver", name, allowed)

@@ -31,10 +31,10 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import of_tip, sees_tip
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import contact_stiffness, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
-from phasemap.solvers.problem import material_row
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -202,7 +202,7 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
     if scope.interaction.withdrawal != "linear":
         allowed = "'linear', for images of contacts that remember are not inverted"
         raise InputError("withdrawal", scope.interaction.withdrawal, allowed)
-    row, viscous = material_row(prior)
+    row, viscous = rows_of([prior])
     _, adhesion, damping = properties(row, viscous, scope)
     levers = [lever_of(one) for one in stack.scopes]
     amplitudes = [ratio * one.driven_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]

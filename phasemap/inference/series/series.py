@@ -15,6 +15,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError, SolveError
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import properties
 from phasemap.inference.images.model import Model, make_model
@@ -28,7 +29,6 @@ from phasemap.inference.series.recorded import read_files
 from phasemap.inference.series.settings import FREE, scope_of, settings_of
 from phasemap.inference.verdict import PRIOR, check_known, check_prior
 from phasemap.io.measured import one_scan
-from phasemap.solvers.problem import material_row
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -211,7 +211,7 @@ def _known(known: Mapping[int, Material] | None, model: Model, prior: Material, 
     """Logarithms of the materials that are given over those of the prior, NaN for others, shape (count, 3)."""
     logs = np.full((count, 3), np.nan)
     for region, one in check_known(known, range(count)).items():
-        row, viscous = material_row(one)
+        row, viscous = rows_of([one])
         _, adhesion, damping = properties(row, viscous, model.scope)
         plane = one.modulus * (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know
         values = np.array([plane, float(adhesion[0]), float(damping[0])])

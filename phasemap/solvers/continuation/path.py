@@ -65,10 +65,12 @@ class Question:
         return work_of_material(self.material, self.scope, amplitude, marched=marched)
 
     @property
-    def remembers(self) -> bool:
-        """Whether only the march in time knows the contacts of this material."""
+    def only_in_time(self) -> bool:
+        """Whether only the march in time knows the contacts of this material: they remember or are wet."""
         viscous = bool(self.material.viscosity or self.material.damping)
-        return self.material.relaxation_time is not None or (self.scope.interaction.withdrawal == "ting" and viscous)
+        interaction = self.scope.interaction
+        ting = interaction.withdrawal == "ting" and viscous
+        return self.material.relaxation_time is not None or ting or interaction.law.wets
 
 
 def fixed_path(question: Question) -> Path:

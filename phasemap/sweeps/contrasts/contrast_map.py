@@ -150,7 +150,7 @@ def contrast(
     axes = _axes(scope, frequencies, free_amplitudes, setpoints)
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
     pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy, used_by(wanted)), workers_of(threads)
-    if pair.materials.law.memory:
+    if pair.materials.in_time:
         check_marches(pair.solver.name)
         check_integrals([name for name in wanted if CHANNELS[name].needs])
     check_fits(

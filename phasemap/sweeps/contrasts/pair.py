@@ -13,6 +13,7 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import film_of, properties
 from phasemap.results.variables import OF_ORBITS
@@ -20,7 +21,7 @@ from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.orbit import Orbit
-from phasemap.solvers.problem import Work, material_row, work_of_material
+from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
@@ -61,7 +62,7 @@ class Pair:
         one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
         law = one.law if one.law.memory else other.law  # the same law, and knowing a memory if one of them has one
         both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
-        given = [material_row(material) for material in (first, second)]
+        given = [rows_of([material]) for material in (first, second)]
         bare = [bare_rows(properties(*row, scope)[0], scope, film_of(row[0])) for row in given]
         return cls(both, scope, solver, accuracy, np.concatenate(bare), needs)
 
@@ -107,7 +108,7 @@ class Pair:
         The orbits are exact, but averaged where those of the map are; only contacts that remember are marched, which
         takes long beside a jump.
         """
-        keeps = isinstance(self.solver, Averaging) or self.materials.law.memory
+        keeps = isinstance(self.solver, Averaging) or self.materials.in_time
         solver = self.solver if keeps else Orbit()
         found = self.engage(self.work(frequency, free_amplitude, np.array([setpoint])), solver)
         return np.asarray(np.degrees(found.rows[:, 0, col.PHASE]))
@@ -121,7 +122,7 @@ def regimes(work: Work, periods: int = MOST_PERIODS) -> Array:
     `periods`: of the drive, that may be integrated for each.
     Returns an array of shape (n,): NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
     """
-    if work.law.memory:
+    if work.in_time:
         return np.full(len(work), NONE, np.int8)
     attractive, repulsive = stable_branches(work, Orbit(), Accuracy(periods=periods)).stable
     codes: Array = ATTRACTIVE * attractive + REPULSIVE * repulsive

@@ -147,9 +147,10 @@ def check(
         lines = max(pixels // PER_LINE, 1)
         return Check((*everywhere, *scan_again(picture, surface, lines, seed, threads, progress)), None, SCAN, unseen)
     drawn = sample(picture, pixels, seed)
-    remembers = surface.relaxation_time is not None or claims.microscope.interaction.withdrawal != "linear"
-    # What remembers has no orbits that stand for its march, which is quick there.
-    solve = _by_orbits if claims.solver == "march" and not remembers else _as_made
+    acts = claims.microscope.interaction
+    only_in_time = surface.relaxation_time is not None or acts.withdrawal != "linear" or acts.law.wets
+    # What remembers or is wet has no orbits that stand for its march.
+    solve = _by_orbits if claims.solver == "march" and not only_in_time else _as_made
     found, sampled, judged = solve(picture, surface, drawn, threads, progress)
     return Check((*everywhere, *found), sampled, judged, unseen)
 

@@ -46,7 +46,7 @@ def far_start(oscillator: Oscillator, reach: float, free: float, amplitude: floa
         if p[col.LONGRANGE] == 0.0 or abs(harmonics(oscillator, reach, free, 1.0 + away)[0]) < allowed:
             break
         away *= 1.5
-    return 1.0 + away
+    return 1.0 + away - p[col.FORMING] / free
 
 
 @kernel

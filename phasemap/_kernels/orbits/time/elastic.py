@@ -2,7 +2,7 @@
 
 In contact x = q = sqrt(d); in the neck, which a law with a depth of release d_r < 0 draws out on the way back,
 q = sqrt(d - d_r), in which the force of JKR, a power series in q, is analytic up to release. `Touch.bottom`, 0 or d_r,
-is the depth where q = 0.
+is the depth where q = 0. A neck of liquid forms on the way in, where its films meet at p[FORMING] < 0.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, damping
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.contact import (
+    FIRST_TOUCH,
     NO_EVENT,
     OFF_SURFACE,
     Beam,
@@ -48,6 +49,7 @@ from phasemap._kernels.orbits.time.period import (
 )
 from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
+    approach_square,
     contact_rate,
     depth_reached,
     flies_freely,
@@ -124,6 +126,8 @@ def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> fl
     # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
     rate = contact_rate(contact, beam, now.bottom, u.x)
     rate += pull_in_contact(contact, beam, beam.z0 + now.bottom + u.x * u.x, u) + (CONTACT_WEIGHT * u.v / now.deep) ** 2
+    if now.mode == IN_NECK and contact.p[col.FORMING] < 0.0:
+        rate += 4 * u.x * u.x * approach_square(contact, beam, now.bottom + u.x * u.x, u.v, True)
     if neck > 0 and now.mode == IN_CONTACT:
         rate += (CONTACT_WEIGHT * u.v) ** 2 / (u.x * u.x + neck * neck)  # the root at release, seen from contact
     return eta / math.sqrt(rate)
@@ -132,6 +136,8 @@ def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> fl
 @edge_of.of(Elastic)
 @kernel(inline=True)
 def _edge(contact: Elastic, event: int, time: float) -> tuple[float, float]:
+    if event == FIRST_TOUCH:
+        return contact.p[col.FORMING], 0.0
     return contact.neck if event == NECK_CLOSES else 0.0, 0.0
 
 
@@ -180,7 +186,9 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
     event, u = motion.event, motion.here.at
     if event == NO_EVENT:
         return True
-    if event == LAST_TOUCH and contact.neck > 0 and u.v <= 0:
+    if event == FIRST_TOUCH and contact.p[col.FORMING] < 0.0:
+        _enter_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
+    elif event == LAST_TOUCH and contact.neck > 0 and u.v <= 0:
         _enter_neck(contact, contact.neck, motion)
     elif event != RELEASE and u.v > 0:
         _enter_contact(contact, here.beam, 0.0, motion)
@@ -209,7 +217,7 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     contact = Elastic(law, row, compliance, pull, edge_force, edge_slope, neck, Touch())
     if u.x > 0 or (u.x == 0 and u.v > 0):
         _enter_contact(contact, beam, math.sqrt(u.x), motion)
-    elif contact.neck > 0 and y[TOUCHES] != 0.0 and u.x > row[col.RELEASE]:
+    elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
         _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
     here = Here(contact, beam)
     steps = march_through(here, eta, motion)

@@ -29,7 +29,7 @@ class FreeFlight:
     """Motion in free flight: of the modes in turn, and last the part of the tip's that the drive makes."""
 
     omega: float
-    z0: float  # [m]
+    z0: float  # tip offset above where the flight ends [m]
     count: int  # of modes
     forced_re: np.ndarray = column(col.MOST_MODES)  # P_i [m]
     forced_im: np.ndarray = column(col.MOST_MODES)
@@ -40,11 +40,11 @@ class FreeFlight:
 
 
 @kernel
-def begin_flight(beam: Beam, motion: Motion, flight: FreeFlight) -> None:
+def begin_flight(beam: Beam, edge: float, motion: Motion, flight: FreeFlight) -> None:
     """Split the motion of each mode at the start of a flight into driven and own motion."""
     omega, modes, n, start = beam.omega, beam.modes, beam.modes.count, motion.here.at
     phase, higher = complex(motion.cos, motion.sin), motion.here.at.modes
-    flight.omega, flight.z0, flight.count = omega, beam.z0, n
+    flight.omega, flight.z0, flight.count = omega, beam.z0 + edge, n
     flight.own_re[n] = flight.own_im[n] = flight.decay[n] = 0.0
     flight.turning[n] = omega
     first, first_speed = beam.z0 + start.x, start.v
@@ -175,15 +175,15 @@ def _end_flight(beam: Beam, motion: Motion, flight: FreeFlight, t: float, x: flo
 
 
 @kernel
-def fly(beam: Beam, motion: Motion) -> float:
-    """Fly from a start off the surface to the next contact, where x = 0, or for the time that is left.
+def fly(beam: Beam, edge: float, motion: Motion) -> float:
+    """Fly from a start off the surface to where the tip is next touched, x = `edge`, or for the time that is left.
 
     Returns the largest depth [m] on the way.
     """
     flight, samples, step, left = FreeFlight(), Samples(), SAMPLE_STEP / math.sqrt(beam.modes.fastest), motion.left
-    begin_flight(beam, motion, flight)
+    begin_flight(beam, edge, motion, flight)
     _begin_samples(flight, step, samples)
-    t, d, v, highest = 0.0, motion.here.at.x, motion.here.at.v, motion.here.at.x
+    t, d, v, highest = 0.0, motion.here.at.x - edge, motion.here.at.v, motion.here.at.x - edge
     while t < left:
         at = t + step
         if at < left:
@@ -199,9 +199,9 @@ def fly(beam: Beam, motion: Motion) -> float:
             if height > 0.0:
                 d, high = height, top
         if d > 0.0:
-            _end_flight(beam, motion, flight, _zero(flight, t, high, False), 0.0)
-            return 0.0
+            _end_flight(beam, motion, flight, _zero(flight, t, high, False), edge)
+            return edge
         t, v = at, v_at
         highest = max(highest, d)
-    _end_flight(beam, motion, flight, left, d)
-    return highest
+    _end_flight(beam, motion, flight, left, edge + d)
+    return edge + highest

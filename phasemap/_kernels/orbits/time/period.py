@@ -164,8 +164,9 @@ def _take_step(here: Here, eta: float, motion: Motion) -> None:
     """Take a step to what happens first, or to the end of the period."""
     off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, eta, motion)
     if h == math.inf:
-        motion.sums.deepest = max(motion.sums.deepest, fly(here.beam, motion))
-        motion.event = FIRST_TOUCH if motion.end.at.x >= 0.0 else NO_EVENT
+        edge = here.contact.p[col.FORMING]
+        motion.sums.deepest = max(motion.sums.deepest, fly(here.beam, edge, motion))
+        motion.event = FIRST_TOUCH if motion.end.at.x >= edge else NO_EVENT
         return
     advance(here, motion, min(h, motion.left) if off else h)
     stop_at_event(here.contact, here, motion)

@@ -10,7 +10,7 @@ from typing import Any
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
 from phasemap._kernels.orbits.time.contact import Beam, Moved
 
 # Weights in the density of steps of approach and of contact, chosen for the least work at 1e-6 to 1e-2 degree; and of
@@ -29,15 +29,22 @@ def flies_freely(contact: Any, beam: Beam) -> bool:
 @kernel
 def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
-    law, p, rate = contact.law, contact.p, beam.rate
-    if p[col.LONGRANGE] != 0.0:
-        force = longrange_force(law, d, p) * contact.compliance
-        slope = longrange_slope(law, d, p) * contact.compliance
-        # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
-        rate += abs(slope) * beam.share + (APPROACH_WEIGHT * v * slope) ** 2 / (
-            force**2 + (0.01 * slope * (abs(d) + beam.drive)) ** 2
-        )
-    return math.sqrt(rate)
+    return math.sqrt(beam.rate + approach_square(contact, beam, d, v, False))
+
+
+@kernel
+def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool) -> float:
+    """Square of the density by the gradient of the force outside contact, or in a neck, and that force as it moves."""
+    law, p, inverse_k = contact.law, contact.p, contact.compliance
+    if in_neck:
+        force, slope = contact_force(law, d, p) * inverse_k, contact_slope(law, d, p) * inverse_k
+    elif p[col.LONGRANGE] != 0.0:
+        force, slope = longrange_force(law, d, p) * inverse_k, longrange_slope(law, d, p) * inverse_k
+    else:
+        return 0.0
+    # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
+    beside = 0.01 * slope * (abs(d) + beam.drive)
+    return abs(slope) * beam.share + (APPROACH_WEIGHT * v * slope) ** 2 / (force**2 + beside**2)
 
 
 @kernel
