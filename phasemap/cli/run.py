@@ -119,7 +119,7 @@ def validate(arguments: argparse.Namespace) -> None:
     amplitude = scene.options["setpoint"] * scope.driven_amplitude
     viscous, amplitudes = surface.viscosity is not None, np.full(len(materials), amplitude)
     work = make_work(materials, viscous, scope, amplitudes, marched=True)
-    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None)))
+    _print_scene(scene, "; ".join(modelled(work, scope, surface.topography is not None, work.law.memory != 0)))
     print(f"output      {scene.output or 'to be named with -o'}")
     print("The scene is valid.")
 

@@ -80,9 +80,14 @@ class Job:
     @property
     def only_in_time(self) -> bool:
         """Whether some contact remembers or is wet."""
+        return self.remembers or self.scope.interaction.law.wets
+
+    @property
+    def remembers(self) -> bool:
+        """Whether some contact does."""
         loss = self.surface.viscosity if self.surface.damping is None else self.surface.damping
         viscous = self.scope.interaction.withdrawal == "ting" and loss is not None and bool((loss > 0).any())
-        return self.surface.relaxation_time is not None or viscous or self.scope.interaction.law.wets
+        return self.surface.relaxation_time is not None or viscous
 
     @property
     def pixels(self) -> int:

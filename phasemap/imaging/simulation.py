@@ -261,12 +261,12 @@ def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Data
     work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
     return canvas.image().assign_attrs(
         dict(zip(FORCES, forces_of(largest, viscous, scope), strict=True)),
-        modelled="; ".join(modelled(work, scope, surface.topography is not None)),
+        modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
         distinct_materials=found.count,
     )
 
 
-def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
+def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool) -> list[str]:
     """What acts in this work, in words."""
     rows, law = work.rows, scope.interaction.law
     names = [next((name for name, one in LAWS.items() if one == law), law.name) + " contact"]
@@ -278,7 +278,7 @@ def modelled(work: Work, scope: Microscope, topography: bool) -> list[str]:
         names.append("electrostatic bias")
     if np.any(rows[:, col.DAMPING] != 0):
         names.append(f"damping with depth^{scope.interaction.damping_exponent:g}")
-    if work.law.memory:
+    if remembers:
         names.append("relaxation after Ting" if not np.any(work.rows[:, col.DAMPING]) else "withdrawal after Ting")
     if scope.tip.modulus is not None:
         names.append("elastic tip")

@@ -19,7 +19,7 @@ from phasemap._kernels.orbits.time.elements import MEMORY_STATE
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.solvers.auto import Auto
-from phasemap.solvers.march import FromFar, March, Remembering
+from phasemap.solvers.march import FromFar, March, OnlyInTime
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.run import run
 
@@ -156,11 +156,11 @@ def test_where_averaging_leaves_the_side_open_time_decides_on_either_side_of_the
     scope = scope_of({"free_amplitude": 20e-9, "decay_length": 0.3e-9})
     solid = pm.Material(modulus, adhesion, relaxed_modulus=0.5 * modulus, relaxation_time=30e-9)
     work = work_of_material(solid, scope, setpoint * 20e-9, marched=True)
-    rows, status, _ = run(Remembering(March()), work, pm.Accuracy())
+    rows, status, _ = run(OnlyInTime(March()), work, pm.Accuracy())
     assert status[0] == col.GOOD
     assert (rows[0, col.PHASE] < 0) == attracted
     few = pm.Accuracy(periods=300)  # engaging from far takes a thousand and more, an orbit that is known a hundred
-    assert run(Remembering(March()), work, few)[1][0] == col.NOT_SETTLED
+    assert run(OnlyInTime(March()), work, few)[1][0] == col.NOT_SETTLED
 
 
 def test_a_tip_lifted_by_harmonics_is_looked_at_where_it_is_attracted_most() -> None:
@@ -172,7 +172,7 @@ def test_a_tip_lifted_by_harmonics_is_looked_at_where_it_is_attracted_most() -> 
     )  # fmt: skip
     solid = pm.Material(7e9, 0.0267, relaxed_modulus=1.33e9, relaxation_time=660e-9)
     work = work_of_material(solid, scope, 0.4776 * scope.driven_amplitude, marched=True)
-    (near, _, _), (far, _, _) = (run(solver, work, pm.Accuracy()) for solver in (Remembering(March()), FromFar()))
+    (near, _, _), (far, _, _) = (run(solver, work, pm.Accuracy()) for solver in (OnlyInTime(March()), FromFar()))
     assert near[0, col.PHASE] == pytest.approx(far[0, col.PHASE], abs=math.radians(1e-4))
 
 
@@ -183,7 +183,7 @@ def test_below_the_resonance_dents_that_last_but_attract_nothing_lead_to_the_orb
     )
     solid = pm.Material(modulus=0.5e9, relaxed_modulus=0.1e9, relaxation_time=2.5e-6)
     work = work_of_material(solid, scope, 0.7 * scope.driven_amplitude, marched=True)
-    near, far = (run(solver, work, pm.Accuracy())[0][0] for solver in (Remembering(March()), FromFar()))
+    near, far = (run(solver, work, pm.Accuracy())[0][0] for solver in (OnlyInTime(March()), FromFar()))
     # Lasting dents have kinks: both are known as they state.
     assert abs(near[col.PHASE] - far[col.PHASE]) < near[col.ERROR_PHASE] + far[col.ERROR_PHASE]
     assert abs(near[col.TIP_OFFSET] - far[col.TIP_OFFSET]) < near[col.ERROR_HEIGHT] + far[col.ERROR_HEIGHT]
@@ -199,7 +199,7 @@ def test_a_tap_through_drive_phase_0_is_as_exact_as_others() -> None:
     work = work_of_material(solid, scope, 0.67 * 7e-9, marched=True)
     phase, stated = [], []
     for share in (1, 2, 4, 8):
-        solver = Remembering(March())
+        solver = OnlyInTime(March())
         solver.eta /= share
         rows, _, _ = run(solver, work, pm.Accuracy())
         phase.append(rows[0, col.PHASE])
@@ -224,7 +224,7 @@ def test_where_dents_are_gone_the_lever_s_response_finds_what_the_march_does(
     scope = replace(scope_of({"decay_length": 0.3e-9}), drive=pm.Drive(14e-9, frequency))
     solid = pm.Material(modulus, adhesion, relaxed_modulus=0.5 * modulus, relaxation_time=time)
     work = work_of_material(solid, scope, setpoint * scope.driven_amplitude, marched=True)
-    solvers = Remembering(Auto()), Remembering(March())
+    solvers = OnlyInTime(Auto()), OnlyInTime(March())
     solvers[1].eta *= 0.6
     (quick, _, used), (slow, status, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
     assert (used[0], status[0]) == (col.CORRECTED, col.GOOD)
@@ -260,7 +260,7 @@ def test_dents_deeper_than_taps_are_formed_before_the_orbit_is_sought() -> None:
     )  # fmt: skip
     solid = pm.Material(0.097e9, 0.0612, relaxed_modulus=0.0235e9, relaxation_time=108e-6)
     work = work_of_material(solid, scope, 0.43 * 34.3e-9, marched=True)
-    solvers = Remembering(March()), Remembering(March())
+    solvers = OnlyInTime(March()), OnlyInTime(March())
     solvers[1].eta *= 0.7
     (known, status, _), (finer, _, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
     assert status[0] == col.GOOD
@@ -277,7 +277,7 @@ def test_a_tip_engaged_from_far_is_held_as_exactly_as_one_that_begins_near() -> 
     )  # fmt: skip
     solid = pm.Material(modulus=2e9, relaxed_modulus=0.2e9, relaxation_time=18e-9, adhesion=0.05)
     work = work_of_material(solid, scope, 0.53 * scope.driven_amplitude, marched=True)
-    near, far = (run(solver, work, pm.Accuracy())[0][0] for solver in (Remembering(March()), FromFar()))
+    near, far = (run(solver, work, pm.Accuracy())[0][0] for solver in (OnlyInTime(March()), FromFar()))
     assert abs(near[col.PHASE] - far[col.PHASE]) < near[col.ERROR_PHASE] + far[col.ERROR_PHASE]
 
 
@@ -286,7 +286,7 @@ def test_a_tip_that_attraction_holds_off_is_as_exact_as_others() -> None:
     scope = scope_of({"free_amplitude": 14e-9, "decay_length": 0.3e-9})
     solid = pm.Material(modulus=5.5e9, relaxed_modulus=2.74e9, relaxation_time=30e-9, adhesion=0.12)
     work = work_of_material(solid, scope, 0.9 * 14e-9, marched=True)
-    solvers = Remembering(March()), Remembering(March())
+    solvers = OnlyInTime(March()), OnlyInTime(March())
     solvers[1].eta /= 2
     (known, _, _), (finer, _, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
     assert abs(known[0, col.PHASE] - finer[0, col.PHASE]) < known[0, col.ERROR_PHASE]
@@ -300,7 +300,7 @@ def test_the_steps_do_not_decide_on_which_side_of_resonance_a_tip_is_held() -> N
     )  # fmt: skip
     solid = pm.Material(modulus=0.662e9, relaxed_modulus=0.319e9, relaxation_time=690e-9, adhesion=0.01184)
     work = work_of_material(solid, scope, 0.523 * 31.1e-9, marched=True)
-    solvers = Remembering(FromFar()), Remembering(FromFar())
+    solvers = OnlyInTime(FromFar()), OnlyInTime(FromFar())
     solvers[1].eta *= 0.6
     (known, _, _), (finer, _, _) = (run(solver, work, pm.Accuracy()) for solver in solvers)
     assert abs(known[0, col.PHASE] - finer[0, col.PHASE]) < known[0, col.ERROR_PHASE]

@@ -11,7 +11,7 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.march import March, Remembering
+from phasemap.solvers.march import March, OnlyInTime
 from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
 
@@ -33,7 +33,7 @@ def work_of(case: dict[str, Any]) -> Work:
 
 def depth_of(case: dict[str, Any], times: float) -> float:
     """Indentation [m] in steps so many times as long as by default."""
-    solver = Remembering(March())
+    solver = OnlyInTime(March())
     solver.eta *= times
     return float(run(solver, work_of(case), pm.Accuracy())[0][0, col.INDENTATION])
 
@@ -45,7 +45,7 @@ def what(case: dict[str, Any]) -> str:
 
 @pytest.mark.parametrize("case", KNOWN, ids=what)
 def test_attraction_over_a_surface_that_comes_back_is_resolved(case: dict[str, Any]) -> None:
-    out, status, _ = run(Remembering(March()), work_of(case), pm.Accuracy())
+    out, status, _ = run(OnlyInTime(March()), work_of(case), pm.Accuracy())
     row = out[0]
     assert status[0] == col.GOOD
     assert max(abs(case["closure"]), case["left"]) < 1e-10  # of the reference
@@ -61,7 +61,7 @@ def test_attraction_over_a_surface_that_comes_back_is_resolved(case: dict[str, A
 @pytest.mark.parametrize("coarser", [2.0, 3.0])
 @pytest.mark.parametrize("case", KNOWN, ids=what)
 def test_energy_does_not_close_where_steps_are_too_long_for_the_surface(case: dict[str, Any], coarser: float) -> None:
-    solver = Remembering(March())
+    solver = OnlyInTime(March())
     solver.eta *= coarser
     row = run(solver, work_of(case), pm.Accuracy())[0][0]
     missed = abs(row[col.DISSIPATION] - case["dissipation"]) / case["given"]
@@ -86,7 +86,7 @@ def test_errors_over_dents_that_last_are_stated_by_what_they_do_to_the_phase() -
     # Off by 9e-5 degree where 4e-7 of the energy is missing, at a lag of 70 degrees.
     numbers = (11.394, 552.77, 20.885e-9, 5.5376e-9, 12.280e9, 0.040001, 0.42902e-9, 9.0469)
     work = work_of({**dict(zip(NAMES, numbers, strict=True)), "setpoint": 0.91167})
-    solvers = Remembering(March()), Remembering(March())
+    solvers = OnlyInTime(March()), OnlyInTime(March())
     solvers[1].eta *= 0.5
     known, finer = (run(solver, work, pm.Accuracy())[0][0] for solver in solvers)
     assert abs(known[col.PHASE] - finer[col.PHASE]) < known[col.ERROR_PHASE] < math.radians(1e-3)
