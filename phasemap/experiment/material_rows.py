@@ -48,3 +48,22 @@ def rows_of(materials: Iterable[Material]) -> tuple[Array, bool]:
             none = {"relaxed_modulus": one.modulus}
             row += [none.get(name, math.inf) if (own := getattr(one, name)) is None else own for name in MORE]
     return np.array(rows, dtype=np.float64), viscous
+
+
+def materials_of(rows: Array, viscous: bool) -> list[Material]:
+    """The materials that have these rows: the inverse of `rows_of`.
+
+    Examples
+    --------
+    >>> film, solid = Material(1e9, thickness=5e-9), Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-7)
+    >>> materials_of(*rows_of([film, solid])) == [film, solid]
+    True
+    """
+    found = []
+    for modulus, adhesion, loss, poisson_ratio, *rest in rows.tolist():
+        more = {name: one for name, one in zip(MORE, rest, strict=False) if math.isfinite(one)}
+        if "relaxation_time" not in more:
+            more.pop("relaxed_modulus", None)
+        more["viscosity" if viscous else "damping"] = loss
+        found.append(Material(modulus, adhesion, poisson_ratio=poisson_ratio, **more))
+    return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.control import Engage
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import materials_of
 from phasemap.experiment.microscope import Microscope, Tip
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
@@ -160,13 +160,8 @@ def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any])
     _check_count(len(rows))
     if np.isnan(rows).any():
         raise InputError("surface", Word("without a material in some pixels"), "a material in every pixel")
-    loss = "viscosity" if surface.viscosity is not None else "damping"
-    materials = {
-        f"material {ascii_uppercase[i]}": Material(
-            modulus, adhesion, **{loss: value}, poisson_ratio=ratio, thickness=next(filter(math.isfinite, film), None)
-        )
-        for i, (modulus, adhesion, value, ratio, *film) in enumerate(rows.tolist())
-    }
+    found = materials_of(rows, surface.viscosity is not None)
+    materials = {f"material {ascii_uppercase[i]}": one for i, one in enumerate(found)}
     sample = Sample(labels, surface.topography)
     return Subject("surface", scope, materials, surface.pixel_size, options, sample, in_python=True)
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import ADHESION_LOSS, WIDE
+from phasemap._shared.arrays import is_uniform
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.properties import film_of
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation import Atlas, ExactOrbits, build
 from phasemap.imaging.interpolation.axes import Axes
@@ -79,9 +81,14 @@ def _check(_job: Job) -> None:
 
 
 def interpolates(job: Job) -> bool:
-    """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks, films or memories."""
-    direct = job.scope.drive.excitation == "direct"
-    plain = not job.scope.interaction.law.hysteretic and job.surface.thickness is None
+    """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks or memories.
+
+    Materials differ in three properties in it: films have one thickness.
+    """
+    direct, surface = job.scope.drive.excitation == "direct", job.surface
+    plain = not job.scope.interaction.law.hysteretic
+    if surface.thickness is not None:
+        plain &= not surface.lazy and is_uniform(surface.thickness) and is_uniform(surface.poisson_ratio)
     return job.solver.name == "auto" and plain and direct and not job.only_in_time
 
 
@@ -185,7 +192,7 @@ def make_atlas(job: Job, survey: Survey) -> Interpolants:
     axes = Axes.around(stiffness[valid], damping[valid]) if valid.any() else Axes(False, 0.0)
     sample = axes.points(stiffness[valid], adhesion[valid], damping[valid]).T
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
-    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs)
+    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs, film_of(survey.sample[:1]))
     shuffled = np.ascontiguousarray(sample[np.random.default_rng(1).permutation(len(sample))])
     return Interpolants(axes, build(exact, shuffled, survey.count, tolerances_of(job, exact, shuffled)))
 

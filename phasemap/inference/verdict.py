@@ -28,7 +28,7 @@ def check_prior(prior: object, factor: object) -> float:
     """The factor, after a look at both."""
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")
-    for name, what in (("thickness", "films"), ("relaxation_time", "contacts that remember")):
+    for name, what in (("liquid_film", "wet samples"), ("relaxation_time", "contacts that remember")):
         if getattr(prior, name) is not None:
             allowed = f"None, for images of {what} are not inverted"
             raise InputError(f"{name} of the prior", getattr(prior, name), allowed)
@@ -38,8 +38,8 @@ def check_prior(prior: object, factor: object) -> float:
     return number("prior_factor", factor, "1", above=1, maximum=1e3)
 
 
-def check_known(known: Mapping[int, Material] | None, names: Collection[int]) -> dict[int, Material]:
-    """Known materials by the label of their region, of which these are there."""
+def check_known(known: Mapping[int, Material] | None, names: Collection[int], prior: Material) -> dict[int, Material]:
+    """Known materials by the label of their region, of which these are there; films as thick as that of the prior."""
     known = dict(known or {})
     for name, one in known.items():
         if name not in names:
@@ -48,6 +48,9 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int]) ->
             raise InputError(f"known material of region {name}", one, "a Material")
         if one.relaxation_time is not None:
             raise InputError(f"relaxation_time of region {name}", one.relaxation_time, "None of a region that is known")
+        if one.thickness != prior.thickness:
+            allowed = f"{prior.thickness}, that of the prior, whose film all regions have"
+            raise InputError(f"thickness of region {name}", one.thickness, allowed)
     if len(known) == len(names):
         raise InputError("known", "every region", "fewer: one that is to be found, at least")
     return known

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -208,3 +209,31 @@ def test_what_does_not_go_together_is_refused() -> None:
         pm.Surface([[1e9, 2e9]], pixel_size=1e-9).seen_by(under("cone"), 0.7)
     with pytest.raises(pm.InputError, match="base of the film is 'glued'; allowed: one of bonded, slipping"):
         Film("glued")
+
+
+ON_FILM = pm.Microscope(pm.Cantilever(18.0, 75e3, 150.0), pm.Tip(5e-9), pm.Drive(15e-9), pm.Interaction("film"))
+
+
+@pytest.mark.filterwarnings("ignore::phasemap.ResultWarning")  # thin films are pressed in far
+def test_images_of_films_of_one_thickness_are_interpolated_within_their_stated_errors() -> None:
+    x, noise = np.linspace(0.0, 1.0, 96), np.random.default_rng(3).uniform(0.0, 0.2, (96, 96))
+    surface = pm.Surface(50e6 * 10 ** (x + noise), 0.04, damping=0.005, thickness=2e-9, pixel_size=2e-9)
+    image, exact = (pm.simulate(surface, ON_FILM, 0.7, solver) for solver in ("auto", "orbit"))
+    assert (image.solver == 3).mean() > 0.99
+    assert (abs(image.phase - exact.phase) < image.error_phase + exact.error_phase).all()
+    other = pm.simulate(replace(surface, thickness=np.where(noise > 0.1, 2e-9, 3e-9)), ON_FILM, 0.7)
+    assert not (other.solver == 3).any()
+
+
+@pytest.mark.filterwarnings("ignore::phasemap.ResultWarning")
+def test_materials_of_films_come_back_from_their_images() -> None:
+    surface = pm.Surface([[200e6, 800e6]], [[0.03, 0.05]], [[0.003, 0.006]], thickness=2e-9, pixel_size=2e-9)
+    images = [pm.simulate(surface, ON_FILM, setpoint) for setpoint in (0.85, 0.7, 0.55)]
+    prior = pm.Material(400e6, 0.04, damping=0.004, thickness=2e-9)
+    # Errors of a thousandth of a degree and a tenth of a picometre, which leave 1e-3 of each property.
+    errors = {"phase_error": 1e-3, "height_error": 1e-13, "phase_zero": 0.0}
+    found = pm.invert(images, ON_FILM, prior=prior, **errors)
+    for name in ("modulus", "adhesion", "damping"):
+        assert found[name].values == pytest.approx(getattr(surface, name), rel=2e-3)
+    with pytest.raises(pm.InputError, match="thickness of the prior is None; allowed: a number in m"):
+        pm.invert(images, ON_FILM, prior=replace(prior, thickness=None), **errors)

@@ -39,23 +39,33 @@ class ExactOrbits:
         Of the orbits.
     names : tuple of str
         Image variables; of those in `phasemap.results.variables.OF_ORBITS` the columns are functions, too.
+    film : ndarray, shape (1, 2), optional
+        Poisson's ratio [1] and thickness [m] of the film on a rigid base that all materials are.
     """
 
     def __init__(
         self, scope: Microscope, amplitude: float, axes: Axes, workers: int, accuracy: Accuracy | None = None,
-        names: tuple[str, ...] = (),
+        names: tuple[str, ...] = (), film: Array | None = None,
     ) -> None:  # fmt: skip
+        self.film = film
         self.scope, self.amplitude, self.axes = scope, amplitude, axes
         self.asked = 0
         self.functions = functions_of(names)
         self._names = names
         # The same orbits without the integrals, which borders do not ask for
-        self.bare = self if self.functions == FUNCTIONS else ExactOrbits(scope, amplitude, axes, workers, accuracy)
+        self.bare = (
+            self if self.functions == FUNCTIONS else ExactOrbits(scope, amplitude, axes, workers, accuracy, film=film)
+        )
         self._workers, self._accuracy = workers, accuracy or Accuracy()
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
         self.asked += len(points)
-        return work_of(*self.axes.materials(points.T), self.scope, amplitude or self.amplitude)
+        return work_of(
+            *self.axes.materials(points.T), self.scope, amplitude or self.amplitude, self._films(len(points))
+        )
+
+    def _films(self, count: int) -> Array | None:
+        return None if self.film is None else np.broadcast_to(self.film, (count, 2))
 
     def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
         """Functions after engagement.
@@ -103,7 +113,7 @@ class ExactOrbits:
         self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]
     ) -> Array:
         def bare() -> Array:
-            return bare_rows(self.axes.materials(points.T)[0], self.scope)
+            return bare_rows(self.axes.materials(points.T)[0], self.scope, self._films(len(points)))
 
         # From the row, though the solver may know its nodes: orbits of `near` have none, and what differs between the
         # two, 1e-4, would be a step in the interpolant.

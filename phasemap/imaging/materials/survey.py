@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.threads import bounds_of, found_in
+from phasemap.experiment.material_rows import PLAIN
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.materials.distinct import BLOCK, Distinct, digests_of
 
@@ -164,8 +165,9 @@ def _smallest(*digests: Digests) -> Digests:
 
 
 def _each_once(materials: Array) -> Array:
-    """Finite rows in order, each once."""
-    finite = materials[np.isfinite(materials).all(axis=1)] + 0.0  # -0 is 0
+    """Rows of materials in order, each once, without those of pixels without one."""
+    there = np.isfinite(materials[:, :PLAIN]).all(axis=1) & ~np.isnan(materials).any(axis=1)
+    finite = materials[there] + 0.0  # -0 is 0
     ordered = finite[np.lexsort(finite.T[::-1])]
     return ordered[_first(ordered)]
 

@@ -33,7 +33,7 @@ from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import contact_stiffness, properties
+from phasemap.experiment.properties import contact_stiffness, film_of, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 
 Array = NDArray[np.float64]
@@ -137,6 +137,7 @@ class Model:
     centre: Array
     widths: Array
     reach: float  # largest logarithm that is tried
+    film: Array | None  # shape (1, 2); Poisson's ratio [1] and thickness [m] of films, None of half-spaces
     poisson_ratio: float
     scope: Microscope
     law: Law
@@ -157,7 +158,8 @@ class Model:
         """Parameters of the kernels, shape (n, 16)."""
         modulus, adhesion, damping = self.materials(q).T
         stiffness = contact_stiffness(modulus, np.full(len(q), self.poisson_ratio), self.scope.tip)
-        return self.scope.interaction.columns(stiffness, adhesion, damping, self.scope.tip.radius)
+        film = None if self.film is None else np.broadcast_to(self.film, (len(q), 2))
+        return self.scope.interaction.columns(stiffness, adhesion, damping, self.scope.tip.radius, film)
 
     def averaged(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
         """Averaged orbits near `places`, which are moved to them."""
@@ -203,12 +205,14 @@ def make_model(stack: Stack, prior: Material, factor: float) -> Model:
         allowed = "'linear', for images of contacts that remember are not inverted"
         raise InputError("withdrawal", scope.interaction.withdrawal, allowed)
     row, viscous = rows_of([prior])
+    if scope.interaction.law.takes_film and prior.thickness is None:
+        raise InputError("thickness of the prior", None, "a number in m, of the film, where the contact is that of one")
     _, adhesion, damping = properties(row, viscous, scope)
     levers = [lever_of(one) for one in stack.scopes]
     amplitudes = [ratio * one.driven_amplitude for ratio, one in zip(stack.setpoints, stack.scopes, strict=True)]
     model = Model(
         np.array([prior.modulus, float(adhesion[0]), float(damping[0])]),
-        np.zeros(3), np.full(3, np.log(factor)), REACH * float(np.log(factor)), prior.poisson_ratio,
+        np.zeros(3), np.full(3, np.log(factor)), REACH * float(np.log(factor)), film_of(row), prior.poisson_ratio,
         scope, scope.interaction.token(), np.array(levers), np.array(amplitudes),
     )  # fmt: skip
     if not sees_tip(model.levers):  # the amplitude of the tip then depends on the material

@@ -148,7 +148,7 @@ def fit_regions(
     shape = given[0]["phase"].shape
     names, numbers = regions_of(labels, shape)
     stack, pixels = medians(plan.taken_off(whole, numbers >= 0), numbers, len(names))
-    materials = {names.index(name): one for name, one in check_known(known, names).items()}
+    materials = {names.index(name): one for name, one in check_known(known, names, prior).items()}
     model = make_model(stack, prior, factor)
     problem, q = _prepare(model, stack, materials, plan, branch)
     found = fit(problem, q)

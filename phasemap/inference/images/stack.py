@@ -105,10 +105,10 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
         (one.cantilever, one.tip, one.interaction) != (first.cantilever, first.tip, first.interaction) for one in scopes
     ):
         raise InputError("scope", "several", "microscopes that differ in their drive only")
-    if first.interaction.law.hysteretic or first.interaction.law.takes_film:
+    if first.interaction.law.hysteretic:
         raise InputError(
             "contact", first.interaction.law.name,
-            "a law without a neck, of a half-space: 'dmt', 'hertz', 'punch', 'cone' or a law of your own",
+            "a law without a neck: 'dmt', 'hertz', 'punch', 'cone', 'film' or a law of your own",
             "Fit single curves with phasemap.fit_distance instead.",
         )  # fmt: skip
     return scopes

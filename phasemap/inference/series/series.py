@@ -210,7 +210,7 @@ def _lever(scope: Microscope, prior: Material) -> Lever:
 def _known(known: Mapping[int, Material] | None, model: Model, prior: Material, count: int) -> Array:
     """Logarithms of the materials that are given over those of the prior, NaN for others, shape (count, 3)."""
     logs = np.full((count, 3), np.nan)
-    for region, one in check_known(known, range(count)).items():
+    for region, one in check_known(known, range(count), prior).items():
         row, viscous = rows_of([one])
         _, adhesion, damping = properties(row, viscous, model.scope)
         plane = one.modulus * (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know
