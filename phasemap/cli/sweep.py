@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 PARAMETERS = (
     "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
-    "stiffness", "quality_factor", "radius", "free_amplitude", "decay_length", "bias",
+    "liquid_film", "contact_angle", "stiffness", "quality_factor", "radius", "free_amplitude", "decay_length", "bias",
 )  # fmt: skip
 AXES = ("distance", "setpoint", "frequency", *PARAMETERS)
 BEYOND = 5e-9  # farther than the free amplitude, where an approach begins [m]
@@ -47,8 +47,9 @@ EXAMPLES = """AXIS, and what START and STOP are if they are not given (SI units)
   frequency  of the drive, feedback off; 10 half widths on either side of the resonance; the tip
              stays where the feedback held the setpoint, or at --tip-offset
   NAME       one of modulus, adhesion, damping, viscosity, poisson_ratio, thickness, relaxed_modulus,
-             relaxation_time, stiffness, quality_factor, radius, free_amplitude, decay_length, bias, with
-             the setpoint (or --tip-offset) held; half a decade on either side of what the scene says
+             relaxation_time, liquid_film, contact_angle, stiffness, quality_factor, radius, free_amplitude,
+             decay_length, bias, with the setpoint (or --tip-offset) held; half a decade on either side of
+             what the scene says
 
 examples:
   phasemap sweep samples/particles.toml distance --material matrix --plot curve.png

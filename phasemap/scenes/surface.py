@@ -7,7 +7,7 @@
   ``variation``, the arguments of `phasemap.Variation`, for materials that vary within their domains
 * the name of a generator of labels in `phasemap.generate`: its arguments, and all the above but ``labels``
 * ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``thickness``,
-  ``relaxed_modulus``, ``relaxation_time``,
+  ``relaxed_modulus``, ``relaxation_time``, ``liquid_film``, ``contact_angle``,
   ``topography`` (numbers or maps), ``pixel_size``, and ``shape`` where no map has one; or ``file``, a netCDF file that
   has them all
 * ``"measured"``: ``file`` of a measured image, ``materials`` (names, from the lowest phase to the highest), and where
@@ -38,6 +38,7 @@ from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
 from phasemap.experiment.material import Material
+from phasemap.experiment.surface_variables import QUANTITIES
 from phasemap.scenes.surface_files import SUFFIXES, Files, read_array
 
 if TYPE_CHECKING:
@@ -47,10 +48,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
     from phasemap.experiment.variation import Variation
 
-QUANTITIES = (
-    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
-    "topography",
-)  # fmt: skip
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 

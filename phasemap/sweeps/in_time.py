@@ -1,4 +1,4 @@
-"""Sweeps of materials that remember: marched in time from value to value, for there is no curve of orbits to follow."""
+"""Sweeps of materials that remember or are wet: in time from value to value, for no curve of orbits can be followed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Passage:
-    """A tip that is moved slowly over a surface that remembers, begun far above it.
+    """A tip that is moved slowly over a surface that remembers or is wet, begun far above it.
 
     Parameters
     ----------
@@ -35,18 +35,14 @@ class Passage:
     """
 
     def __init__(self, work: Work, farthest: float) -> None:
+        from phasemap._kernels.engagement.in_time import free_state
         from phasemap._kernels.law import Oscillator, parameters
-        from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of
+        from phasemap._kernels.lever import free_amplitude, reach_of
         from phasemap._kernels.orbits.averaged.orbits import far_start
-        from phasemap._kernels.orbits.time.elements import MEMORY_STATE
-        from phasemap._kernels.orbits.time.tip import Z0, swing_state
 
         p, free = parameters(work.rows[0]), free_amplitude(work.lever)
         far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
-        phasor = free_phasor(work.lever)
-        self._state = np.zeros(MEMORY_STATE)
-        self._state[Z0] = max(far, farthest)
-        swing_state(work.lever, 0.0, phasor.real, -work.lever[col.OMEGA] * phasor.imag, self._state)
+        self._state = free_state(work.law, work.lever, max(far, farthest))
 
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""
@@ -63,15 +59,20 @@ class Passage:
         return int(status), row
 
 
+def there_and_back(question: Question, rising: np.ndarray) -> tuple[Visit, Visit]:
+    """Approach and retract over these rising tip offsets [m], as rows of the tip."""
+    work = question.work(marched=True)
+    passage = Passage(work, rising[-1])
+    n = len(rising)
+    approach = _visit(passage, range(n - 1, -1, -1), lambda k: (work, rising[k]), False, n)
+    return approach, _visit(passage, range(n), lambda k: (work, rising[k]), False, n)
+
+
 def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
-    work, rising = question.work(marched=True), np.sort(axis)
-    passage = Passage(work, rising[-1])
-    n = len(axis)
-    approach = _visit(passage, range(n - 1, -1, -1), lambda k: (work, rising[k]), False, n)
-    retract = _visit(passage, range(n), lambda k: (work, rising[k]), False, n)
+    approach, retract = there_and_back(question, np.sort(axis))
     about = Axis("tip_offset", axis, "m", "tip offset", ("approach", "retract"))
-    return _dataset(question, work, about, [approach, retract], samples, {})
+    return _dataset(question, question.work(marched=True), about, [approach, retract], samples, {})
 
 
 def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:

@@ -167,8 +167,8 @@ def sweep_parameter(
     scope : Microscope
     name : str
         "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus",
-        "relaxation_time", "stiffness", "quality_factor",
-        "radius", "free_amplitude", "frequency", "decay_length" or "bias".
+        "relaxation_time", "liquid_film", "contact_angle", "stiffness", "quality_factor", "radius", "free_amplitude",
+        "frequency", "decay_length" or "bias".
     values : array_like
         In the parameter's SI unit, rising or falling.
     setpoint : float

@@ -21,7 +21,7 @@ from phasemap.sweeps.sweep import check_axis
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity")
-FILM, NECK = ("thickness",), ("neck_length",)
+FILM, NECK = ("thickness", "liquid_film"), ("neck_length",)
 SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")
 READING = ("amplitude_scale", "sensitivity", "phase_offset")
 OFFSETS = {"frequency": "tip_offset", "tip_offset": "offset"}  # what the height is called, by the axis

@@ -123,7 +123,7 @@ def fit_distance(
     start : Material
     laws : sequence of str or Interaction, optional
         Contact laws to compare, or "all"; by default that of `scope`. "neck" is a `Neck` whose length is fitted, and
-        films have their thickness fitted.
+        films have their thickness fitted; "capillary" that of tip and sample together, in time, which takes minutes.
     offset : float
         That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
     amplitude, amplitude_error, phase, phase_error : array_like
@@ -132,8 +132,8 @@ def fit_distance(
         "approach", "retract", or ("approach", "retract") for data of shape (2, n).
     parameters : sequence of str or mapping, optional
         As in `fit_frequency`, with "offset" in place of "tip_offset", and "sensitivity" (of the amplitude, over the
-        supposed one; the free amplitude follows it), "thickness" of a film, "neck_length". Of a curve that was read, a
-        mapping changes how well these are known.
+        supposed one; the free amplitude follows it), "thickness" of a film, "liquid_film", "neck_length". Of a curve
+        that was read, a mapping changes how well these are known.
     starts : int
         As in `fit_frequency`.
 

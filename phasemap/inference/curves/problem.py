@@ -10,12 +10,14 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
+from phasemap.experiment.excitation import seen
 from phasemap.inference.curves.data import Data, Parameter, Setup
 from phasemap.solvers.continuation.complete import FAINT, complete
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import segments
 from phasemap.sweeps.follow import STARTS, begin
+from phasemap.sweeps.in_time import there_and_back
 
 MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 STEP = 1e-4  # of the prior's standard deviations, of central differences
@@ -60,13 +62,35 @@ def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
 def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
     from phasemap._kernels.continuation.path import ENTRY_Z0
 
-    path = fixed_path(Question(setup.material, setup.scope))
+    question = Question(setup.material, setup.scope)
+    if question.only_in_time:
+        return _of_passage(question, tip_offsets + setup.height)
+    path = fixed_path(question)
     x = np.sort(tip_offsets + setup.height)
     beyond = MARGIN * (x[-1] - x[0])
     curves = Curves(path, ENTRY_Z0, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
     curves.from_far(x[-1] + beyond)
     complete(curves, setup.scope, x[0])
     return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
+
+
+def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
+    """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance."""
+    order = np.argsort(tip_offsets)
+    x, lever, found = tip_offsets[order], question.work(marched=True).lever, []
+    for visit in there_and_back(question, x):
+        rows = seen(visit.rows, np.broadcast_to(lever, (len(x), len(lever))))
+        repelled = rows[:, col.STIFFENING] > 0
+        for side in (repelled, ~repelled):
+            part = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
+            if len(part):
+                gap = np.maximum(0, np.maximum(x[part[0]] - tip_offsets, tip_offsets - x[part[-1]]))
+                values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
+                found.append((*values, gap))
+    if not found:
+        return _nothing(len(x), float(np.ptp(x)))
+    amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
+    return Branches(amplitude, np.degrees(phase), gap)
 
 
 def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branches:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from phasemap._shared.errors import InputError
-from phasemap.experiment.interaction import Interaction, Neck
+from phasemap.experiment.interaction import Capillary, Interaction, Neck
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -25,7 +25,9 @@ ONE_WAY = {"amplitude": 2e-3, "phase": 0.3}  # the same where no second directio
 NORMAL = 1.4826  # standard deviation over the median absolute deviation
 ZERO = 0.3  # error of the phase of the free lever [degree]
 CALIBRATED, GUESSED = 1.05, 1.15  # factors within which the sensitivity of the amplitude is known
-NECK, FILM = 1e-9, 5e-9  # length and thickness to start from [m]
+NECK, FILM, LIQUID = 1e-9, 5e-9, 0.4e-9  # length and thicknesses to start from [m]
+BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0)}
+"""Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
 EVERY = (*(name for name in LAWS if name != "spring"), "neck")
 
 
@@ -114,13 +116,15 @@ def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, 
     """
     if isinstance(law, str) and law.lower() not in EVERY:
         raise InputError("law", law, "one of " + ", ".join(EVERY))
-    own = law if isinstance(law, Interaction) else Interaction(Neck(NECK) if law == "neck" else str(law))
+    own = law if isinstance(law, Interaction) else Interaction(BEGUN.get(str(law).lower(), str(law)))
     more: dict[str, float | None] = {}
     if own.law.takes_film:
         start, more["thickness"] = replace(start, thickness=start.thickness or FILM), None
+    if own.law.wets:
+        start, more["liquid_film"] = replace(start, liquid_film=start.liquid_film or LIQUID), None
     if isinstance(own.contact, Neck):
         more["neck_length"] = None
-    if isinstance(law, str) and own.law.hysteretic and not own.law.may_do_without_neck:
+    if isinstance(law, str) and own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
         own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
     if own.decay_length is not None:
         more["decay_length"] = 2.0
