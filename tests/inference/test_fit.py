@@ -348,3 +348,20 @@ def test_a_law_that_is_not_there_is_refused() -> None:
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws=[])
     with pytest.raises(pm.InputError, match=r"the curve is 'height'; allowed: one of phasemap.read_curve"):
         pm.fit_distance(xr.Dataset({"height": ("x", [1.0])}), scope=SCOPE)
+
+
+def test_the_film_of_water_comes_back_from_a_curve_both_ways() -> None:
+    law = pm.Interaction(pm.interaction.Capillary(tip_film=0.0))
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9), law)
+    wet, far = pm.Material(2e9, 0.05, damping=0.01, liquid_film=0.8e-9), np.linspace(21.5e-9, 13e-9, 12)
+    both = pm.sweep_distance(wet, scope, far)
+    # The tip turns repulsive at another distance than it lets go of the neck: both ways show different branches.
+    assert (np.sign(both.phase[0]) != np.sign(both.phase[1])).any()
+    fit = pm.fit_distance(
+        far, scope=scope, start=replace(wet, modulus=1.5e9, liquid_film=0.6e-9), starts=1,
+        direction=("approach", "retract"), parameters=("modulus", "liquid_film"),
+        phase=both.phase, phase_error=0.1, amplitude=both.amplitude, amplitude_error=20e-12,
+    )  # fmt: skip
+    assert fit.good and fit.chi2 < 1e-3
+    assert fit.values["liquid_film"] == pytest.approx(0.8e-9, abs=fit.errors["liquid_film"])
+    assert fit.values["modulus"] == pytest.approx(2e9, abs=fit.errors["modulus"])
