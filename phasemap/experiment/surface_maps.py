@@ -107,10 +107,10 @@ def check_memory(name: str, given: NDArray[Any], per_pixel: int) -> None:
 
 
 def _inside(value: Any, quantity: Quantity) -> Any:
-    """Whether each of `value` is finite and within the bounds."""
+    """Whether each of `value` is finite and within the bounds, or the infinity that may stand for none."""
     least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
-    there = ~np.isnan(value) if quantity.endless else np.isfinite(value)
-    return there & (value >= least) & (value > above) & (value <= most)
+    inside = np.isfinite(value) & (value >= least) & (value > above) & (value <= most)
+    return inside | (value == math.inf) if quantity.endless else inside
 
 
 def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:

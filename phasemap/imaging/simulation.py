@@ -274,12 +274,12 @@ def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool) -
         names.append(f"{law.attraction.name.replace(' ', '-')} attraction")
     if np.any(rows[:, col.FORMING] < 0):
         names.append("necks of liquid")
-    if np.any(rows[:, col.BIAS] != 0):
+    if np.any(rows[:, col.BIAS] > 0):
         names.append("electrostatic bias")
-    if np.any(rows[:, col.DAMPING] != 0):
+    if np.any(rows[:, col.DAMPING] > 0):
         names.append(f"damping with depth^{scope.interaction.damping_exponent:g}")
     if remembers:
-        names.append("relaxation after Ting" if not np.any(work.rows[:, col.DAMPING]) else "withdrawal after Ting")
+        names.append("relaxation after Ting" if not np.any(rows[:, col.DAMPING] > 0) else "withdrawal after Ting")
     if scope.tip.modulus is not None:
         names.append("elastic tip")
     if topography:
@@ -288,14 +288,17 @@ def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool) -
 
 
 def _largest_material(surface: Surface, workers: int) -> Array:
-    """One row, with the largest of every property; a term is zero there if no pixel has it."""
+    """One row, with the largest of every property, of contact angles the smallest: zero is what no pixel has."""
     columns = [column.reshape(-1) for column in surface.columns]
+    sign = np.ones(len(columns))
+    if surface.contact_angle is not None:
+        sign[-1] = -1
 
     def largest_in(first: int, last: int) -> list[float]:
-        return [np.fmax.reduce(column[first:last]) for column in columns]
+        return [np.fmax.reduce(one * column[first:last]) for one, column in zip(sign, columns, strict=True)]
 
     found = found_in(largest_in, bounds_of(len(columns[0]), MANY), workers)
-    return np.asarray(np.nan_to_num(np.fmax.reduce(found, axis=0, keepdims=True), posinf=np.inf))
+    return np.asarray(np.nan_to_num(sign * np.fmax.reduce(found, axis=0, keepdims=True), posinf=np.inf))
 
 
 def _refuse_failures(status: Array) -> None:

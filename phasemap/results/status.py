@@ -23,8 +23,8 @@ class Status(Enum):
         "Allow more with Accuracy(periods=...), in a scene accuracy.periods."
     )
     invalid = (
-        "The material has a property that is not a number (NaN), or adhesion without stiffness, "
-        "which a contact law with a neck cannot have."
+        "The material has a property that is not a number (NaN), or one that the contact law cannot have: adhesion "
+        "without stiffness where there is a neck, or films of liquid so thick that they meet where their neck breaks."
     )
     too_many_contacts = "The tip touches the sample more often per period than the solver follows. Use solver='march'."
     no_averaged_orbit = "First-order averaging finds no orbit on the branch that the tip reaches. Use solver='orbit'."

@@ -15,7 +15,16 @@ from phasemap._shared.fields import Number
 from phasemap._shared.plausible import advise
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.eigenmode import Eigenmode
-from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Interaction, MaugisDugdale, Neck
+from phasemap.experiment.interaction import (
+    Capillary,
+    Cone,
+    ContactLaw,
+    Film,
+    FlatPunch,
+    Interaction,
+    MaugisDugdale,
+    Neck,
+)  # fmt: skip
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import IN_TIME, TYPICAL_SCAN, Realism, TipChange, check_realism
@@ -24,7 +33,7 @@ from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, 
 T = TypeVar("T")
 
 CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
-LAWS: dict[str, type[ContactLaw]] = {law.name: law for law in (Cone, Film, FlatPunch, MaugisDugdale, Neck)}
+LAWS: dict[str, type[ContactLaw]] = {law.name: law for law in (Capillary, Cone, Film, FlatPunch, MaugisDugdale, Neck)}
 LOW_Q = 50.0  # below this it matters what the detector sees
 
 

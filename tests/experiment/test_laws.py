@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ from phasemap._kernels.orbits.averaged import harmonics
 from phasemap._kernels.orbits.time import elastic, march
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
-from phasemap.experiment.interaction import JKR, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction import JKR, Capillary, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
 from phasemap.experiment.interaction.longrange import Biased
 from phasemap.experiment.lever import one_mode
 from phasemap.results.variables import describe
@@ -69,12 +70,18 @@ LAWS: dict[str, Callable[[float], Any]] = {
     "cone": lambda scale: laws.Cone(30.0),
     "film": lambda scale: laws.Film(),
     "slipping film": lambda scale: "slipping film",
+    "capillary": lambda scale: Capillary(1e-9 * scale, contact_angle=30.0, wet_attraction=0.7),
+    "capillary, constant force": lambda scale: Capillary(
+        volume=40e-27 * scale**3, film_thickness=0.5e-9 * scale, reach=1.5, model="constant force"
+    ),
+    "capillary, linear": lambda scale: Capillary(2e-9 * scale, tip_film=0.1e-9 * scale, model="linear"),
 }
-NECKS = {"jkr", "maugis", "maugis, own range", "neck"}
+WET = {"capillary", "capillary, constant force", "capillary, linear"}
+NECKS = {"jkr", "maugis", "maugis, own range", "neck"} | WET
 CONTRACT = [
     (name, decay, bias)
     for name, decay, bias in itertools.product(LAWS, (None, 0.3e-9), (0.0, 0.5))
-    if not (name in ("maugis", "cone") and decay is None) and not (name == "cone" and bias)
+    if not (name in ("maugis", "cone") and decay is None) and not (name in WET | {"cone"} and bias)
 ]
 
 
@@ -92,9 +99,10 @@ def row_of(
 def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: float) -> None:
     interaction = Interaction(LAWS[name](1.0), decay, bias=bias)
     law, p, token = interaction.law, row_of(interaction), interaction.token()
-    release, constant = p[10], p[11]
+    release, constant, forming = p[10], p[11], p[12]
     assert np.isfinite(p).all()
     assert (release < 0) == (name in NECKS)
+    assert release < forming < 0 if name in WET else forming == 0
     assert (constant > 0) == (bias != 0)
     pull = law.pull(np.array([4 / 3 * MODULUS]), np.array([ADHESION]), RADIUS)[0] if decay is not None else 0.0
     assert p[4] == pytest.approx(pull + constant, rel=1e-14)
@@ -122,13 +130,14 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
     # The force is continuous in contact and through the neck, and joins the long-range force where the law says so.
     assert force(0.0, p) == pytest.approx(force(1e-20, p), rel=1e-9, abs=1e-9 * PI_W_R)
     if release:
-        assert force(-1e-20, p) == pytest.approx(force(1e-20, p), rel=1e-9)
+        if decay is not None or name not in WET:  # else adhesion begins at d = 0, as that of DMT does
+            assert force(-1e-20, p) == pytest.approx(force(1e-20, p), rel=1e-9)
         assert math.isfinite(force(release, p)) and math.isfinite(slope(release, p))
         assert force(release, p) == pytest.approx(force(release * (1 - 1e-14), p), rel=1e-6)
     if p[4]:
         before, fall = partial(longrange_force, token), partial(longrange_slope, token)
         assert before(0.0, p) == pytest.approx(-p[4], rel=1e-14)
-        if decay is not None and name not in ("jkr", "maugis", "maugis, own range"):
+        if decay is not None and name not in WET | {"jkr", "maugis", "maugis, own range"}:
             assert before(0.0, p) == pytest.approx(force(0.0, p) - constant, rel=1e-12, abs=1e-30)
         for d in (-1e-8, -1e-9, -1e-11):
             h = -1e-3 * d
@@ -136,15 +145,16 @@ def test_every_law_keeps_the_contract(name: str, decay: float | None, bias: floa
             assert fall(d, p) == pytest.approx((8 * near - far) / (12 * h), rel=1e-9)
             assert before(d, p) == pytest.approx(outside_of(interaction)(d, p), rel=1e-14)
 
-    # One loop of contact and release loses what lies between the two forces, and nothing without a neck.
+    # One loop of contact and release loses what lies between the two forces from where the neck forms, and nothing
+    # without a neck.
     energy = loop_energies(token, p[None])[0]
     assert energy >= 0 and (energy > 0) == (name in NECKS)
     if release:
         far_force = (lambda d: longrange_force(token, d, p)) if p[4] else (lambda d: 0.0)
 
         def lost(x: float) -> float:
-            d = release * (1 - x * x)
-            return -release * 2 * x * (far_force(d) - force(d, p) + constant)
+            d = release + (forming - release) * x * x
+            return (forming - release) * 2 * x * (far_force(d) - force(d, p) + constant)
 
         assert energy == pytest.approx(quad(lost, 0, 1)[0], rel=1e-8)
 
@@ -156,13 +166,15 @@ def outside_of(interaction: Interaction) -> Callable[[float, np.ndarray], float]
 @pytest.mark.parametrize(("name", "decay", "bias"), CONTRACT)
 def test_the_same_physics_in_other_units_is_the_same(name: str, decay: float | None, bias: float) -> None:
     length, force = 3.7, 0.21  # scales
-    one = Interaction(LAWS[name](1.0), decay, bias=bias)
-    other = Interaction(LAWS[name](length), decay and length * decay, bias=bias * math.sqrt(force) if decay else 0.0)
+    one, scaled = Interaction(LAWS[name](1.0), decay, bias=bias), LAWS[name](length)
+    if name in WET:
+        scaled = replace(scaled, surface_tension=scaled.surface_tension * force / length)
+    other = Interaction(scaled, decay and length * decay, bias=bias * math.sqrt(force) if decay else 0.0)
     if decay is None and bias:
         one = Interaction(LAWS[name](1.0), decay)  # its 0.3 nm is a length that does not scale
     p = row_of(one)
     q = row_of(other, MODULUS * force / length**2, ADHESION * force / length, RADIUS * length)
-    assert q[10] == pytest.approx(length * p[10], rel=1e-9)
+    assert q[[10, 12]] == pytest.approx(length * p[[10, 12]], rel=1e-9)
     for d in (1e-12, 1e-10, 5e-9, 0.9 * p[10]):
         assert one.law.force(d, p) * force == pytest.approx(other.law.force(length * d, q), rel=1e-9, abs=1e-18)
         before, after = outside_of(one), outside_of(other)
@@ -487,6 +499,7 @@ def test_provenance_describes_laws_with_their_parameters() -> None:
         {"kind": "cone", "half_angle": 30.0},
         {"kind": "film", "base": "bonded"},
         "slipping film",
+        *(describe(LAWS[name](1.0)) for name in LAWS if name in WET),
     ]
 
 

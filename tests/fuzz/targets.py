@@ -97,8 +97,9 @@ def take_scene(text: bytes, overrides: list[str]) -> None:
     surface, scope = scene.surface, scene.microscope
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.driven_amplitude
-    work = make_work(materials, surface.viscosity is not None, scope, np.full(len(materials), amplitude))
-    modelled(work, scope, surface.topography is not None)
+    amplitudes = np.full(len(materials), amplitude)
+    work = make_work(materials, surface.viscosity is not None, scope, amplitudes, marched=True)
+    modelled(work, scope, surface.topography is not None, work.law.memory != 0)
     repr(surface), str(scene.options["control"]), str(scene.options["realism"])
 
 

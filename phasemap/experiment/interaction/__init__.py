@@ -149,6 +149,7 @@ class Interaction(Shown):
         import numpy as np
 
         rows = self._rows(contact_stiffness, adhesion, damping, radius, film, liquid)
+        rows[rows[:, FORMING] < rows[:, RELEASE]] = np.nan  # films that meet farther out than their neck breaks
         creates = self._loop_energies(rows) < 0
         if self.law.may_do_without_neck:
             rows[creates, RELEASE] = 0.0
@@ -186,10 +187,9 @@ class Interaction(Shown):
             allowed = f"a number above 0 Pa where {name} contact has adhesion"
             raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
         if rows[0, FORMING] < depth:
-            raise InputError(
-                "liquid_film", -float(rows[0, FORMING]), f"less than {-depth:.3g} m for both films together",
-                "There the neck of liquid between them breaks; choose thinner films or a blunter tip.",
-            )  # fmt: skip
+            meet, breaks = -float(rows[0, FORMING]), max(-depth, 0.0)
+            allowed = f"less than {breaks:.3g} m, where their neck breaks: thinner films, or a blunter tip"
+            raise InputError("gap at which the films of liquid meet", meet, allowed)
         if energy < 0 and not self.law.may_do_without_neck:
             raise InputError(
                 "contact", name, "a law whose neck loses energy beside the long-range force",
@@ -237,7 +237,8 @@ class Interaction(Shown):
         law = self.law
         if liquid is not None and not law.wets:
             allowed = f"nothing where the contact is {law.name!r}, which is dry"
-            raise InputError("liquid_film", Word("given"), allowed, "The contact 'capillary' takes it.")
+            given = "liquid_film" if np.isfinite(liquid[:, 0]).any() else "contact_angle"
+            raise InputError(given, Word("given"), allowed, "The contact 'capillary' takes it.")
         with np.errstate(all="ignore"):  # a material that the law cannot have ends as NaN
             try:
                 for j, column in enumerate(law.columns_on(contact_stiffness, adhesion, radius, film)):

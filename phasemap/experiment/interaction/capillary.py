@@ -21,6 +21,7 @@ MODELS = ("constant volume", "constant force", "linear")
 # Of water at 25 C that adsorbs on a solid: Hamaker constant of solid, film and vapour [J], number density [1/m3], k T
 # [J] (Israelachvili, Intermolecular and Surface Forces, 3rd ed., 2011, section 13.9).
 FILM_HAMAKER, NUMBER_DENSITY, THERMAL = 1e-20, 3.33e28, 4.116e-21
+HUMIDITY = 0.5  # of a room
 FILM, VOLUME = (0.05e-9, 20e-9), (1e-30, 1e-20)  # what is found in practice [m, m3]
 
 
@@ -55,7 +56,7 @@ class Capillary(ContactLaw):
         the humidity.
     humidity : float, optional
         Relative humidity, 0 to 1 without both ends, which sets the thickness of films that are not given:
-        `adsorbed_film`.
+        `adsorbed_film`. By default 0.5, unless there is a `film_thickness`.
     volume : float, optional
         V [m3], > 0, in place of that of the films.
     tip_film : float, optional
@@ -150,7 +151,7 @@ class Capillary(ContactLaw):
         film, angle = liquid.T
         own = self.film_thickness
         if own is None:
-            own = 0.0 if self.humidity is None else adsorbed_film(self.humidity)
+            own = adsorbed_film(HUMIDITY if self.humidity is None else self.humidity)
         on_tip = own if self.tip_film is None else self.tip_film
         both = np.where(np.isfinite(film), film, own) + on_tip
         angle = np.where(np.isfinite(angle), angle, self.contact_angle)

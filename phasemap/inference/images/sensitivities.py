@@ -85,10 +85,11 @@ def sensitivity(
     if not isinstance(surface, Surface):
         raise InputError("surface", type(surface).__name__, "a Surface")
     setpoint, workers = check_setpoint(setpoint), workers_of(threads)
-    asked = "height", "phase", "branch", "status"
-    image = simulate(surface, scope, setpoint, "orbit", variables=asked, threads=threads)
     amplitude, viscous = setpoint * scope.driven_amplitude, surface.viscosity is not None
     materials, inverse = surface.unique()
+    make_work(materials, viscous, scope, amplitude)  # refuses what is marched in time
+    asked = "height", "phase", "branch", "status"
+    image = simulate(surface, scope, setpoint, "orbit", variables=asked, threads=threads)
     first = np.unique(inverse, return_index=True)[1]
     status, sides = image.status.values.ravel()[first], 2 * image.branch.values.ravel()[first] - 1
     good = np.flatnonzero(status == col.GOOD)

@@ -16,7 +16,16 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.eigenmode import Eigenmode
-from phasemap.experiment.interaction import Cone, Film, FlatPunch, Interaction, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction import (
+    Capillary,
+    Cone,
+    Film,
+    FlatPunch,
+    Interaction,
+    LinearSpring,
+    MaugisDugdale,
+    Neck,
+)  # fmt: skip
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
@@ -34,8 +43,8 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        Accuracy, Cantilever, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch, Interaction, LinearSpring,
-        MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
+        Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch, Interaction,
+        LinearSpring, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
 """What `phasemap.results.variables.describe` describes."""
