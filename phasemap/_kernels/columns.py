@@ -13,9 +13,11 @@ CONTACT = 0
 LONGRANGE = 4
 DAMPING = 8
 ROW = 16
-INVERSE_REACH = 5  # 1/d0 [1/m] of the built-in long-range law, whose strength [N] stands at LONGRANGE
+INVERSE_REACH = (
+    5  # 1 over the length [m] on which the long-range force changes at d = 0; its attraction there is at LONGRANGE [N]
+)
 EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
-BIAS = 11  # attraction [N] of an electrostatic bias in contact
+BIAS = 11  # attraction [N] in contact of a long-range force, as of a voltage; negative where that repels
 PULL = 1  # attraction [N] in contact of DMT's law
 RELAXATION = 2  # of a law that may remember: tau [1/omega_c] if above 0
 RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]

@@ -44,6 +44,7 @@ class Law(NamedTuple):
     # damping, damping_slope: alpha_s [1] and its derivative [1/m] for d >= 0; 0 for the power law
     damping: int
     damping_slope: int
+    attracts: int = 1  # 1 where the long-range force attracts, the more the nearer the tip; 0 where it may repel
     memory: int = 0  # the march of a period over surfaces that remember, `orbits.time.relaxing`; 0 if none does
 
 

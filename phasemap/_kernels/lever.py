@@ -163,9 +163,11 @@ def phase_of(lever: np.ndarray, amplitude: float, push: float, drag: float) -> f
 
 @kernel
 def reach_of(law: Law, p: np.ndarray) -> float:
-    """Distance [m] over which the long-range force falls, theory, Eq. (model-13): 0 without such a force."""
+    """Distance [m] on which the long-range force changes at contact, theory, Eq. (model-13): 0 without such a force."""
     if p[LONGRANGE] == 0.0:
         return 0.0
+    if law.longrange_force != 0:
+        return float(1.0 / p[col.INVERSE_REACH])
     return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
 
 

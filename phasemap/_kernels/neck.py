@@ -8,7 +8,8 @@ import numpy as np
 
 from phasemap._kernels.columns import FORMING, LONGRANGE, RELEASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force, longrange_slope, parameters
+from phasemap._kernels.law import Law, contact_force, longrange_force, parameters
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(24)
@@ -28,7 +29,7 @@ def loop_energy(law: Law, p: np.ndarray) -> float:
         x = _X[i]
         energy -= _W[i] * 2.0 * depth * x * contact_force(law, p[RELEASE] + depth * x * x, p)
     if p[LONGRANGE] != 0.0:
-        reach = abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
+        reach = reach_of(law, p)
         start = reach - p[FORMING]
         span = math.log1p(depth / start)
         for i in range(len(_X)):

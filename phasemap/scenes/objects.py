@@ -22,9 +22,11 @@ from phasemap.experiment.interaction import (
     Film,
     FlatPunch,
     Interaction,
+    LongRange,
     MaugisDugdale,
     Neck,
 )  # fmt: skip
+from phasemap.experiment.interaction.longrange import FORCES
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import IN_TIME, TYPICAL_SCAN, Realism, TipChange, check_realism
@@ -111,15 +113,22 @@ def _drive(tables: Table) -> Drive:
 
 
 def _interaction(tables: Table) -> Interaction:
-    """The interaction, whose contact may be a law with parameters."""
+    """The interaction, whose contact and long-range force may be laws with parameters."""
     table = table_of(tables, "interaction")
-    if isinstance(contact := table.get("contact"), dict):
-        name = "[interaction.contact]"
-        if "law" not in contact:
-            raise missing(name, "law")
-        check_choice(f"{name} law", contact["law"], LAWS)
-        parameters = {key: value for key, value in contact.items() if key != "law"}
-        table = {**table, "contact": _from_table(name, parameters, LAWS[contact["law"]])}
+    if isinstance(table.get("longrange"), str) and table["longrange"] in FORCES:
+        # Parameters of a long-range force that is only named may stand beside its name.
+        own = {field.name for field in dataclasses.fields(FORCES[table["longrange"]])}
+        beside = {key: value for key, value in table.items() if key in own}
+        table = {key: value for key, value in table.items() if key not in own}
+        table["longrange"] = {"law": table["longrange"], **beside}
+    for key, laws in (("contact", LAWS), ("longrange", FORCES)):
+        if isinstance(given := table.get(key), dict):
+            name = f"[interaction.{key}]"
+            if "law" not in given:
+                raise missing(name, "law")
+            check_choice(f"{name} law", given["law"], laws)
+            parameters = {field: value for field, value in given.items() if field != "law"}
+            table = {**table, key: _from_table(name, parameters, laws[given["law"]])}
     interaction: Interaction = _from_table("[interaction]", table, Interaction)
     return interaction
 
@@ -127,8 +136,9 @@ def _interaction(tables: Table) -> Interaction:
 def interaction_table(interaction: Interaction) -> Table:
     """The table of which `_interaction` makes the same."""
     table = dataclasses.asdict(interaction)
-    if isinstance(interaction.contact, ContactLaw):
-        table["contact"] = {"law": interaction.contact.name, **table["contact"]}
+    for key in ("contact", "longrange"):
+        if isinstance(law := getattr(interaction, key), (ContactLaw, LongRange)):
+            table[key] = {"law": law.name, **table[key]}
     return table
 
 

@@ -351,7 +351,7 @@ def test_the_resolved_configuration_is_one_line_of_json_with_every_default(tmp_p
     assert config["scan"] == {"setpoint": 0.7, "solver": "auto"}
     assert config["drive"] == {"free_amplitude": 20e-9, "frequency": None, "excitation": "direct", "second": None}
     laws = {"contact": "dmt", "decay_length": 0.3e-9, "damping_exponent": 0.5, "bias": 0.0, "withdrawal": "linear"}
-    assert config["interaction"] == laws
+    assert config["interaction"] == {**laws, "longrange": "van der waals"}
     assert config["materials"]["hard"]["poisson_ratio"] == 0.35
     assert config["surface"]["labels"] == [[0, 1, 1], [0, 0, 1]]
     assert config["control"] == {"kind": "engage"}

@@ -22,6 +22,7 @@ from phasemap._kernels.engagement.resonance import (
     decisive_mismatch,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
+    forces_are_plain,
     leaps,
     low_q_margin_factor,
     mismatch_at_gap,
@@ -56,7 +57,7 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndar
 def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
     """`engage_by_averaging` of a tip that does not rebound."""
     law, p, lever = oscillator
-    if p[col.RELEASE] != 0.0 or not near_resonance(lever):
+    if not (forces_are_plain(oscillator) and near_resonance(lever)):
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
     free, reach, attracted = free_amplitude(lever), reach_of(law, p), p[col.LONGRANGE] != 0.0
     rises = attracted and leaps(lever, reach, free)

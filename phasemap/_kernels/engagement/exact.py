@@ -153,7 +153,9 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit, spar
     """Begin the curve at an amplitude at which the tip is surely on the attractive branch; False if none is known."""
     law, p, lever, tables = path.law, path.p, path.lever, path.tables
     oscillator, reach, free = Oscillator(law, p, lever), reach_of(law, p), free_amplitude(lever)
-    if p[col.LONGRANGE] == 0.0 or low_q(lever) or not near_resonance(lever) or leaps(lever, reach, free):
+    if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or low_q(lever):
+        return False, orbit, spare
+    if not near_resonance(lever) or leaps(lever, reach, free):
         return False, orbit, spare
     guess, top, worst, sure = np.zeros(col.GUESS), Maximum(), worst_amplitude(lever, wanted.value), False
     for share in HIGHER:

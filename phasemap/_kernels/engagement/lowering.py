@@ -18,7 +18,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
-from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, leaps, near_resonance
+from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, forces_are_plain, leaps, near_resonance
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
@@ -98,7 +98,7 @@ def pace_of_leap(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     free = free_amplitude(lever)
     # A contact with hysteresis leaves its orbits by sticking, at any frequency.
-    smooth = p[col.LONGRANGE] != 0.0 and p[col.RELEASE] == 0.0
+    smooth = p[col.LONGRANGE] != 0.0 and forces_are_plain(oscillator)
     if not (smooth and leaps(lever, reach_of(law, p), free)):
         return 0.0
     if -longrange_force(law, 0.0, p) < lever[col.STIFFNESS] * free * lever[col.DYNAMIC_STIFFNESS]:

@@ -90,6 +90,12 @@ def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
 
 
 @kernel(light=True)
+def forces_are_plain(oscillator: Oscillator) -> bool:
+    """Whether averaging can decide the branch: no neck, and before contact attraction alone, the more the nearer."""
+    return bool(oscillator.p[col.RELEASE] == 0.0 and oscillator.law.attracts == 1)
+
+
+@kernel(light=True)
 def near_resonance(lever: np.ndarray) -> bool:
     """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
     return abs(lever[col.DYNAMIC_STIFFNESS]) < NEAREST

@@ -16,6 +16,7 @@ from phasemap._kernels.engagement.resonance import (
     decide,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
+    forces_are_plain,
 )
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
@@ -91,7 +92,7 @@ def nodes_of(
 def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
     """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
     law, p, _ = oscillator
-    if p[col.RELEASE] != 0.0:
+    if not forces_are_plain(oscillator):
         return False
     reach, amplitude, room, guess = reach_of(law, p), row[col.AMPLITUDE], again.room, again.guess
     longrange = p[col.LONGRANGE] != 0.0

@@ -124,7 +124,7 @@ def averaging_rows(
 def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
     law, p, lever = oscillator
-    if p[col.LONGRANGE] == 0.0 or not near_resonance(lever):
+    if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or not near_resonance(lever):
         return False
     reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
     find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)

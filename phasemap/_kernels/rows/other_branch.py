@@ -29,6 +29,7 @@ from phasemap._kernels.engagement.resonance import (
     Maximum,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
+    forces_are_plain,
     low_q_margin_factor,
     mismatch_at_gap,
 )
@@ -63,7 +64,7 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
     """
     law, p, lever = oscillator
     guess[:] = 0.0
-    if p[col.RELEASE] != 0.0:
+    if not forces_are_plain(oscillator):
         return col.PENDING
     if p[LONGRANGE] == 0.0:
         repelled = contact_force(law, 0.0, p) >= 0.0

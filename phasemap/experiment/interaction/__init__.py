@@ -36,7 +36,16 @@ from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz,
 from phasemap.experiment.interaction.damping import PowerLawDamping
 from phasemap.experiment.interaction.film import Film
 from phasemap.experiment.interaction.jkr import JKR
-from phasemap.experiment.interaction.longrange import Biased, InverseSquare
+from phasemap.experiment.interaction.longrange import (
+    DLVO,
+    FORCES,
+    Biased,
+    Hydration,
+    InverseSquare,
+    LennardJones,
+    LongRange,
+    Solvation,
+)
 from phasemap.experiment.interaction.maugis import MaugisDugdale
 
 if TYPE_CHECKING:
@@ -45,11 +54,12 @@ if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
 __all__ = [
-    "DMT", "JKR", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Interaction", "LinearSpring",
-    "MaugisDugdale", "Neck",
+    "DLVO", "DMT", "JKR", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Hydration",
+    "Interaction", "LennardJones", "LinearSpring", "LongRange", "MaugisDugdale", "Neck", "Solvation",
 ]  # fmt: skip
 
 WITHDRAWALS = ("linear", "ting")
+VAN_DER_WAALS = "van der waals"
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of a user's law is tried before work starts
 
 
@@ -77,6 +87,10 @@ class Interaction(Shown):
         How a contact with damping or viscosity lets go. "linear": the damper pulls the surface up behind the tip, as
         in Wang (1999). "ting": it only pushes (Ting 1966), contact ends where its force falls to 0, and the surface
         comes back by itself: theory, Eq. (memory-7). For "hertz" and "dmt", marched in time.
+    longrange : str or LongRange
+        Force outside contact: "van der waals", by `decay_length` alone; or in a liquid "dlvo", "hydration" or
+        "solvation", beside it; or "lennard-jones", whose gap at contact is the decay length. An object, `DLVO`,
+        `Hydration` or `Solvation`, has other parameters than the usual ones.
 
     Raises
     ------
@@ -96,6 +110,7 @@ class Interaction(Shown):
     damping_exponent: Number[float] = Number("1", 0.5, minimum=0, maximum=100)
     bias: Number[float] = Number("V", 0.0, minimum=-1e100, maximum=1e100, usual=(1e-6, 100.0))  # it can be squared
     withdrawal: str = "linear"
+    longrange: str | LongRange = VAN_DER_WAALS
 
     def __post_init__(self) -> None:
         if isinstance(self.contact, str) and self.contact.lower() in LAWS:
@@ -107,14 +122,41 @@ class Interaction(Shown):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or in Python a ContactLaw", hint)
         law = self.law
-        if self.bias and (law.attraction is not InverseSquare or law.wets):
+        if self.bias and (type(law.attraction) is not InverseSquare or law.wets):
             why = "liquid screens it" if law.wets else "it is that of a sphere"
             raise InputError("bias", self.bias, f"0 where the contact is {law.name!r}: {why}")
+        self._check_longrange(law)
         check_choice("withdrawal", self.withdrawal, WITHDRAWALS)
         if self.withdrawal == "ting":
             check_half_space(law)
             if self.damping_exponent != law.spread:
                 raise InputError("damping_exponent", self.damping_exponent, f"{law.spread:g} with withdrawal 'ting'")
+
+    def _check_longrange(self, law: ContactLaw) -> None:
+        """Refuse a long-range law that is none, or does not go together with the rest."""
+        given = self.longrange
+        if isinstance(given, str):
+            check_choice("longrange", given.lower(), (VAN_DER_WAALS, *FORCES))
+            object.__setattr__(self, "longrange", given.lower())
+        elif not isinstance(given, LongRange):
+            names = ", ".join((VAN_DER_WAALS, *FORCES))
+            raise InputError("longrange", given, f"one of {names}, or in Python a LongRange")
+        if self.longrange == VAN_DER_WAALS:
+            return
+        name = given.lower() if isinstance(given, str) else given.name
+        if self.bias:
+            raise InputError("bias", self.bias, f"0 V where longrange is {name!r}")
+        if type(law.attraction) is not InverseSquare or law.wets:
+            raise InputError("longrange", name, f"{VAN_DER_WAALS!r} where the contact is {law.name!r}")
+
+    @property
+    def outside(self) -> LongRange:
+        """The long-range law itself."""
+        if self.bias:
+            return Biased(self.bias)
+        if isinstance(self.longrange, LongRange):
+            return self.longrange
+        return self.law.attraction if self.longrange == VAN_DER_WAALS else FORCES[self.longrange]()
 
     @property
     def law(self) -> ContactLaw:
@@ -205,11 +247,12 @@ class Interaction(Shown):
         """
         from phasemap._kernels.law import law_of
 
-        law, longrange = self.law, Biased if self.bias else self.law.attraction
+        law, longrange = self.law, self.outside
         try:
             found = law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
+        found = found._replace(attracts=int(longrange.attracts))
         if not remembers:
             return found
         from phasemap._kernels.orbits.time.compiled_memory import address
@@ -255,14 +298,9 @@ class Interaction(Shown):
                     raise
                 hint = f"It raised {type(error).__name__}: {error}."
                 raise InputError("contact", law.name, "a law whose methods run", hint) from error
-        reach: tuple[np.ndarray | float, ...] = ()
         with np.errstate(all="ignore"):  # as above
-            if self.bias:
-                reach = Biased.columns(pull, self.decay_length, self.bias, radius)
-                rows[:, BIAS] = Biased.at_contact(self.decay_length, self.bias, radius)
-            elif self.decay_length is not None:
-                reach = InverseSquare.columns(pull, self.decay_length)
-            for j, column in enumerate(reach):
+            rows[:, BIAS] = self.outside.in_contact(self.decay_length, radius)
+            for j, column in enumerate(self.outside.columns(pull, self.decay_length, radius)):
                 rows[:, 4 + j] = column
         if law.wets:
             none = np.full((len(rows), 2), np.inf)

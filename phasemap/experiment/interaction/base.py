@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from phasemap._kernels.columns import RELEASE, ROW
 from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.errors import InputError, Word
-from phasemap.experiment.interaction.longrange import InverseSquare
+from phasemap.experiment.interaction.longrange import InverseSquare, LongRange
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,8 +65,8 @@ class ContactLaw(ABC):
     wets: ClassVar[bool] = False
     """Whether films of liquid draw necks, those of `necks`: motion over them is marched in time."""
 
-    attraction: ClassVar[Any] = InverseSquare
-    """Formulas of the long-range force, for columns 4 and 5 of a row: f0 [N] and 1/d0 [1/m]."""
+    attraction: ClassVar[LongRange] = InverseSquare()
+    """The van der Waals force outside contact."""
 
     spread: ClassVar[float] = 0.5
     """n of the contact's radius ~ d^n, and so of the damping by a viscosity."""

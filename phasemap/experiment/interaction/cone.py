@@ -35,7 +35,7 @@ class Cone(ContactLaw):
 
     half_angle: Number[float] = Number("degree", 20.0, said="half_angle of the cone", above=0, below=90)
     name: ClassVar[str] = "cone"
-    attraction: ClassVar = Inverse
+    attraction: ClassVar = Inverse()
     spread: ClassVar[float] = 1.0
     _reach: ClassVar[float | None] = None  # decay length [m] of the force that acts beside
 

@@ -26,6 +26,7 @@ from phasemap.experiment.interaction import (
     MaugisDugdale,
     Neck,
 )  # fmt: skip
+from phasemap.experiment.interaction.longrange import FORCES
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
@@ -43,8 +44,8 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch, Interaction,
-        LinearSpring, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
+        *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
+        Interaction, LinearSpring, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
 """What `phasemap.results.variables.describe` describes."""

@@ -11,6 +11,7 @@ from typing import Any
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time.contact import Beam, Moved
 
 # Weights in the density of steps of approach and of contact, chosen for the least work at 1e-6 to 1e-2 degree; and of
@@ -35,16 +36,24 @@ def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
 @kernel
 def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool) -> float:
     """Square of the density by the gradient of the force outside contact, or in a neck, and that force as it moves."""
-    law, p, inverse_k = contact.law, contact.p, contact.compliance
+    law, p, inverse_k, least = contact.law, contact.p, contact.compliance, 0.0
     if in_neck:
         force, slope = contact_force(law, d, p) * inverse_k, contact_slope(law, d, p) * inverse_k
     elif p[col.LONGRANGE] != 0.0:
         force, slope = longrange_force(law, d, p) * inverse_k, longrange_slope(law, d, p) * inverse_k
+        if law.longrange_force != 0:  # which may change fast where its slope is 0
+            reach = reach_of(law, p)
+            length = reach - d
+            if law.attracts == 0:  # over a length that does not grow, in steps of order 8
+                size = math.hypot(force, slope * reach) / math.hypot(contact.edge_force, contact.edge_slope * reach)
+                length = reach * size**-0.125
+            least = (2.0 * APPROACH_WEIGHT * v / length) ** 2
     else:
         return 0.0
     # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
     beside = 0.01 * slope * (abs(d) + beam.drive)
-    return abs(slope) * beam.share + (APPROACH_WEIGHT * v * slope) ** 2 / (force**2 + beside**2)
+    changes = (APPROACH_WEIGHT * v * slope) ** 2 / (force**2 + beside**2)
+    return abs(slope) * beam.share + max(changes, least)
 
 
 @kernel

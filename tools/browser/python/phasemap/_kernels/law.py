@@ -18,6 +18,7 @@ class Law(NamedTuple):
     longrange_slope: int
     damping: int
     damping_slope: int
+    attracts: int = 1
     memory: int = 0
 
 
