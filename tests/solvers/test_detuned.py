@@ -187,6 +187,39 @@ def test_hard_taps_off_the_resonance_end_where_time_leads(case: Case) -> None:
     assert (pixel.motion == "irregular") == (case["name"] == "doubled period")
 
 
+# Held where a soft sample is pressed in by a hundred amplitudes and more, `engage` of tests/reference/hard_engage.py:
+# with no fold on the way, with one, and with one from which only time leads on.
+PRESSED_IN = [
+    case | {"poisson_ratio": 0.35}
+    for case in (
+        {"name": "no fold", "contact": "hertz", "stiffness": 48.2, "quality_factor": 758.6, "frequency_ratio": 1.06059,
+         "tip_radius": 1.084e-9, "decay_length": None, "free_amplitude": 0.597e-9, "modulus": 1.993e6,
+         "adhesion": 0.0, "damping": 0.025, "setpoint": 0.216, "phase": -12.36328038, "tip_offset": -122.37899625e-9},
+        {"name": "no fold, attraction", "contact": "dmt", "stiffness": 3.839, "quality_factor": 26.33,
+         "frequency_ratio": 1.04782, "tip_radius": 3.902e-9, "decay_length": 0.6417e-9, "free_amplitude": 2.702e-9,
+         "modulus": 2.173e6, "adhesion": 0.00208, "damping": 0.03469, "setpoint": 0.147, "phase": -4.06830499,
+         "tip_offset": -349.44589141e-9},
+        {"name": "fold", "contact": "dmt", "stiffness": 1.404, "quality_factor": 19.52, "frequency_ratio": 0.94592,
+         "tip_radius": 1.492e-9, "decay_length": 0.2287e-9, "free_amplitude": 8.246e-9, "modulus": 3.62e6,
+         "adhesion": 0.08902, "damping": 0.0001325, "setpoint": 0.374, "phase": 79.92898316,
+         "tip_offset": -877.0842595841e-9},
+        {"name": "only time", "contact": "dmt", "stiffness": 1.404, "quality_factor": 19.52, "frequency_ratio": 0.94592,
+         "tip_radius": 1.492e-9, "decay_length": 0.2287e-9, "free_amplitude": 8.246e-9, "modulus": 2.481e6,
+         "adhesion": 0.2245, "damping": 0.0, "setpoint": 0.374, "phase": 81.00014816,
+         "tip_offset": -1886.0814186587e-9},
+    )
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", PRESSED_IN, ids=label)
+def test_a_tip_is_pressed_in_as_far_as_the_setpoint_asks(case: Case) -> None:
+    pixel = pm.solve_pixel(material_of(case), scope_of(case), case["setpoint"])
+    assert pixel.status is pm.Status.good
+    assert pixel.phase == pytest.approx(case["phase"], abs=1e-5)
+    # What the reference is off by where the amplitude hardly falls with the tip offset.
+    assert pixel.tip_offset == pytest.approx(case["tip_offset"], rel=1e-7)
+
+
 TAPS = load("taps")
 HELD_TAPS = [case | {"contact": "dmt", "poisson_ratio": 0.35} for case in TAPS]
 FAR = HELD_TAPS[-1]  # on the curve of periodic orbits 89.69 degree and 8.61 nm are stable, too

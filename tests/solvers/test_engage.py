@@ -7,6 +7,10 @@ import pytest
 from cases import Case, label, load, material_of, scope_of
 
 import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap.solvers.orbit import Orbit
+from phasemap.solvers.problem import make_work
+from phasemap.solvers.run import run
 
 CASES = load("engaged")
 HELD = [case for case in CASES if case["engaged"]["branch"] != "none"]
@@ -134,3 +138,13 @@ def test_where_adhesion_alone_sets_in_a_slow_tip_stays_on_the_attractive_side() 
     assert pixel.branch == "attractive" and pixel.motion == "periodic"
     assert pixel.phase == pytest.approx(-35.177452, abs=1e-4)
     assert pixel.tip_offset == pytest.approx(1.40280148e-08, abs=1e-13)
+
+
+def test_past_a_fold_between_two_points_of_the_curve_the_tip_has_jumped_and_time_is_not_asked() -> None:
+    # The attractive branch ends a thousandth above the setpoint, and no other orbit holds it.
+    lever, tip = pm.Cantilever(40.27793379141272, 300e3, 365.16355468929675), pm.Tip(1.1870678259115717e-08)
+    scope = pm.Microscope(lever, tip, pm.Drive(2.1826917843864463e-08), pm.Interaction("dmt", 2.628504898986145e-10))
+    soft = np.array([[13995515.930769779, 0.04154575990742025, 0.0, 0.35]])
+    work = make_work(soft, False, scope, np.array([0.455278351963709 * scope.driven_amplitude]))
+    _, status, _ = run(Orbit(in_time=False), work, pm.Accuracy())
+    assert status[0] == col.NO_STABLE_ORBIT

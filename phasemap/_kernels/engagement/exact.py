@@ -97,8 +97,8 @@ def descend(
         way.crossed = 0  # the tip lands before that crossing
     if way.crossed == 1 and z0 < way.lowest:
         return col.GOOD, found, spare
-    if z0 < way.lowest and not after.floquet < 1.0:
-        return col.NOT_CONVERGED, found, spare  # the tip leaves the curve
+    if z0 < way.lowest and after.determinant > 0.0 and not after.floquet < 1.0:
+        return col.NOT_CONVERGED, found, spare  # the tip leaves the curve, and not by a fold that lies between
     way.lowest = min(way.lowest, z0)
     return col.PENDING, found, spare
 

@@ -22,7 +22,7 @@ from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, forces_are_p
 from phasemap._kernels.engagement.stuck import presses
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
-from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, reach_of
+from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest, skip
@@ -112,7 +112,7 @@ def follow_down(
 ) -> int:
     """Lower the tip along periodic orbits until the amplitude is reached; says how it ends.
 
-    LOWEST_OFFSET is said where the tip does not leave the surface any more, or a hundredth of a metre down.
+    LOWEST_OFFSET is said a hundredth of a metre down.
 
     Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
     ends; what comes next is then for time to say, at first for some ring-down times.
@@ -120,11 +120,10 @@ def follow_down(
     p, lever = oscillator.p, oscillator.lever
     u, linear, slopes = tip.u, tip.linear, Way()
     before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
-    lowest = min(deepest_offset(lever), lowest_tip_offset(oscillator))
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else DISTURBED_NECK) * ring_down_periods(lever))
     stride, slope = 0.0, 0.0
     while tip.periods.marched < most:
-        if u[Z0] < lowest and (presses(p, tip) or u[Z0] < -FARTHEST_AT_ALL):
+        if u[Z0] < -FARTHEST_AT_ALL:
             return LOWEST_OFFSET
         copy_state(u, before)
         move_state(lever, slopes, -stride, u)

@@ -136,7 +136,8 @@ def take_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: fl
     head = head_of(orbit)
     gain = abs(orbit.system[RA, RIGHT] - head.amplitude)
     change = abs(orbit.system[RZ, RIGHT] - head.tip_offset) + gain
-    limit = 0.5 * head.amplitude
+    # Within a contact that lasts all the time a force changes with the depth, which may be many amplitudes.
+    limit = 0.5 * (max(head.amplitude, head.nearest_depth) if head.contacts == PERMANENT else head.amplitude)
     share = 1.0 if change <= limit else limit / change
     turned = abs(orbit.system[RP, RIGHT] - head.push) + abs(orbit.system[RS, RIGHT] - head.drag)
     change = max(apply_step(tables, lever, orbit, share), gain)
