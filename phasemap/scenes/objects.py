@@ -22,11 +22,11 @@ from phasemap.experiment.interaction import (
     Film,
     FlatPunch,
     Interaction,
-    LongRange,
     MaugisDugdale,
     Neck,
 )  # fmt: skip
-from phasemap.experiment.interaction.longrange import FORCES
+from phasemap.experiment.interaction.longrange import FORCES, LongRange
+from phasemap.experiment.interaction.table import Table as ForceTable
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import IN_TIME, TYPICAL_SCAN, Realism, TipChange, check_realism
@@ -35,7 +35,9 @@ from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, 
 T = TypeVar("T")
 
 CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
-LAWS: dict[str, type[ContactLaw]] = {law.name: law for law in (Capillary, Cone, Film, FlatPunch, MaugisDugdale, Neck)}
+LAWS: dict[str, type[ContactLaw]] = {
+    law.name: law for law in (Capillary, Cone, Film, FlatPunch, ForceTable, MaugisDugdale, Neck)
+}
 LOW_Q = 50.0  # below this it matters what the detector sees
 
 
@@ -128,6 +130,9 @@ def _interaction(tables: Table) -> Interaction:
                 raise missing(name, "law")
             check_choice(f"{name} law", given["law"], laws)
             parameters = {field: value for field, value in given.items() if field != "law"}
+            if given["law"] == ForceTable.name and set(parameters) == {"file"}:
+                table = {**table, key: ForceTable.read(parameters["file"])}
+                continue
             table = {**table, key: _from_table(name, parameters, laws[given["law"]])}
     interaction: Interaction = _from_table("[interaction]", table, Interaction)
     return interaction

@@ -47,6 +47,7 @@ from phasemap.experiment.interaction.longrange import (
     Solvation,
 )
 from phasemap.experiment.interaction.maugis import MaugisDugdale
+from phasemap.experiment.interaction.table import Table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,7 +56,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DLVO", "DMT", "JKR", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Hydration",
-    "Interaction", "LennardJones", "LinearSpring", "LongRange", "MaugisDugdale", "Neck", "Solvation",
+    "Interaction", "LennardJones", "LinearSpring", "MaugisDugdale", "Neck", "Solvation",
+    "Table",
 ]  # fmt: skip
 
 WITHDRAWALS = ("linear", "ting")
@@ -138,9 +140,10 @@ class Interaction(Shown):
         if isinstance(given, str):
             check_choice("longrange", given.lower(), (VAN_DER_WAALS, *FORCES))
             object.__setattr__(self, "longrange", given.lower())
-        elif not isinstance(given, LongRange):
-            names = ", ".join((VAN_DER_WAALS, *FORCES))
-            raise InputError("longrange", given, f"one of {names}, or in Python a LongRange")
+        elif type(given) not in FORCES.values():
+            objects = ", ".join(f"{kind.__name__}()" for kind in FORCES.values())
+            allowed = f"one of {', '.join((VAN_DER_WAALS, *FORCES))}, or in Python {objects}"
+            raise InputError("longrange", given, allowed, "Any other force is had by pm.interaction.Table.")
         if self.longrange == VAN_DER_WAALS:
             return
         name = given.lower() if isinstance(given, str) else given.name

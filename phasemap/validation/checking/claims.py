@@ -25,6 +25,7 @@ from phasemap.experiment.interaction import (
     LinearSpring,
     MaugisDugdale,
     Neck,
+    Table,
 )  # fmt: skip
 from phasemap.experiment.interaction.longrange import FORCES
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
@@ -45,7 +46,8 @@ KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
         *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
-        Interaction, LinearSpring, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Tip, TipChange,
+        Interaction, LinearSpring, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
+        TipChange,
     )
 }  # fmt: skip
 """What `phasemap.results.variables.describe` describes."""
