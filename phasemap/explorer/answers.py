@@ -29,6 +29,7 @@ from phasemap.results.variables import FLAGS, FLOATS, branch_of, describe, motio
 from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
+from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.pixel import solve_pixel
 from phasemap.solvers.problem import Work, forces_of, make_work
 from phasemap.solvers.run import run
@@ -143,7 +144,7 @@ def curves(setting: Setting) -> dict[str, Any]:
 
     Returns: for each material, by name: the complete curve (distance and amplitude [nm], phase [degree], stable,
         piece), the jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a
-        period. None for one that the law of contact cannot have.
+        period, which is None of what only the march in time knows. None for one that the law of contact cannot have.
     """
     found: dict[str, Any] = {}
     for name in dict.fromkeys(setting.pair):
@@ -241,13 +242,19 @@ def _curve(setting: Setting, material: Material) -> dict[str, Any]:
     if works:
         low, high = min(low, pixel.tip_offset - 0.1 * free), max(high, pixel.tip_offset + 0.1 * free)
         axis = np.unique(np.append(np.linspace(low, high, POINTS), pixel.tip_offset))
-    ds = sweep_distance(material, scope, axis[::-1], samples=SAMPLES)
+    in_time = Question(material, scope).only_in_time
+    ds = sweep_distance(material, scope, axis[::-1], samples=0 if in_time else SAMPLES)
+    points = {name: ds[f"curve_{name}"].values for name in ("tip_offset", "amplitude", "phase", "stable", "piece")}
+    if in_time:  # the way there and that back, for there are no orbits between them
+        points = {name: ds[name].values.reshape(-1) for name in ("amplitude", "phase")}
+        points |= {"tip_offset": np.tile(ds["tip_offset"].values, 2), "stable": np.ones(2 * len(axis), np.int8)}
+        points["piece"] = np.repeat(np.arange(2), len(axis))
     answer: dict[str, Any] = {
-        "distance": _numbers(ds["curve_tip_offset"].values * 1e9, 3),
-        "amplitude": _numbers(ds["curve_amplitude"].values * 1e9, 3),
-        "phase": _numbers(setting.counted(ds["curve_phase"].values), 2),
-        "stable": ds["curve_stable"].values.tolist(),
-        "piece": ds["curve_piece"].values.tolist(),
+        "distance": _numbers(points["tip_offset"] * 1e9, 3),
+        "amplitude": _numbers(points["amplitude"] * 1e9, 3),
+        "phase": _numbers(setting.counted(points["phase"]), 2),
+        "stable": points["stable"].tolist(),
+        "piece": points["piece"].tolist(),
         "jumps": [
             [
                 _numbers(ds[f"jump_{end}_amplitude"].values * 1e9, 3),
@@ -263,7 +270,7 @@ def _curve(setting: Setting, material: Material) -> dict[str, Any]:
     }
     if works:
         answer["point"] = [pixel.tip_offset * 1e9, pixel.amplitude * 1e9, setting.counted(pixel.phase)]
-        answer["period"] = _period(ds, pixel.tip_offset, pixel.phase)
+        answer["period"] = None if in_time else _period(ds, pixel.tip_offset, pixel.phase)
     return answer
 
 

@@ -22,6 +22,7 @@ from phasemap.explorer.subject import Subject
 from phasemap.results.variables import describe
 from phasemap.scenes.objects import LAWS, control_of, microscope_tables
 from phasemap.scenes.tables import Table, check_keys, construct
+from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.problem import check_setpoint
 
 BEYOND = 1e3  # times the ends of its slider that a number may be
@@ -90,9 +91,14 @@ class Setting:
         )
 
     @property
+    def only_in_time(self) -> bool:
+        """Whether some material remembers or is wet, whose motion only the march knows, exactly."""
+        return any(Question(one, self.scope).only_in_time for one in self.materials.values())
+
+    @property
     def solver(self) -> str:
         """Name of the solver for one pixel."""
-        return "averaging" if self.quick else "orbit" if self.exact else "auto"
+        return "auto" if self.only_in_time else "averaging" if self.quick else "orbit" if self.exact else "auto"
 
     def counted(self, phase: Any) -> Any:
         """A phase [degree], or many, as the page counts it."""
@@ -101,7 +107,7 @@ class Setting:
     @property
     def options(self) -> dict[str, Any]:
         """What `phasemap.simulate` takes for the whole image."""
-        solver = "orbit" if self.exact else self.subject.options["solver"]
+        solver = "orbit" if self.exact and not self.only_in_time else self.subject.options["solver"]
         changed = {"control", "realism"} & set(self.changes or {})
         more = {name: getattr(self, name) for name in changed}
         return {**self.subject.options, **more, "setpoint": self.setpoint, "solver": solver}

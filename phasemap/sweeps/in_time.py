@@ -127,7 +127,7 @@ def _dataset(
     from phasemap._kernels.quadrature import TABLES
 
     if samples:
-        raise InputError("samples", samples, "0 where contacts remember: what is marched keeps no traces")
+        raise InputError("samples", samples, "0 where contacts remember or are wet: what is marched keeps no traces")
     path = fixed_path(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
     curves = Curves(path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, lambda x: x, visits, question.material, question.scope, held)

@@ -360,6 +360,23 @@ def test_a_material_that_relaxes_can_be_explored() -> None:
     assert all(math.isfinite(found.phase) for found in shown(moved))
 
 
+@pytest.mark.parametrize("switch", ["exact", "quick"])
+def test_wet_samples_can_be_explored_and_the_march_is_exact(switch: str) -> None:
+    wet = {"interaction.contact": "capillary", "materials.0.contact_angle": 110.0, "materials.0.liquid_film": 0.5e-9}
+    moved = step({**wet, "drive.free_amplitude": 15e-9}, **{switch: True})
+    for found in shown(moved):
+        assert found.solver == "march" and found.regime == "attractive"
+    assert answers.image(moved).phase.values[0, [0, -1]].tolist() == [one.phase for one in shown(moved)]
+    for curve in answers.curves(moved).values():
+        assert curve["point"][1] == pytest.approx(0.7 * 15, rel=1e-3) and curve["period"] is None
+        there, back = (np.array(curve["piece"]) == piece for piece in (0, 1))
+        distance, amplitude = np.array(curve["distance"]), np.array(curve["amplitude"])
+        assert distance[there].tolist() == distance[back].tolist()
+        assert np.interp(curve["point"][0], distance[there][::-1], amplitude[there][::-1]) == pytest.approx(
+            10.5, abs=0.01
+        )
+
+
 def test_a_scene_that_is_saved_makes_the_same_image_from_any_folder(tmp_path: Path) -> None:
     folder = tmp_path / "here"
     folder.mkdir()
