@@ -21,6 +21,9 @@ BIAS = 11  # attraction [N] in contact of a long-range force, as of a voltage; n
 PULL = 1  # attraction [N] in contact of DMT's law
 RELAXATION = 2  # of a law that may remember: tau [1/omega_c] if above 0
 RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]
+WITHDRAWN = 2  # of a law with losses: attraction [N] more on the way out of contact
+LOSS_FALL = 6  # of the same: 1 / length [1/m] over which the loss outside contact falls
+LOSS = 7  # of the same: alpha_s [1] of that loss at d = 0
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 FORMING = 12  # depth [m] at which a neck forms on the way in, from RELEASE to 0: below 0 where films of liquid meet
 BRIDGE = 13  # attraction [N] of a bridge of liquid on a tip in contact

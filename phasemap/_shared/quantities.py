@@ -23,7 +23,7 @@ KINDS = {
     "1": ("a plain number", "0.7"), "m": ("a length", "40 nm"), "Pa": ("a modulus", "3 GPa"),
     "J/m2": ("an energy per area", "50 mJ/m^2"), "N/m": ("a stiffness", "40 N/m"), "Hz": ("a frequency", "300 kHz"),
     "Pa s": ("a viscosity", "0.5 Pa s"), "V": ("a voltage", "5 V"), "K": ("a temperature", "300 K"),
-    "C/m2": ("a charge per area", "10 mC/m^2"),
+    "C/m2": ("a charge per area", "10 mC/m^2"), "N s/m": ("a damping coefficient", "0.1 uN s/m"),
     "degree": ("an angle", "20 degrees"), "s": ("a time", "20 us"), "1/s": ("a rate", "500 1/s"),
     "m/sqrt(Hz)": ("a density of noise", "20 fm/sqrt(Hz)"),
     "kg/m3": ("a density", "998 kg/m^3"), "": ("a number with any unit", "3 GPa"),

@@ -80,7 +80,7 @@ class Job:
     @property
     def only_in_time(self) -> bool:
         """Whether some contact remembers or is wet."""
-        return self.remembers or self.scope.interaction.law.wets
+        return self.remembers or self.scope.interaction.law.in_time
 
     @property
     def remembers(self) -> bool:

@@ -22,6 +22,7 @@ from phasemap.experiment.interaction import (
     Film,
     FlatPunch,
     Interaction,
+    LossyDMT,
     MaugisDugdale,
     Neck,
 )  # fmt: skip
@@ -36,7 +37,7 @@ T = TypeVar("T")
 
 CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
 LAWS: dict[str, type[ContactLaw]] = {
-    law.name: law for law in (Capillary, Cone, Film, FlatPunch, ForceTable, MaugisDugdale, Neck)
+    law.name: law for law in (Capillary, Cone, Film, FlatPunch, ForceTable, LossyDMT, MaugisDugdale, Neck)
 }
 LOW_Q = 50.0  # below this it matters what the detector sees
 

@@ -92,9 +92,10 @@ class OnlyInTime(FromFar):
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         rows = work.rows[first:last]
-        wet = rows[:, col.FORMING] < 0
-        self.engage(work, first + np.flatnonzero(wet), answers, accuracy.periods)
-        remembers = ~wet & bool(work.law.memory) & ((rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0))
+        lossy = bool(work.law.lossy) & ((rows[:, col.WITHDRAWN] > 0) | (rows[:, col.LOSS] > 0))
+        engaged = lossy | (rows[:, col.FORMING] < 0)
+        self.engage(work, first + np.flatnonzero(engaged), answers, accuracy.periods)
+        remembers = ~engaged & bool(work.law.memory) & ((rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0))
         far = first + np.flatnonzero(remembers)
         one_mode = work.lever[col.MODES] < 2
         if len(far) and one_mode and not isinstance(self.other, March):
@@ -104,10 +105,10 @@ class OnlyInTime(FromFar):
             self._start_averaged(work, far, answers, accuracy.periods)
             far = far[answers.status[far] != col.GOOD]
         self.engage(work, far, answers, accuracy.periods)
-        rest = first + np.flatnonzero(~(remembers | wet))
+        rest = first + np.flatnonzero(~(remembers | engaged))
         if not len(rest):
             return
-        plain = replace(work.part(rest), law=work.law._replace(memory=0))
+        plain = replace(work.part(rest), law=work.law._replace(memory=0, lossy=0))
         some = answers.of(rest)
         self.other.solve(plain, accuracy, 0, len(rest), some)
         answers.put(rest, some)

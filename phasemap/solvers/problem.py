@@ -42,8 +42,8 @@ class Work:
 
     @property
     def in_time(self) -> bool:
-        """Whether contacts remember, or liquid draws necks: only the march in time knows the motion over these."""
-        return bool(self.law.memory) or bool((self.rows[:, col.FORMING] < 0).any())
+        """Whether contacts remember or have losses of their own, or liquid draws necks: what only the march knows."""
+        return bool(self.law.memory or self.law.lossy) or bool((self.rows[:, col.FORMING] < 0).any())
 
     def refused(self) -> Array:
         """Status codes (int8): GOOD where there is something to solve, or what a mark of `Interaction.columns` says."""
@@ -80,9 +80,11 @@ def work_of(
 ) -> Work:
     """Work of what `properties`, `film_of`, `relaxation_of` and `liquid_of` give, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film, liquid)
+    if scope.interaction.law.lossy:  # a damping coefficient [N s/m] is alpha_s = c omega_c / (2 k)
+        rows[:, col.LOSS] *= np.pi * scope.cantilever.resonance_frequency / scope.cantilever.stiffness
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     remembers = scope.interaction.remembering(rows, relaxation)
-    if remembers or scope.interaction.law.wets:
+    if remembers or scope.interaction.law.in_time:
         check_marched(marched, scope)
     return Work(scope.interaction.token(remembers), rows, lever_of(scope), amplitudes)
 
@@ -91,14 +93,16 @@ def check_marched(marched: bool, scope: Microscope) -> None:
     """Refuse what goes beyond the march in time, the only one that knows a memory."""
     if not marched:
         hint = "Ask simulate, solve_pixel, contrast or a sweep, with solver 'march' or 'auto'."
-        if scope.interaction.law.wets:
-            raise InputError("contact", scope.interaction.law.name, "a dry law, for what is not marched in time", hint)
+        if scope.interaction.law.in_time:
+            raise InputError(
+                "contact", scope.interaction.law.name, "a dry law without losses, for what is not marched in time", hint
+            )
         allowed = "materials without a relaxation time, and withdrawal 'linear', for what is not marched in time"
         raise InputError("surface", Word("one that remembers"), allowed, hint)
     if scope.drive.second is not None:
         allowed = "None where a surface remembers or is wet: its mode feels a static law only"
         raise InputError("second", Word("given"), allowed)
-    if scope.drive.excitation != "direct" and not scope.interaction.law.wets:
+    if scope.drive.excitation != "direct" and not scope.interaction.law.in_time:
         raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
 
 

@@ -97,6 +97,7 @@ LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "scan_series": lambda e: {"LABELS": e.LABELS[48:56], "RELIEF": e.RELIEF[48:56]},
     "soft_lever_in_liquid": lambda e: {"SETPOINTS": e.SETPOINTS[::9]},
     "thin_film": lambda e: {"PIXELS": 30},
+    "three_losses": lambda e: {"SETPOINTS": e.SETPOINTS[::12]},
     "water_films": lambda e: {"HUMIDITIES": e.HUMIDITIES[::8]},
     "what_a_tap_sees": lambda e: {"TIMES": e.TIMES[:13:12]},
     "which_setpoint": lambda e: {"SETPOINTS": e.SETPOINTS[::6], "FREE_AMPLITUDES": e.FREE_AMPLITUDES[::8]},

@@ -65,6 +65,7 @@ LAWS: dict[str, Callable[[float], Any]] = {
     "spring, own radius": lambda scale: LinearSpring(5e-9 * scale),
     "neck": lambda scale: Neck(0.8e-9 * scale),
     "own": lambda scale: Own(),
+    "lossy dmt": lambda scale: laws.LossyDMT(2.0, 1e-7, 1e-9 * scale),
     "table": lambda scale: laws.Table(
         tuple(scale * d for d in (-2e-8, -5e-9, -2e-9, 0.0, 2e-9, 5e-9, 2e-8)),
         (-1e-11, -2e-10, -1e-9, -5e-9, 1e-8, 4e-8, 4e-7),
@@ -102,7 +103,7 @@ CONTRACT = [
     (name, decay, outside)
     for name, decay, outside in itertools.product(LAWS, (None, 0.3e-9), OUTSIDE)
     if not (name in ("maugis", "cone") and decay is None)
-    and (outside == "van der waals" or name not in WET | {"cone", "table"})
+    and (outside == "van der waals" or name not in WET | {"cone", "table", "lossy dmt"})
     and (outside in ("van der waals", "bias") or name in ("hertz", "dmt", "jkr", "maugis", "film", "own"))
 ]
 

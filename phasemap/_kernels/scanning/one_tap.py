@@ -95,7 +95,7 @@ def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, a
     """
     law, p, lever = oscillator
     apt = abs(lever[col.OMEGA] - 1.0) < OFF_RESONANCE and lever[col.ALPHA0] < HARDLY_RINGS
-    if apt and lever[col.MODES] < 2 and law.memory == 0 and p[col.RELEASE] == 0.0:
+    if apt and lever[col.MODES] < 2 and law.memory == 0 and law.lossy == 0 and p[col.RELEASE] == 0.0:
         if taps.marches > 0:
             taps.marches -= 1
         elif tap_once(oscillator, z0, y, acc, taps):

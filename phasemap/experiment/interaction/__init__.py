@@ -18,6 +18,8 @@ from phasemap._kernels.columns import (
     DAMPING,
     FORMING,
     LONGRANGE,
+    LOSS,
+    LOSS_FALL,
     PULL,
     RELAXATION,
     RELAXING,
@@ -46,6 +48,7 @@ from phasemap.experiment.interaction.longrange import (
     LongRange,
     Solvation,
 )
+from phasemap.experiment.interaction.losses import LossyDMT
 from phasemap.experiment.interaction.maugis import MaugisDugdale
 from phasemap.experiment.interaction.table import Table
 
@@ -56,7 +59,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DLVO", "DMT", "JKR", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Hydration",
-    "Interaction", "LennardJones", "LinearSpring", "MaugisDugdale", "Neck", "Solvation",
+    "Interaction", "LennardJones", "LinearSpring", "LossyDMT", "MaugisDugdale", "Neck", "Solvation",
     "Table",
 ]  # fmt: skip
 
@@ -124,8 +127,8 @@ class Interaction(Shown):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or in Python a ContactLaw", hint)
         law = self.law
-        if self.bias and (type(law.attraction) is not InverseSquare or law.wets):
-            why = "liquid screens it" if law.wets else "it is that of a sphere"
+        if self.bias and (type(law.attraction) is not InverseSquare or law.in_time):
+            why = "liquid screens it" if law.wets else "it is that of a sphere without losses of its own"
             raise InputError("bias", self.bias, f"0 where the contact is {law.name!r}: {why}")
         self._check_longrange(law)
         check_choice("withdrawal", self.withdrawal, WITHDRAWALS)
@@ -149,7 +152,7 @@ class Interaction(Shown):
         name = given.lower() if isinstance(given, str) else given.name
         if self.bias:
             raise InputError("bias", self.bias, f"0 V where longrange is {name!r}")
-        if type(law.attraction) is not InverseSquare or law.wets:
+        if type(law.attraction) is not InverseSquare or law.in_time:
             raise InputError("longrange", name, f"{VAN_DER_WAALS!r} where the contact is {law.name!r}")
 
     @property
@@ -255,7 +258,7 @@ class Interaction(Shown):
             found = law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
-        found = found._replace(attracts=int(longrange.attracts))
+        found = found._replace(attracts=int(longrange.attracts), lossy=int(law.lossy))
         if not remembers:
             return found
         from phasemap._kernels.orbits.time.compiled_memory import address
@@ -305,6 +308,8 @@ class Interaction(Shown):
             rows[:, BIAS] = self.outside.in_contact(self.decay_length, radius)
             for j, column in enumerate(self.outside.columns(pull, self.decay_length, radius)):
                 rows[:, 4 + j] = column
+        if law.lossy:
+            rows[:, LOSS_FALL], rows[:, LOSS] = law.loss_outside()
         if law.wets:
             none = np.full((len(rows), 2), np.inf)
             rows[:, [RELEASE, FORMING, BRIDGE, BRIDGE_CURVE, BRIDGE_FALL]] = np.column_stack(
@@ -353,5 +358,5 @@ class Interaction(Shown):
 
 def check_half_space(law: ContactLaw) -> None:
     """Refuse a law other than that of a sphere on a half-space, whose contacts alone are known to remember."""
-    if law.force is not hertzian:
+    if law.force is not hertzian or law.lossy:
         raise InputError("contact", law.name, "'hertz' or 'dmt' where contacts remember what was done to them")

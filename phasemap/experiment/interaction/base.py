@@ -63,7 +63,13 @@ class ContactLaw(ABC):
     """Whether the material may be a film on a rigid base."""
 
     wets: ClassVar[bool] = False
-    """Whether films of liquid draw necks, those of `necks`: motion over them is marched in time."""
+    """Whether films of liquid draw necks, those of `necks`."""
+
+    in_time: ClassVar[bool] = False
+    """Whether motion over it is marched in time, the only solver that knows it."""
+
+    lossy: ClassVar[bool] = False
+    """Whether rows have columns WITHDRAWN, LOSS and LOSS_FALL."""
 
     attraction: ClassVar[LongRange] = InverseSquare()
     """The van der Waals force outside contact."""
@@ -148,6 +154,10 @@ class ContactLaw(ABC):
         `liquid` (shape (n, 2)): thickness [m] and contact angle [degree] of films; infinite where they are the law's.
         """
         raise NotImplementedError
+
+    def loss_outside(self) -> tuple[float, float]:
+        """1 / length [1/m], and damping coefficient at d = 0 [N s/m], of a loss outside contact."""
+        return 0.0, 0.0
 
     def beside(self, decay_length: float | None) -> ContactLaw:
         """The law beside a long-range force that falls over `decay_length` [m]; by default itself."""

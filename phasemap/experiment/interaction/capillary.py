@@ -101,6 +101,7 @@ class Capillary(ContactLaw):
     model: str = "constant volume"
     name: ClassVar[str] = "capillary"
     wets: ClassVar[bool] = True
+    in_time: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_choice("model of the neck", self.model, MODELS)

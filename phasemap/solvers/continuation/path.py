@@ -69,7 +69,7 @@ class Question:
         viscous = bool(self.material.viscosity or self.material.damping)
         interaction = self.scope.interaction
         ting = interaction.withdrawal == "ting" and viscous
-        return self.material.relaxation_time is not None or ting or interaction.law.wets
+        return self.material.relaxation_time is not None or ting or interaction.law.in_time
 
 
 def fixed_path(question: Question) -> Path:

@@ -23,6 +23,7 @@ from phasemap.experiment.interaction import (
     FlatPunch,
     Interaction,
     LinearSpring,
+    LossyDMT,
     MaugisDugdale,
     Neck,
     Table,
@@ -46,7 +47,7 @@ KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
         *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
-        Interaction, LinearSpring, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
+        Interaction, LinearSpring, LossyDMT, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
         TipChange,
     )
 }  # fmt: skip

@@ -28,6 +28,7 @@ OFF_SURFACE = 0  # what a contact does: nothing; each kind has more
 NO_EVENT = 0  # what happens at the end of a step
 FIRST_TOUCH = 1  # the tip comes to the surface; each kind has more
 PERIOD_ENDS = -1  # in contact, where time is no variable of a step
+TURNED = -2  # the tip is deepest
 
 
 @record

@@ -8,7 +8,7 @@ is the depth where q = 0. A neck of liquid forms on the way in, where its films 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     NO_EVENT,
     OFF_SURFACE,
+    TURNED,
     Beam,
     Here,
     Motion,
@@ -56,7 +57,7 @@ from phasemap._kernels.orbits.time.step_density import (
     flight_rate,
     pull_in_contact,
 )
-from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult
+from phasemap._kernels.orbits.time.tip import TOUCHES, WITHDRAWING, PeriodResult
 from phasemap._kernels.records import record
 
 # What the contact does, beside OFF_SURFACE.
@@ -75,6 +76,7 @@ class Touch:
     mode: int
     bottom: float  # depth where x = 0 [m]
     deep: float  # q of the depth to which it goes, roughly [m^(1/2)]
+    withdrawn: float  # attraction that it has on the way out beside that on the way in, over k [m]
 
 
 class Elastic(NamedTuple):
@@ -90,16 +92,29 @@ class Elastic(NamedTuple):
     now: Touch
 
 
+@kernel(inline=True)
+def outer_loss(law: Law, d: float, p: Row) -> float:
+    """2 alpha_s [1] outside contact, of a law with losses: theory, Eq. (losses-1)."""
+    return 2.0 * p[col.LOSS] * math.exp(d * p[col.LOSS_FALL])
+
+
+@kernel(inline=True)
+def withdrawal_pull(contact: Any) -> float:
+    """Attraction on the way out of contact beside that on the way in, over k [m]."""
+    return contact.p[col.WITHDRAWN] * contact.compliance if contact.law.lossy == 1 else 0.0
+
+
 @push_of.of(Elastic)
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _push(contact: Elastic, off: bool, time: float, y: Moved) -> Push:
     if off:
-        return Push(1.0, y.x, attraction(contact, y.x), 0.0)
+        lost = outer_loss(contact.law, y.x, contact.p) if contact.law.lossy == 1 else 0.0
+        return Push(1.0, y.x, attraction(contact, y.x), lost)
     law, p, bottom, drag = contact.law, contact.p, contact.now.bottom, 0.0
     d = bottom + y.x * y.x
     if p[col.DAMPING] != 0.0 and bottom == 0.0:
         drag = 2 * damping(law, d, p)
-    return Push(2 * y.x, d, contact_force(law, d, p) * contact.compliance, drag)
+    return Push(2 * y.x, d, contact_force(law, d, p) * contact.compliance - contact.now.withdrawn, drag)
 
 
 @first_moved.of(Elastic)
@@ -149,6 +164,9 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
         stop_at_touch(here, motion)
         return
     in_neck = now.mode == IN_NECK
+    if u.v > 0 > end.v and now.withdrawn == 0.0 and withdrawal_pull(contact) > 0.0:
+        to_event(here, motion, TURNED)
+        return
     if u.v > 0 > end.v:
         h, top = try_turn(here, motion)
         if in_neck and inside.x > contact.neck:
@@ -169,7 +187,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
 def _enter_contact(contact: Elastic, beam: Beam, q: float, motion: Motion) -> None:
     """Let the tip be in contact, at q."""
     now, u = contact.now, motion.here.at
-    now.mode, now.bottom, u.x = IN_CONTACT, 0.0, q
+    now.mode, now.bottom, now.withdrawn, u.x = IN_CONTACT, 0.0, 0.0, q
     now.deep = depth_reached(contact, beam, 0.0, q, u.v, pull_in_contact(contact, beam, beam.z0 + q * q, u))
 
 
@@ -185,6 +203,11 @@ def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
 def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
     event, u = motion.event, motion.here.at
     if event == NO_EVENT:
+        return True
+    if event == TURNED:
+        contact.now.withdrawn = withdrawal_pull(contact)
+        motion.sums.loss += contact.now.withdrawn * u.x * u.x
+        motion.sums.deepest = max(motion.sums.deepest, u.x * u.x)
         return True
     if event == FIRST_TOUCH and contact.p[col.FORMING] < 0.0:
         _enter_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
@@ -217,12 +240,14 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     contact = Elastic(law, row, compliance, pull, edge_force, edge_slope, neck, Touch())
     if u.x > 0 or (u.x == 0 and u.v > 0):
         _enter_contact(contact, beam, math.sqrt(u.x), motion)
+        if y[TOUCHES] == WITHDRAWING or u.v < 0.0:
+            contact.now.withdrawn = withdrawal_pull(contact)
     elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
         _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
     here = Here(contact, beam)
     steps = march_through(here, eta, motion)
     touches = contact.now.mode != OFF_SURFACE
-    if contact.neck > 0:
-        y[TOUCHES] = 1.0 if touches else 0.0
+    if contact.neck > 0 or law.lossy == 1:
+        y[TOUCHES] = (WITHDRAWING if contact.now.withdrawn > 0.0 else 1.0) if touches else 0.0
     end_period(lever, here, motion, contact.now.bottom + u.x * u.x if touches else u.x, y, acc)
     return steps

@@ -17,6 +17,7 @@ from phasemap._kernels.orbits.time.contact import (
     NO_EVENT,
     OFF_SURFACE,
     PERIOD_ENDS,
+    TURNED,
     Beam,
     Here,
     Motion,
@@ -105,6 +106,10 @@ def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, 
     """
     if event == PERIOD_ENDS:
         return point.at.passed - motion.left, 2 * point.at.x
+    if event == TURNED:
+        if point.known == 0:
+            find_slopes(here, motion, point)
+        return point.at.v, point.slope.v
     edge, moves = edge_of(here.contact, event, motion.time + point.at.passed)
     speed = point.at.v
     if here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) == 0:

@@ -24,7 +24,7 @@ HIGHER_WEIGHT = 0.4
 @kernel(inline=True)
 def flies_freely(contact: Any, beam: Beam) -> bool:
     """Whether a lever with several modes feels nothing out of contact: its flight is one exact step."""
-    return beam.modes.count > 1 and contact.p[col.LONGRANGE] == 0.0
+    return beam.modes.count > 1 and contact.p[col.LONGRANGE] == 0.0 and contact.law.lossy == 0
 
 
 @kernel
@@ -37,6 +37,8 @@ def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
 def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool) -> float:
     """Square of the density by the gradient of the force outside contact, or in a neck, and that force as it moves."""
     law, p, inverse_k, least = contact.law, contact.p, contact.compliance, 0.0
+    if law.lossy == 1 and p[col.LOSS] != 0.0:
+        least = (2.0 * APPROACH_WEIGHT * v * p[col.LOSS_FALL]) ** 2 * math.exp(0.25 * d * p[col.LOSS_FALL])
     if in_neck:
         force, slope = contact_force(law, d, p) * inverse_k, contact_slope(law, d, p) * inverse_k
     elif p[col.LONGRANGE] != 0.0:
@@ -49,7 +51,7 @@ def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool)
                 length = reach * size**-0.125
             least = (2.0 * APPROACH_WEIGHT * v / length) ** 2
     else:
-        return 0.0
+        return least
     # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
     beside = 0.01 * slope * (abs(d) + beam.drive)
     changes = (APPROACH_WEIGHT * v * slope) ** 2 / (force**2 + beside**2)

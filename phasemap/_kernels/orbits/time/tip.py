@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 # remembers with what `elements` names.
 Z = 0  # [m]
 V = 1  # z' [m]
-TOUCHES = 2  # 1 in contact or in the neck, else 0
+TOUCHES = 2  # 1 in contact or in the neck, WITHDRAWING where that attracts more than on the way in, else 0
+WITHDRAWING = 2.0
 Z0 = 3  # tip offset [m]
 PLAIN_STATE = 4  # entries of a state of one mode over surfaces that remember nothing
 MOST_COORDINATES = 2 * col.MOST_MODES  # z, z' and those of the higher modes

@@ -19,6 +19,7 @@ class Law(NamedTuple):
     damping: int
     damping_slope: int
     attracts: int = 1
+    lossy: int = 0
     memory: int = 0
 
 
