@@ -34,6 +34,8 @@ from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
 _FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2  # u = u0 + delta _FAR_X; the weight has dtheta = 2 du/(1 + u^2)
+_X, _W = gauss(48)  # for a force that may repel or oscillate
+_FINE_X, _FINE_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2
 _X, _W = gauss(10)
 _COS2, _SIN2, _TOUCH_W = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 2, _W * np.pi * np.cos(_X * np.pi / 2)
 _NECK_X, _NECK_W = gauss(20)
@@ -113,12 +115,13 @@ def attraction(law: Law, p: np.ndarray, reach: float, amplitude: float, c: float
     delta = math.sqrt(start2 + ratio) - start
     if delta < 1e-4 * start:
         delta = 0.5 * ratio / start
-    for i in range(len(_FAR_X)):
-        u = start + delta * _FAR_X[i]
+    far, weights = (_FAR_X, _FAR_W) if law.attracts == 1 else (_FINE_X, _FINE_W)
+    for i in range(len(far)):
+        u = start + delta * far[i]
         below = 1.0 / (1.0 + u * u)
         # c - cos(theta) without cancellation: both terms are >= 0
         gap = (u - start) * (u + start) * below * (1.0 + c) if c < 1.0 else least + 2.0 * u * u * below
-        f = delta * _FAR_W[i] * below * longrange_force(law, -amplitude * gap, p)
+        f = delta * weights[i] * below * longrange_force(law, -amplitude * gap, p)
         mean += f
         push += f * (2.0 * below - 1.0)
     return mean, push
