@@ -274,7 +274,7 @@ def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool) -
         names.append(f"{law.attraction.name.replace(' ', '-')} attraction")
     if np.any(rows[:, col.FORMING] < 0):
         names.append("necks of liquid")
-    if np.any(rows[:, col.BIAS] != 0):
+    if np.any(np.abs(rows[:, col.BIAS]) > 0):
         names.append("electrostatic bias" if scope.interaction.bias else f"{scope.interaction.outside.name} force")
     if np.any(rows[:, col.DAMPING] > 0):
         names.append(f"damping with depth^{scope.interaction.damping_exponent:g}")
