@@ -55,3 +55,15 @@ def test_a_tip_that_falls_out_of_irregular_motion_is_held_where_a_feedback_ends(
     # Of 1600 steps a period; with 800 they are 6.731704 nm and 39.699 degrees.
     assert abs(pixel.tip_offset - 6.731768e-9) < 1e-13
     assert abs(pixel.phase - 39.703) < 0.005
+
+
+def test_irregular_motion_that_is_held_in_the_mean_is_not_said_to_be_held_by_nothing() -> None:
+    # `engaged` of tests/reference/make_taps.py holds it after approaches at three speeds, with a phase of -35.8 degree
+    # and amplitudes of four ring-down times that scatter by 6 %; those of single ones scatter by a fifth.
+    scope = pm.Microscope(
+        pm.Cantilever(0.10331755897927944, 300e3, 77.10566545805885), pm.Tip(1.5188390869856488e-09),
+        pm.Drive(3.394703928492289e-08), pm.Interaction("dmt", None),
+    )  # fmt: skip
+    sticky = pm.Material(10294789.379424043, 0.2978928222281013, 0.044903842240424006, poisson_ratio=0.35)
+    pixel = pm.solve_pixel(sticky, scope, 0.5069802929846258)
+    assert pixel.status in (pm.Status.not_settled, pm.Status.good)

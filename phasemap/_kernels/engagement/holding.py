@@ -66,7 +66,7 @@ MEAN_MISS = 0.01  # of the amplitude, by which the mean may miss it and still be
 WORST_PHASE = math.radians(0.05)  # standard error with which a mean still counts as held [rad]
 WORST_LENGTH = 1e-11  # the same [m]
 SERIES_START = 64  # averages that are kept, before room is made for more
-HUNTED = 0.2  # of the amplitude, root mean square by which averages miss it: the feedback hunts, and holds nothing
+HUNTED = 0.2  # of the amplitude, root mean square by which groups miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 
@@ -116,7 +116,7 @@ class Groups:
     lag: float  # [rad], from a phasor of `LockIn`
     lag_square: float
     short: float  # sum of what the amplitude falls short of the setpoint [m]
-    missed: float  # sum of squares by which averages of late miss it [m2]
+    missed: float  # sum of squares by which groups miss it, but the first ones [m2]
     total: Total  # of all that count
 
 
@@ -158,11 +158,11 @@ def take_group(
         z0 += lock_in.total.offset / count
         cosine += lock_in.total.period.cos
         sine += lock_in.total.period.sin
-        of.missed += (mean_amplitude(lever, lock_in) - amplitude) ** 2
     x, y = seen_phasor(lever, cosine / count, sine / count)
     from_x, from_y, short = lock_in.from_cos, lock_in.from_sin, amplitude - math.hypot(x, y)
     of.groups += 1
     of.short += short
+    of.missed += short * short
     off = z0 + short - of.offset
     of.offset += off / of.groups
     of.offset_square += off * (z0 + short - of.offset)
@@ -216,10 +216,10 @@ def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most
         needed = size * controller.block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
         if groups >= 4 * fewest and needed > HOPE * most:
             return HOPELESS
-    if amplitude > 0.0 and groups % fewest == 0:
-        if groups > fewest and of.missed > size * fewest * (HUNTED * amplitude) ** 2:
-            return HUNTING
-        of.missed = 0.0
+    if groups == fewest:
+        of.missed = 0.0  # a feedback comes to the amplitude before it holds it
+    elif amplitude > 0.0 and groups % fewest == 0 and of.missed > (groups - fewest) * (HUNTED * amplitude) ** 2:
+        return HUNTING
     return TOO_FEW
 
 
