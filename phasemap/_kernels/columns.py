@@ -24,6 +24,7 @@ RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]
 WITHDRAWN = 2  # of a law with losses: attraction [N] more on the way out of contact
 LOSS_FALL = 6  # of the same: 1 / length [1/m] over which the loss outside contact falls
 LOSS = 7  # of the same: alpha_s [1] of that loss at d = 0
+SPECTRUM = 13  # of the same: address of its relaxation times, see `orbits.time.arms`; 0 where there is one
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 FORMING = 12  # depth [m] at which a neck forms on the way in, from RELEASE to 0: below 0 where films of liquid meet
 BRIDGE = 13  # attraction [N] of a bridge of liquid on a tip in contact
@@ -56,6 +57,7 @@ SHARE = 2  # w_i^2 k / k_i: its acceleration by a force over k [1]
 PULLED = 3  # its acceleration by the drive [m]
 SLOPE_SEEN = 4  # weight with which the detector sees it [1]
 MOST_MODES = 4
+MOST_ARMS = 12  # relaxation times of a material
 
 # Columns of a result row, shape (COLUMNS,).
 TIP_OFFSET = 0  # z0 [m]

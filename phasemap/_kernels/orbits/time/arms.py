@@ -1,0 +1,98 @@
+"""Relaxation times of a material, at whose address the column SPECTRUM has them: arms of a generalised Maxwell solid.
+
+An element that is pushed in by w has f = w - sum_a kappa_a y_a and tau_a dy_a/dt = w - y_a: y_a is what the dashpot of
+an arm has crept. Where nothing touches it, f = 0, and w = sum_j c_j is a sum of dents that recover at the rates r_j
+between those of the arms, sum_a kappa_a/(1 - r_j tau_a) = 1 (theory, Eq. (memory-13)):
+
+    y_a = sum_j c_j / (1 - r_j tau_a),    c_j = n_j sum_a kappa_a tau_a y_a / (1 - r_j tau_a)
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.records import column, record
+
+
+@record
+class Arms:
+    """Arms of a material, and numbers of one element for each of them or for each dent."""
+
+    count: int
+    share: np.ndarray = column(col.MOST_ARMS)  # kappa_a [1]
+    rate: np.ndarray = column(col.MOST_ARMS)  # 1/tau_a [omega_c]
+    recovery: np.ndarray = column(col.MOST_ARMS)  # r_j [omega_c]
+    to_arms: np.ndarray = column(col.MOST_ARMS**2)  # y_a from c_j, a row for each a
+    to_dents: np.ndarray = column(col.MOST_ARMS**2)  # c_j from y_a, a row for each j
+    y: np.ndarray = column(col.MOST_ARMS)  # at the edge of the contact [m]
+    value: np.ndarray = column(col.MOST_ARMS)  # of an element: numbers, and derivatives by xi
+    slope: np.ndarray = column(col.MOST_ARMS)
+    curve: np.ndarray = column(col.MOST_ARMS)
+    laid_value: np.ndarray = column(col.MOST_ARMS)  # of a node that is to be laid
+    laid_slope: np.ndarray = column(col.MOST_ARMS)
+    laid_curve: np.ndarray = column(col.MOST_ARMS)
+
+
+@intrinsic
+def _number_at(_context: Any, address: Any, i: Any) -> Any:
+    """Number i at an address."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        place = builder.inttoptr(arguments[0], ir.DoubleType().as_pointer())
+        return builder.load(builder.gep(place, [arguments[1]]))
+
+    return types.float64(types.int64, types.int64), generate
+
+
+def _read(address: int, i: int) -> float:
+    """The same where numba's compiler is off."""
+    return float((ctypes.c_double * (i + 1)).from_address(address)[i])
+
+
+if numba.config.DISABLE_JIT:
+    _number_at = _read
+
+
+@kernel
+def fill_arms(p: Any, arms: Arms) -> None:
+    """Fill in the arms of a solid that relaxes."""
+    address = int(p[col.SPECTRUM])
+    if address == 0:
+        kappa, rate = p[col.RELAXING], 1 / p[col.RELAXATION]
+        arms.count, arms.share[0], arms.rate[0], arms.recovery[0] = 1, kappa, rate, (1 - kappa) * rate
+        arms.to_arms[0], arms.to_dents[0] = 1 / kappa if kappa > 0 else 1.0, kappa
+        return
+    n = int(_number_at(address, 0))
+    arms.count = n
+    for a in range(n):
+        arms.share[a], arms.rate[a] = _number_at(address, 1 + a), _number_at(address, 1 + n + a)
+        arms.recovery[a] = _number_at(address, 1 + 2 * n + a)
+    for i in range(n * n):
+        arms.to_arms[i] = _number_at(address, 1 + 3 * n + i)
+        arms.to_dents[i] = _number_at(address, 1 + 3 * n + n * n + i)
+
+
+@kernel
+def fill_kelvin(recovery: float, arms: Arms) -> None:
+    """Fill in the one dashpot of a Kelvin-Voigt surface, whose dent it is."""
+    arms.count, arms.share[0], arms.rate[0], arms.recovery[0] = 1, 1.0, 0.0, recovery
+    arms.to_arms[0] = arms.to_dents[0] = 1.0
+
+
+@kernel
+def turn_to(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> None:
+    """Multiply n numbers by a matrix of `Arms`."""
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += matrix[n * i + j] * of[j]
+        to[i] = total
