@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from phasemap.experiment.interaction import ContactLaw, Interaction
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+    from phasemap.experiment.prony import Prony
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
     from phasemap.experiment.variation import Variation
@@ -64,6 +65,7 @@ _NAMES = {
     "experiment.interaction": ("ContactLaw", "Interaction"),
     "experiment.material": ("Material",),
     "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Mode", "Tip"),
+    "experiment.prony": ("Prony",),
     "experiment.realism": ("Realism", "TipChange"),
     "experiment.variation": ("Variation",),
     "experiment.surface": ("Surface",),
@@ -114,6 +116,7 @@ __all__ = [
     "PhasemapError",
     "Pixel",
     "PlausibilityWarning",
+    "Prony",
     "Raster",
     "Realism",
     "Registration",

@@ -47,6 +47,7 @@ class Law(NamedTuple):
     attracts: int = 1  # 1 where the long-range force attracts, the more the nearer the tip; 0 where it may repel
     lossy: int = 0  # 1 where rows have WITHDRAWN, LOSS and LOSS_FALL
     memory: int = 0  # the march of a period over surfaces that remember, `orbits.time.relaxing`; 0 if none does
+    arms: int = 1  # most relaxation times of a material
 
 
 class Oscillator(NamedTuple):

@@ -105,7 +105,7 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Any) ->
         return np.asarray((1 + np.maximum(r2 - a * a, 0.0) / far) ** -3) if far > 0 else disc(r2, a)
 
     beyond = np.sqrt(far * (FAINTEST ** (-1 / 3) - 1))
-    if surface.relaxation_time is not None:
+    if surface.relaxes:
         raise InputError(
             "relaxation_time",
             Word("given"),

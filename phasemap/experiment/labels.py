@@ -94,7 +94,10 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
     """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
     labelled = _labelled(materials)
     table, viscous = rows_of(labelled.values())
-    refuse_film(column_of(table, "thickness") is not None and column_of(table, "relaxation_time") is not None)
+    refuse_film(
+        column_of(table, "thickness") is not None
+        and (column_of(table, "relaxation_time") is not None or column_of(table, "relaxation") is not None)
+    )
     return list(labelled), table, viscous
 
 

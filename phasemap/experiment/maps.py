@@ -38,6 +38,7 @@ class Maps:
     relaxation_time: FloatArray | None
     liquid_film: FloatArray | None
     contact_angle: FloatArray | None
+    relaxation: FloatArray | None
     pixel_size: tuple[float, float]
     shape: tuple[int, int]
     allow_nan: bool
@@ -68,6 +69,11 @@ class Maps:
         """Whether some map is a Dask array."""
         return any(is_lazy(getattr(self, name)) for name in QUANTITIES)
 
+    @property
+    def relaxes(self) -> bool:
+        """Whether some material has relaxation times."""
+        return self.relaxation_time is not None or self.relaxation is not None
+
     def _refuse_lazy(self) -> None:
         """Refuse what looks at all pixels at once."""
         if self.lazy:
@@ -78,10 +84,10 @@ class Maps:
 
         Returns
         -------
-        rows : ndarray, shape (n, 4) or (n, 9)
+        rows : ndarray, shape (n, 4) or (n, 10)
             Modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s], whichever there is, Poisson's ratio [1]; and
-            if there is one of them, thickness [m], relaxed modulus [Pa], relaxation time [s], liquid film [m] and
-            contact angle [degree], infinite where a material has none.
+            if there is one of them, thickness [m], relaxed modulus [Pa], relaxation time [s], liquid film [m],
+            contact angle [degree] and key of a spectrum, infinite where a material has none.
         inverse : ndarray of int32, shape (ny, nx)
             Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
             read-only.
@@ -189,7 +195,7 @@ class Maps:
         tall, wide = (say(side, "m") for side in self.pixel_size)
         found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
         for name in QUANTITIES:
-            value = getattr(self, name) if name != "poisson_ratio" else None
+            value = getattr(self, name) if name not in ("poisson_ratio", "relaxation") else None
             if is_lazy(value):
                 blocks = chunks_of(value)
                 found[name] = f"in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels"

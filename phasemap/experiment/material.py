@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
+from phasemap.experiment.prony import Prony, prony_of
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what is found in practice [Pa, J/m2, Pa s]
 THICKNESS, RELAXATION, LIQUID = (0.2e-9, 1e-4), (1e-10, 1e-2), (0.05e-9, 20e-9)  # [m, s, m]
@@ -27,7 +30,7 @@ class Material(Shown):
     ----------
     modulus : float
         Young's modulus E [Pa], >= 0. Zero switches the elastic force off. Of a material that relaxes it is the
-        instantaneous one, which it has when it is touched.
+        instantaneous one, which it has when it is touched; left out beside `relaxation`, which has it.
     adhesion : float
         Work of adhesion w [J/m2] between tip and material, >= 0.
     damping : float
@@ -43,6 +46,8 @@ class Material(Shown):
         exp(-t / relaxation_time), theory, Eq. (memory-1). Given together with `relaxation_time`, or None.
     relaxation_time : float, optional
         tau [s], > 0; contacts then follow Ting and are marched in time.
+    relaxation : Prony, optional
+        Several relaxation times in place of one, or what `Prony` takes, as a dict.
     liquid_film : float, optional
         Thickness of the film of liquid on it [m], >= 0, for the contact "capillary"; None is that of the law.
     contact_angle : float, optional
@@ -59,7 +64,7 @@ class Material(Shown):
     0.35
     """
 
-    modulus: Number[float] = Number("Pa", minimum=0, usual=MODULUS)
+    modulus: Number[float] = Number("Pa", None, minimum=0, usual=MODULUS)  # None beside a spectrum only
     adhesion: Number[float] = Number("J/m2", 0.0, minimum=0, usual=ADHESION)
     damping: Number[float] = Number("1", 0.0, minimum=0)
     viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)
@@ -69,6 +74,7 @@ class Material(Shown):
     relaxation_time: Number[float | None] = Number("s", None, above=0, usual=RELAXATION)
     liquid_film: Number[float | None] = Number("m", None, minimum=0, usual=LIQUID)
     contact_angle: Number[float | None] = Number("degree", None, minimum=0, maximum=180)
+    relaxation: Prony | Mapping[str, Any] | None = None
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Material:
@@ -106,9 +112,29 @@ class Material(Shown):
         if self.viscosity is not None and self.damping:
             hint = f"damping is {self.damping:g}."
             raise InputError("viscosity", self.viscosity, "either damping or viscosity, not both", hint)
+        self._take_spectrum()
         check_relaxation(self.modulus, self.relaxed_modulus, self.relaxation_time, self.damping or self.viscosity)
         if self.relaxation_time is not None and self.thickness is not None:
             raise InputError("relaxation_time", self.relaxation_time, "None of a film: only half-spaces remember")
+
+    def _take_spectrum(self) -> None:
+        """Take the modulus from the spectrum, if there is one."""
+        if self.relaxation is None:
+            if self.modulus is None:
+                raise TypeError("Material() missing 1 required positional argument: 'modulus'")
+            return
+        if isinstance(self.relaxation, Mapping):
+            object.__setattr__(self, "relaxation", prony_of(self.relaxation))
+        if not isinstance(self.relaxation, Prony):
+            raise InputError("relaxation", self.relaxation, "a Prony, or its arguments")
+        first = self.relaxation.instantaneous
+        if self.modulus is not None and not math.isclose(self.modulus, first, rel_tol=1e-9):
+            raise InputError("modulus", self.modulus, f"left out beside relaxation, whose modulus is {first:g} Pa")
+        object.__setattr__(self, "modulus", first)
+        given = [name for name in ("damping", "viscosity", "relaxed_modulus", "relaxation_time", "thickness")
+                 if getattr(self, name)]  # fmt: skip
+        if given:
+            raise InputError(given[0], getattr(self, given[0]), "left out beside relaxation, which is the loss")
 
 
 def check_relaxation(modulus: float, relaxed: float | None, time: float | None, loss: float | None) -> None:

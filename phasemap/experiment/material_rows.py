@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from phasemap.experiment.material import Material
+from phasemap.experiment.prony import Prony
 
 Array = np.ndarray
 
@@ -15,9 +16,9 @@ PLAIN = 4
 """Columns of materials that have nothing more: modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s],
 Poisson's ratio [1]."""
 
-MORE = ("thickness", "relaxed_modulus", "relaxation_time", "liquid_film", "contact_angle")
-"""What the other columns are, which are all there or none: [m], [Pa], [s], [m], [degree]; infinite where a material has
-none, but the relaxed modulus is then the modulus."""
+MORE = ("thickness", "relaxed_modulus", "relaxation_time", "liquid_film", "contact_angle", "relaxation")
+"""What the other columns are, which are all there or none: [m], [Pa], [s], [m], [degree], key of a spectrum;
+infinite where a material has none, but the relaxed modulus is then the modulus."""
 
 
 def column_of(materials: Array, name: str) -> Array | None:
@@ -36,7 +37,7 @@ def column_of(materials: Array, name: str) -> Array | None:
 
 
 def rows_of(materials: Iterable[Material]) -> tuple[Array, bool]:
-    """The rows of materials that are all viscous or none, shape (n, 4) or (n, 9), and whether they are."""
+    """The rows of materials that are all viscous or none, shape (n, 4) or (n, 10), and whether they are."""
     every = list(materials)
     viscous = any(one.viscosity for one in every)
     rows = [
@@ -46,7 +47,12 @@ def rows_of(materials: Iterable[Material]) -> tuple[Array, bool]:
     if any(getattr(one, name) is not None for one in every for name in MORE):
         for row, one in zip(rows, every, strict=True):
             none = {"relaxed_modulus": one.modulus}
-            row += [none.get(name, math.inf) if (own := getattr(one, name)) is None else own for name in MORE]
+            if isinstance(one.relaxation, Prony):
+                none["relaxation"] = one.relaxation.key
+            row += [
+                none.get(name, math.inf) if name == "relaxation" or (own := getattr(one, name)) is None else own
+                for name in MORE
+            ]
     return np.array(rows, dtype=np.float64), viscous
 
 

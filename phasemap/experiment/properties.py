@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from phasemap._shared.errors import InputError
+from phasemap.experiment.arms import contact_of
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import column_of
+from phasemap.experiment.material_rows import MORE, PLAIN, column_of
 from phasemap.experiment.microscope import Microscope, Tip
 
 Array = np.ndarray
@@ -94,12 +95,34 @@ def liquid_of(materials: Array) -> Array | None:
 
 
 def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
-    """tau [1/omega_c] and 1 - E_inf/E_0 [1] of materials that relax under this tip, shape (n, 2); else None.
+    """What relaxes under this tip, shape (n, 4), or None: tau [1/omega_c], 1 - E_inf/E_0, address of arms, stiffness.
 
-    Both are 0 where nothing relaxes. An elastic tip in series makes contacts relax sooner, by the ratio of the shares
-    that are left, for the time in which they recover does not change: theory, Eq. (memory-1).
+    The stiffness is that of a sudden touch, over that of the modulus. tau and the share are 0 where nothing relaxes,
+    the address where there is one time. An elastic tip in series makes contacts relax sooner, by the ratio of the
+    shares that are left, for the time in which they recover does not change: theory, Eq. (memory-1).
     """
     time, relaxed = column_of(materials, "relaxation_time"), column_of(materials, "relaxed_modulus")
+    spectrum = column_of(materials, "relaxation")
+    if spectrum is not None:
+        found = np.tile([0.0, 0.0, 0.0, 1.0], (len(materials), 1))
+        if time is not None:
+            plain = materials.copy()
+            plain[:, PLAIN + MORE.index("relaxation")] = np.inf
+            single = relaxation_of(plain, scope)
+            assert single is not None
+            found = single
+        unit, tip = 2 * np.pi * scope.cantilever.resonance_frequency, scope.tip
+        soft = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
+        for i in np.flatnonzero(np.isfinite(spectrum)):
+            compliance = soft / (1 - materials[i, 3] ** 2)
+            one = contact_of(
+                float(spectrum[i]),
+                float(compliance),
+                scope.frequency_ratio * scope.cantilever.resonance_frequency,
+                unit,
+            )
+            found[i] = unit * one.time, one.share, one.address, one.stiffness
+        return found
     if time is None or relaxed is None:
         return None
     modulus = materials[:, 0]
@@ -107,4 +130,5 @@ def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
     relaxes = np.isfinite(time) & (relaxed < modulus)
     with np.errstate(all="ignore"):
         tau = 2 * np.pi * scope.cantilever.resonance_frequency * time * (modulus / relaxed) * (last / first)
-        return np.column_stack([np.where(relaxes, tau, 0.0), np.where(relaxes, 1 - last / first, 0.0)])
+        share = np.where(relaxes, 1 - last / first, 0.0)
+        return np.column_stack([np.where(relaxes, tau, 0.0), share, np.zeros(len(tau)), np.ones(len(tau))])

@@ -8,6 +8,7 @@ import numpy as np
 
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError, Word
+from phasemap.experiment.prony import spectrum_of
 from phasemap.experiment.surface_maps import where
 
 
@@ -20,6 +21,8 @@ def check_relaxing(maps: dict[str, Any]) -> None:
     --------
     >>> check_relaxing({"modulus": np.array(2e9)})
     """
+    if "relaxation" in maps:
+        _check_spectra(maps)
     given = [name for name in ("relaxed_modulus", "relaxation_time") if name in maps]
     if not given:
         return
@@ -39,6 +42,20 @@ def check_relaxing(maps: dict[str, Any]) -> None:
             "Give the other materials viscosity = 0, or a relaxation time too: a preset takes viscosity = 0 beside it."
         )
         raise InputError("relaxation_time", Word("given beside a damping or viscosity"), allowed, hint)
+
+
+def _check_spectra(maps: dict[str, Any]) -> None:
+    """Refuse maps beside spectra of relaxation that do not go together with them."""
+    refuse_film("thickness" in maps)
+    if any(is_lazy(one) for one in maps.values()):
+        raise InputError("relaxation", Word("in Dask arrays"), "maps in memory where materials have spectra")
+    keys, modulus = np.broadcast_arrays(maps["relaxation"], maps["modulus"])
+    for key in np.unique(keys[np.isfinite(keys)]):
+        first, own = spectrum_of(key).instantaneous, modulus[keys == key]
+        if not np.allclose(own, first, rtol=1e-9, atol=0):
+            raise InputError("modulus", float(own.flat[0]), f"that of the spectrum, {first:g} Pa, where there is one")
+    if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):
+        raise InputError("relaxation", Word("given beside a damping or viscosity"), "one kind of loss on a surface")
 
 
 def refuse_film(film: bool) -> None:

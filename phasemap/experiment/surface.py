@@ -22,6 +22,7 @@ from phasemap._shared.quantities import Scalar
 from phasemap.experiment.labels import lazily_looked_up, looked_up
 from phasemap.experiment.maps import Maps
 from phasemap.experiment.material import Material
+from phasemap.experiment.prony import Prony, keys_of
 from phasemap.experiment.relaxing import check_relaxing
 from phasemap.experiment.surface_maps import check_spacing, common_shape, pixel_sides, property_map
 from phasemap.experiment.surface_variables import QUANTITIES, as_variables, maps_of
@@ -108,6 +109,7 @@ class Surface(Maps):
         relaxation_time: ArrayLike | None = None,
         liquid_film: ArrayLike | None = None,
         contact_angle: ArrayLike | None = None,
+        relaxation: Prony | ArrayLike | None = None,
         pixel_size: float | Sequence[float],
         shape: Sequence[int] | None = None,
         allow_nan: bool = False,
@@ -122,7 +124,7 @@ class Surface(Maps):
             "modulus": modulus, "adhesion": adhesion, "damping": damping, "viscosity": viscosity,
             "poisson_ratio": poisson_ratio, "topography": topography, "thickness": thickness,
             "relaxed_modulus": relaxed_modulus, "relaxation_time": relaxation_time, "liquid_film": liquid_film,
-            "contact_angle": contact_angle,
+            "contact_angle": contact_angle, "relaxation": keys_of(relaxation),
         }  # fmt: skip
         maps = {
             name: found

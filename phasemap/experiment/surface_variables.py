@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,6 +14,7 @@ from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import FloatArray, coordinate_step, coordinates, in_si_of
 from phasemap.experiment.material import ADHESION, LIQUID, MODULUS, RELAXATION, THICKNESS, VISCOSITY
+from phasemap.experiment.prony import Prony, spectrum_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,6 +41,7 @@ QUANTITIES = {
     "relaxation_time": Quantity("relaxation time", "s", {"above": 0}, RELAXATION, endless=True),
     "liquid_film": Quantity("thickness of the liquid film", "m", {"minimum": 0}, LIQUID, endless=True),
     "contact_angle": Quantity("contact angle of the liquid", "degree", {"minimum": 0, "maximum": 180}, endless=True),
+    "relaxation": Quantity("relaxation spectrum, by its key", "1", {"minimum": 0}, endless=True),
     "topography": Quantity("topography", "m", {}, (0.0, 1e-4)),
 }
 
@@ -50,6 +53,9 @@ def maps_of(dataset: xr.Dataset) -> dict[str, Any]:
         if needed not in dataset.data_vars:
             raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
     given = {name: variable_in_si(dataset[name], name) for name in QUANTITIES if name in dataset.data_vars}
+    if "relaxation" in given:
+        for one in json.loads(dataset["relaxation"].attrs.get("spectra", "[]")):
+            Prony(**one).key  # noqa: B018  it is known by its key from here on
     sides = coordinate_step(dataset, "y"), coordinate_step(dataset, "x")
     return {**given, "pixel_size": sides, "shape": (dataset.sizes["y"], dataset.sizes["x"])}
 
@@ -63,6 +69,9 @@ def as_variables(maps: Mapping[str, Any], y: FloatArray, x: FloatArray) -> xr.Da
         for name, quantity in QUANTITIES.items()
         if maps[name] is not None
     }
+    if "relaxation" in variables:
+        keys = [key for key in np.unique(maps["relaxation"]) if np.isfinite(key)]
+        variables["relaxation"][2]["spectra"] = json.dumps([spectrum_of(key).arguments for key in keys])
     dataset = xr.Dataset(variables, coordinates(y, x), {"Conventions": "CF-1.11"})
     for name in ("y", "x"):
         dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates

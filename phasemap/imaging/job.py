@@ -87,7 +87,7 @@ class Job:
         """Whether some contact does."""
         loss = self.surface.viscosity if self.surface.damping is None else self.surface.damping
         viscous = self.scope.interaction.withdrawal == "ting" and loss is not None and bool((loss > 0).any())
-        return self.surface.relaxation_time is not None or viscous
+        return self.surface.relaxes or viscous
 
     @property
     def pixels(self) -> int:

@@ -28,7 +28,8 @@ def check_prior(prior: object, factor: object) -> float:
     """The factor, after a look at both."""
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")
-    for name, what in (("liquid_film", "wet samples"), ("relaxation_time", "contacts that remember")):
+    remember = "contacts that remember"
+    for name, what in (("liquid_film", "wet samples"), ("relaxation_time", remember), ("relaxation", remember)):
         if getattr(prior, name) is not None:
             allowed = f"None, for images of {what} are not inverted"
             raise InputError(f"{name} of the prior", getattr(prior, name), allowed)
@@ -46,8 +47,9 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int], pr
             raise InputError("a region of known material", name, f"one of {', '.join(map(str, names))}")
         if not isinstance(one, Material):
             raise InputError(f"known material of region {name}", one, "a Material")
-        if one.relaxation_time is not None:
-            raise InputError(f"relaxation_time of region {name}", one.relaxation_time, "None of a region that is known")
+        for field in ("relaxation_time", "relaxation"):
+            if (value := getattr(one, field)) is not None:
+                raise InputError(f"{field} of region {name}", value, "None of a region that is known")
         if one.thickness != prior.thickness:
             allowed = f"{prior.thickness}, that of the prior, whose film all regions have"
             raise InputError(f"thickness of region {name}", one.thickness, allowed)

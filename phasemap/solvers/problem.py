@@ -11,6 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.plausible import question
+from phasemap.experiment.arms import most_arms
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import rows_of
@@ -86,7 +87,10 @@ def work_of(
     remembers = scope.interaction.remembering(rows, relaxation)
     if remembers or scope.interaction.law.in_time:
         check_marched(marched, scope)
-    return Work(scope.interaction.token(remembers), rows, lever_of(scope), amplitudes)
+    law = scope.interaction.token(remembers)
+    if relaxation is not None:
+        law = law._replace(arms=most_arms(relaxation))
+    return Work(law, rows, lever_of(scope), amplitudes)
 
 
 def check_marched(marched: bool, scope: Microscope) -> None:

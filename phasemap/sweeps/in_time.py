@@ -40,9 +40,10 @@ class Passage:
         from phasemap._kernels.lever import free_amplitude, reach_of
         from phasemap._kernels.orbits.averaged.orbits import far_start
 
+        law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
         p, free = parameters(work.rows[0]), free_amplitude(work.lever)
         far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
-        self._state = free_state(work.law, work.lever, max(far, farthest))
+        self._state = free_state(law, work.lever, max(far, farthest))
 
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""

@@ -162,7 +162,7 @@ def begin(one: dict) -> tuple[float, float]:
     raise RuntimeError("no orbit that is repulsive")
 
 
-def solve(one: dict, finest: int = 8000) -> dict:
+def solve(one: dict, finest: int = 4000) -> dict:
     """One orbit, extrapolated."""
     start = begin(one)
     rows: list[dict] = []
@@ -227,7 +227,9 @@ def check(one: dict) -> float:
     d = amplitude * (np.cos(theta) - 1) + deepest
     period(d, surface.dx, surface.shares, surface.keep, surface.gain, surface.y, surface.w, f, centre)
     t, exact = ting(one, amplitude, deepest, 3001)
-    found = np.interp(t * 2 * math.pi * one["drive_frequency"], theta, 1.5 * surface.stiffness * math.sqrt(one["radius"]) * f)
+    found = np.interp(
+        t * 2 * math.pi * one["drive_frequency"], theta, 1.5 * surface.stiffness * math.sqrt(one["radius"]) * f
+    )
     return float(np.abs(found - exact).max() / exact.max())
 
 

@@ -18,7 +18,7 @@ from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mode_of
 from phasemap._kernels.orbits.time import linear_map, march, period_map
-from phasemap._kernels.orbits.time.elements import MEMORY_STATE
+from phasemap._kernels.orbits.time.elements import memory_size
 from phasemap._kernels.orbits.time.modes import drive_of_mode, harmonic_of_mode
 from phasemap._kernels.orbits.time.tip import (
     Z0,
@@ -229,7 +229,7 @@ def test_over_a_solid_that_relaxes_a_lever_moves_as_over_independent_elements(mo
     drive = [drive_of_mode(lever, i) for i in range(modes)]
     y, pushed = np.zeros((modes, 2)), np.zeros_like(x)
     y[0] = -18e-9, 0.0
-    state, acc = np.zeros(MEMORY_STATE), PeriodResult()
+    state, acc = np.zeros(memory_size(1)), PeriodResult()
     state[Z] = -18e-9
 
     def rates(y: np.ndarray, w: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.time.elements import MEMORY_STATE
+from phasemap._kernels.orbits.time.elements import memory_size
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.solvers.auto import Auto
@@ -71,7 +71,7 @@ def test_it_is_the_orbit_of_independent_elements(case: dict[str, Any], solver: s
 def test_the_contact_goes_on_from_whatever_was_before(case: dict[str, Any]) -> None:
     material = pm.Material(**{name: case[name] for name in PROPERTIES if name in case})
     work = work_of_material(material, scope_of(case), 1e-9, marched=True)
-    y, acc, amplitude = np.zeros(MEMORY_STATE), PeriodResult(), case["free_amplitude"]
+    y, acc, amplitude = np.zeros(memory_size(1)), PeriodResult(), case["free_amplitude"]
     y[:2] = case["start"]
     assert case["error"] < 1e-6
     for z, v, lost in case["states"]:
@@ -86,7 +86,7 @@ def test_dents_that_nearly_fit_the_tip_do_not_stall_a_march(ratio: float, time: 
     relaxes = {"modulus": 2e9, "relaxed_modulus": 2e9 / ratio, "relaxation_time": time, "adhesion": 0.02}
     scope = scope_of({"quality_factor": 60.0, "decay_length": 0.3e-9})
     work = work_of_material(pm.Material(**relaxes), scope, 20e-9, marched=True)
-    y, acc = np.zeros(MEMORY_STATE), PeriodResult()
+    y, acc = np.zeros(memory_size(1)), PeriodResult()
     y[:2] = 20e-9, 22e-9
     for z0 in np.linspace(26e-9, 16e-9, 160):  # lowered far faster than dents recover
         assert 0 < march_period(Oscillator(work.law, work.rows[0], work.lever), z0, 0.5, y, acc) < 500

@@ -32,7 +32,7 @@ def relaxing_rows(
     for i in range(len(rows)):
         p = parameters(rows[i])
         status[i], out[i] = col.PENDING, math.nan
-        if not p[col.RELAXATION] > 0.0:
+        if not p[col.RELAXATION] > 0.0 or p[col.SPECTRUM] != 0.0:
             continue
         if has_one_orbit(p, lever):
             sure = only_orbit(Oscillator(law, p, lever), amplitudes[i], top, guess)

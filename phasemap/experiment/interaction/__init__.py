@@ -15,6 +15,7 @@ from phasemap._kernels.columns import (
     BRIDGE,
     BRIDGE_CURVE,
     BRIDGE_FALL,
+    CONTACT,
     DAMPING,
     FORMING,
     LONGRANGE,
@@ -25,6 +26,7 @@ from phasemap._kernels.columns import (
     RELAXING,
     RELEASE,
     ROW,
+    SPECTRUM,
 )  # fmt: skip
 from phasemap._kernels.forces import hertzian
 from phasemap._shared.checks import check_choice
@@ -210,12 +212,13 @@ class Interaction(Shown):
     def remembering(self, rows: np.ndarray, relaxation: np.ndarray | None) -> bool:
         """Put what relaxes into the rows of `columns`, and say whether any of them remembers.
 
-        `relaxation` (shape (n, 2)): tau [1/omega_c], 0 where nothing relaxes, and 1 - E_inf/E_0 [1].
+        `relaxation` (shape (n, 4)): as `phasemap.experiment.properties.relaxation_of` has it.
         Raises InputError if the contact law knows no memory.
         """
         if relaxation is not None and relaxation[:, 0].any():
             check_half_space(self.law)
-            rows[:, RELAXATION], rows[:, RELAXING] = relaxation.T
+            rows[:, RELAXATION], rows[:, RELAXING], rows[:, SPECTRUM], stiffness = relaxation.T
+            rows[:, CONTACT] *= stiffness
             return True
         if self.withdrawal != "ting" or not rows[:, DAMPING].any():
             return False

@@ -69,7 +69,8 @@ class Question:
         viscous = bool(self.material.viscosity or self.material.damping)
         interaction = self.scope.interaction
         ting = interaction.withdrawal == "ting" and viscous
-        return self.material.relaxation_time is not None or ting or interaction.law.in_time
+        relaxes = self.material.relaxation_time is not None or self.material.relaxation is not None
+        return relaxes or ting or interaction.law.in_time
 
 
 def fixed_path(question: Question) -> Path:

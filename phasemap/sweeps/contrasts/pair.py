@@ -60,7 +60,9 @@ class Pair:
     ) -> Pair:  # fmt: skip
         """Make a pair."""
         one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
-        law = one.law if one.law.memory else other.law  # the same law, and knowing a memory if one of them has one
+        law = max(
+            one.law, other.law, key=lambda law: (law.memory, law.arms)
+        )  # the same law, and knowing a memory if one of them has one
         both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
         given = [rows_of([material]) for material in (first, second)]
         bare = [bare_rows(properties(*row, scope)[0], scope, film_of(row[0])) for row in given]

@@ -148,7 +148,7 @@ def check(
         return Check((*everywhere, *scan_again(picture, surface, lines, seed, threads, progress)), None, SCAN, unseen)
     drawn = sample(picture, pixels, seed)
     acts = claims.microscope.interaction
-    only_in_time = surface.relaxation_time is not None or acts.withdrawal != "linear" or acts.law.in_time
+    only_in_time = surface.relaxes or acts.withdrawal != "linear" or acts.law.in_time
     # What remembers or is wet has no orbits that stand for its march.
     solve = _by_orbits if claims.solver == "march" and not only_in_time else _as_made
     found, sampled, judged = solve(picture, surface, drawn, threads, progress)

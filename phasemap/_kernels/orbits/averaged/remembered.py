@@ -9,17 +9,27 @@ function. Both ways are integrated over the nodes of theta_1, sin(theta_1/2) = -
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
+from phasemap._kernels.orbits.time.arms import Arms, fill_arms
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.quadrature import gauss
 
 Sums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(theta)
+
+
+class Angle(NamedTuple):
+    """Where in retraction the edge of the contact is again where it was on the way in."""
+
+    theta: float
+    depth: float  # d over A
+    rate: float  # d theta / d theta_1, over sin(theta_1)
+
 
 _X, _W = gauss(16)
 _COS, _SIN, _WEIGHTS = np.cos(_X[::-1] * np.pi / 2), np.sin(_X[::-1] * np.pi / 2), _W[::-1] * np.pi / 2  # theta rises
@@ -32,70 +42,94 @@ def _added(sums: Sums, force: float, cosine: float, sine: float) -> Sums:
     return mean + force, push + force * cosine, drag + force * sine
 
 
+@kernel(inline=True)
+def _dashpot_depth(time: float, c: float, start: float, theta: float, cosine: float, sine: float) -> float:
+    """D over A of an arm with omega tau = `time` at an angle, after a first touch at `start`."""
+    rest = c - (c + time * math.sin(start)) / (1 + time * time)
+    return (cosine + time * sine) / (1 + time * time) - c + rest * math.exp((start - theta) / time)
+
+
 @kernel
 def _angle_of_equal_edge(
-    tap: tuple[float, ...], theta: float, q2: float, seen: float, back: float, most: float
-) -> Sums:
-    """Angle theta in retraction at which the contact edge q^2 is again that of `theta`; depth and D there, over A.
+    arms: Arms, omega: float, tap: tuple[float, float], row: np.ndarray, q2: float, back: float, most: float
+) -> Angle:
+    """Angle theta in retraction at which the edge q^2 is again that of theta_1, and depth over A; see `Angle`.
 
-    d = q^2 + kappa y, y = D - q^2 - (D_1 - q^2) exp((theta_1 - theta)/T), by Newton's method in brackets from `back`.
+    d = q^2 + sum kappa y, y = D - q^2 - (D_1 - q^2) exp((theta_1 - theta)/T), by Newton's method in brackets from
+    `back`; `row` has theta_1, a weight and D_1 of each arm. D and what is kept are left in values and slopes.
     """
-    c, time, kappa, rest, start = tap
+    c, start = tap
     low, high, at = 0.0, most, back
-    d = d_seen = 0.0
+    d, held, falls = 0.0, 1.0, 0.0
     for _ in range(40):
-        kept, cosine, sine = math.exp((theta - at) / time), math.cos(at), math.sin(at)
-        d = cosine - c
-        d_seen = (cosine + time * sine) / (1 + time * time) - c + rest * math.exp((start - at) / time)
-        off = d - (1 - kappa) * q2 - kappa * (d_seen - (seen - q2) * kept)
+        cosine, sine = math.cos(at), math.sin(at)
+        d, off, falls, held = cosine - c, cosine - c - q2, sine, 1.0
+        for a in range(arms.count):
+            time, share = omega / arms.rate[a], arms.share[a]
+            seen, kept = _dashpot_depth(time, c, start, at, cosine, sine), math.exp((row[0] - at) / time)
+            left = (row[2 + a] - q2) * kept
+            off -= share * (seen - q2 - left)
+            falls += share / time * (d - seen + left)
+            held -= share * (1 - kept)
+            arms.value[a], arms.slope[a] = seen, kept
         if off > 0:
             low = at
         else:
             high = at
-        way = off / (sine + kappa / time * (d - d_seen + (seen - q2) * kept))
+        way = off / falls
         at += way
         if not low < at < high:
             at = 0.5 * (low + high)
         elif abs(way) < 1e-6 * most:
             break
-    return at, d, d_seen
+    return Angle(at, d, held / falls)
 
 
 @kernel
 def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[Sums, float]:
-    """Integrals of the force of a standard linear solid [N], and theta where the contact ends."""
-    time, kappa, m2 = omega * p[col.RELAXATION], p[col.RELAXING], 0.5 * (1 - c)
+    """Integrals of the force of a solid that relaxes [N], and theta where the contact ends."""
+    arms = Arms()
+    fill_arms(p, arms)
+    n, m2 = arms.count, 0.5 * (1 - c)
     m, start = math.sqrt(m2), -2 * math.asin(math.sqrt(m2))
-    rest = c - (c + time * math.sin(start)) / (1 + time * time)
-    tap, scale = (c, time, kappa, rest, start), 1.5 * p[col.CONTACT] * amplitude**1.5
-    sums, growing = (0.0, 0.0, 0.0), np.empty((len(_COS), 4))
-    inside = before = 0.0
-    last = start
+    tap, scale = (c, start), 1.5 * p[col.CONTACT] * amplitude**1.5
+    sums, growing = (0.0, 0.0, 0.0), np.empty((len(_COS), 2 + 2 * n))
+    before, last = 0.0, start
+    for a in range(n):
+        arms.y[a] = 0.0  # of each arm, Y
     for i in range(len(_COS)):
         slope = math.sqrt(1 - m2 * _SIN[i] * _SIN[i])
         d, theta = (1 - c) * _COS[i] * _COS[i], -2 * math.asin(m * _SIN[i])
         cosine, sine = d + c, -2 * m * _SIN[i] * slope
-        seen = (cosine + time * sine) / (1 + time * time) - c + rest * math.exp((start - theta) / time)
-        whole, passed = 2 / 3 * d * math.sqrt(d), (theta - last) / time
-        faded = -math.expm1(-passed)  # the low-pass of what is linear from node to node
-        share = 1 - faded / passed
-        inside += faded * (before - inside) + share * (whole - before)
-        weight = _WEIGHTS[i] * 2 * m * _COS[i] / slope
-        sums = _added(sums, weight * scale * (whole - kappa * inside), cosine, sine)
-        growing[i, 0], growing[i, 1], growing[i, 2], growing[i, 3] = theta, seen, inside, weight
+        whole, weight = 2 / 3 * d * math.sqrt(d), _WEIGHTS[i] * 2 * m * _COS[i] / slope
+        force = whole
+        for a in range(n):
+            time = omega / arms.rate[a]
+            passed = (theta - last) / time
+            faded = -math.expm1(-passed)  # the low-pass of what is linear from node to node
+            arms.y[a] += faded * (before - arms.y[a]) + (1 - faded / passed) * (whole - before)
+            force -= arms.share[a] * arms.y[a]
+            growing[i, 2 + a], growing[i, 2 + n + a] = _dashpot_depth(time, c, start, theta, cosine, sine), arms.y[a]
+        sums = _added(sums, weight * scale * force, cosine, sine)
+        growing[i, 0], growing[i, 1] = theta, weight
         before, last = whole, theta
     back = 1.0
     for i in range(len(_COS) - 1, -1, -1):
-        theta, seen, inside, weight = growing[i]
+        row, theta, weight = growing[i], growing[i, 0], growing[i, 1]
         q2 = (1 - c) * _COS[i] * _COS[i]
-        at, d, d_seen = _angle_of_equal_edge(tap, theta, q2, seen, -back * theta, -theta)
-        back = -at / theta
-        q, kept, sine = math.sqrt(q2), math.exp((theta - at) / time), math.sin(at)
-        rate = math.sin(theta) * (1 - kappa + kappa * kept)
-        rate /= sine + kappa / time * (d - d_seen + (seen - q2) * kept)  # d theta / d theta_1
-        y = q * d_seen - q * q2 / 3 - kept * (q * seen - q * q2 / 3 - inside)
-        sums = _added(sums, -weight * rate * scale * (q * d - q * q2 / 3 - kappa * y), d + c, sine)
-    return sums, _angle_of_equal_edge(tap, start, 0.0, 0.0, -back * start, -start)[0]
+        found = _angle_of_equal_edge(arms, omega, tap, row, q2, -back * theta, -theta)
+        back = -found.theta / theta
+        q, sine = math.sqrt(q2), math.sin(found.theta)
+        force = q * found.depth - q * q2 / 3
+        for a in range(n):
+            kept = arms.slope[a]
+            y = q * arms.value[a] - q * q2 / 3 - kept * (q * row[2 + a] - q * q2 / 3 - row[2 + n + a])
+            force -= arms.share[a] * y
+        weight *= math.sin(theta) * found.rate  # d theta / d theta_1
+        sums = _added(sums, -weight * scale * force, found.depth + c, sine)
+    first = np.zeros(2 + n)
+    first[0] = start
+    return sums, _angle_of_equal_edge(arms, omega, tap, first, 0.0, -back * start, -start).theta
 
 
 @kernel

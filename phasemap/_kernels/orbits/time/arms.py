@@ -33,6 +33,8 @@ class Arms:
     recovery: np.ndarray = column(col.MOST_ARMS)  # r_j [omega_c]
     to_arms: np.ndarray = column(col.MOST_ARMS**2)  # y_a from c_j, a row for each a
     to_dents: np.ndarray = column(col.MOST_ARMS**2)  # c_j from y_a, a row for each j
+    whole: np.ndarray = column(col.MOST_ARMS)  # c_j of an element that has crept as far as it was pushed, over that
+    one: np.ndarray = column(col.MOST_ARMS)  # 1, the same of y_a
     y: np.ndarray = column(col.MOST_ARMS)  # at the edge of the contact [m]
     value: np.ndarray = column(col.MOST_ARMS)  # of an element: numbers, and derivatives by xi
     slope: np.ndarray = column(col.MOST_ARMS)
@@ -63,13 +65,23 @@ if numba.config.DISABLE_JIT:
 
 
 @kernel
+def turn_to(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> None:
+    """Multiply n numbers by a matrix of `Arms`."""
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += matrix[n * i + j] * of[j]
+        to[i] = total
+
+
+@kernel
 def fill_arms(p: Any, arms: Arms) -> None:
     """Fill in the arms of a solid that relaxes."""
     address = int(p[col.SPECTRUM])
     if address == 0:
         kappa, rate = p[col.RELAXING], 1 / p[col.RELAXATION]
         arms.count, arms.share[0], arms.rate[0], arms.recovery[0] = 1, kappa, rate, (1 - kappa) * rate
-        arms.to_arms[0], arms.to_dents[0] = 1 / kappa if kappa > 0 else 1.0, kappa
+        arms.to_arms[0], arms.to_dents[0], arms.whole[0], arms.one[0] = 1 / kappa, kappa, kappa, 1.0
         return
     n = int(_number_at(address, 0))
     arms.count = n
@@ -79,20 +91,13 @@ def fill_arms(p: Any, arms: Arms) -> None:
     for i in range(n * n):
         arms.to_arms[i] = _number_at(address, 1 + 3 * n + i)
         arms.to_dents[i] = _number_at(address, 1 + 3 * n + n * n + i)
+    for a in range(n):
+        arms.one[a] = 1.0
+    turn_to(arms.to_dents, n, arms.one, arms.whole)
 
 
 @kernel
 def fill_kelvin(recovery: float, arms: Arms) -> None:
     """Fill in the one dashpot of a Kelvin-Voigt surface, whose dent it is."""
     arms.count, arms.share[0], arms.rate[0], arms.recovery[0] = 1, 1.0, 0.0, recovery
-    arms.to_arms[0] = arms.to_dents[0] = 1.0
-
-
-@kernel
-def turn_to(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> None:
-    """Multiply n numbers by a matrix of `Arms`."""
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += matrix[n * i + j] * of[j]
-        to[i] = total
+    arms.to_arms[0] = arms.to_dents[0] = arms.whole[0] = arms.one[0] = 1.0

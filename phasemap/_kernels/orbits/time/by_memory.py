@@ -19,6 +19,7 @@ from phasemap._kernels.orbits.time.tip import PeriodResult
 LEAST_LEFT = 0.03  # of a dent that a period must leave if the next one is to see it
 
 ADDRESSES = len(Law._fields)
+MEMORY = Law._fields.index("memory")
 
 
 @kernel(inline=True)
@@ -64,7 +65,7 @@ def by_memory(_context: Any, law: Any, p: Any, lever: Any, z0: Any, eta: Any, y:
         given = [whole] * ADDRESSES + [pointer, pointer, number, number, pointer, whole, acc_.type]
         kind = ir.FunctionType(whole, given)
         values = [*laws, place, of_lever.data, z0_, eta_, of_y.data, of_y.nitems, acc_]
-        return builder.call(builder.inttoptr(laws[-1], kind.as_pointer()), values, attrs=("nounwind",))
+        return builder.call(builder.inttoptr(laws[MEMORY], kind.as_pointer()), values, attrs=("nounwind",))
 
     return types.int64(law, p, lever, types.float64, types.float64, y, acc), generate
 

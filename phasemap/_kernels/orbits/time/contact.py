@@ -27,6 +27,7 @@ Row = Any  # parameters of a material: a tuple where formulas are typed for an a
 OFF_SURFACE = 0  # what a contact does: nothing; each kind has more
 NO_EVENT = 0  # what happens at the end of a step
 FIRST_TOUCH = 1  # the tip comes to the surface; each kind has more
+PLACE_OF_X = 2 * col.MOST_ARMS  # in `Moved`
 PERIOD_ENDS = -1  # in contact, where time is no variable of a step
 TURNED = -2  # the tip is deepest
 
@@ -35,7 +36,9 @@ TURNED = -2  # the tip is deepest
 class Moved:
     """Moved that a step moves, and integrals over it; or the slopes of all that by s."""
 
-    seen: float  # of a contact that relaxes: depth of the tip as the dashpots see it [m]
+    # of a contact that relaxes, of each arm but the first, the last one first: `seen` and `inside`
+    arms: np.ndarray = column(2 * col.MOST_ARMS - 2)
+    seen: float  # depth of the tip as the dashpots see it [m]
     inside: float  # integral of what elements remember over the contact [m^(3/2)]
     x: float  # depth [m], in contact the root of that above where x = 0 [m^(1/2)]
     v: float  # z' [m]
@@ -103,19 +106,22 @@ class Push(NamedTuple):
 
 
 @Chosen
-def push_of(contact: Any, off: bool, time: float, y: Moved) -> Push:
-    """What the contact does in a step that began at a time, `off` the surface or not; a kind may add more numbers."""
+def push_of(contact: Any, off: bool, many: bool, time: float, y: Moved) -> Push:
+    """What the contact does in a step that began at a time, `off` the surface or not; a kind may add more numbers.
+
+    `many`: whether it may have several arms.
+    """
     raise NotImplementedError
 
 
 @Chosen
-def first_moved(contact: Any) -> int:
-    """Which number of `Moved` is the first that a step in contact moves: 2, or 0 where it has numbers of its own."""
+def first_moved(contact: Any, many: bool) -> int:
+    """Which number of `Moved` is the first that a step in contact moves: x, or one before where it has its own."""
     raise NotImplementedError
 
 
 @Chosen
-def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
+def fill_own_slopes(contact: Any, off: bool, many: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
     """Fill in the slope of x, and of what the contact has of its own, at an acceleration z''.
 
     Returns that of the energy into the surface, over stiffness and beside that of `Push.drag`.

@@ -20,6 +20,7 @@ from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     NO_EVENT,
     OFF_SURFACE,
+    PLACE_OF_X,
     TURNED,
     Beam,
     Here,
@@ -106,7 +107,7 @@ def withdrawal_pull(contact: Any) -> float:
 
 @push_of.of(Elastic)
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _push(contact: Elastic, off: bool, time: float, y: Moved) -> Push:
+def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Push:
     if off:
         lost = outer_loss(contact.law, y.x, contact.p) if contact.law.lossy == 1 else 0.0
         return Push(1.0, y.x, attraction(contact, y.x), lost)
@@ -119,13 +120,13 @@ def _push(contact: Elastic, off: bool, time: float, y: Moved) -> Push:
 
 @first_moved.of(Elastic)
 @kernel(inline=True)
-def _first_moved(contact: Elastic) -> int:
-    return 2
+def _first_moved(contact: Elastic, many: bool) -> int:
+    return PLACE_OF_X
 
 
 @fill_own_slopes.of(Elastic)
 @kernel(inline=True)
-def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
+def _fill_own_slopes(contact: Elastic, off: bool, many: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
     k.x = y.v
     return 0.0
 

@@ -18,108 +18,136 @@ and 0, those of b likewise, whatever happened before: polynomials are held to th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap._kernels.columns import MOST_ARMS
 from phasemap._kernels.compilation import kernel
-
-if TYPE_CHECKING:
-    from phasemap._kernels.orbits.time.runge_kutta import Numbers
+from phasemap._kernels.orbits.time.arms import Arms
 
 # Entries of a tip's state over a surface that remembers, after those that `tip` names.
 CONTACT_MODE = 10  # what the contact does: OFF_SURFACE, GROWING or SHRINKING
 CONTACT_EDGE = 11  # q [m^(1/2)]
-DASHPOT_DEPTH = 12  # D [m]: depth of the tip as the dashpots see it
-INNER_SUM = 13  # Y [m^(3/2)]: integral of y over the contact
-INNER_COUNT = 14  # nodes of the stack inside the contact
-OUTER_COUNT = 15  # nodes of the stack outside
-LAST_PEAK = 16  # xi at which the contact last turned [m]
-PERIOD_BEGIN = 17  # drive phase at which periods begin [rad]
-FIRST_NODE = 18  # where the nodes begin: all of the inner stack, then all of the outer one
+INNER_COUNT = 12  # nodes of the stack inside the contact
+OUTER_COUNT = 13  # nodes of the stack outside
+LAST_PEAK = 14  # xi at which the contact last turned [m]
+PERIOD_BEGIN = 15  # drive phase at which periods begin [rad]
+DASHPOT_DEPTH = 16  # D [m] of each arm: depth of the tip as its dashpots see it
+INNER_SUM = 16 + MOST_ARMS  # Y [m^(3/2)] of each: integral of y over the contact
+ARMS_KNOWN = 16 + 2 * MOST_ARMS  # number of arms of the material that was marched over last
+FIRST_NODE = 17 + 2 * MOST_ARMS  # where the nodes begin: all of the inner stack, then all of the outer one
 # Contact modes, beside OFF_SURFACE.
 GROWING = 1
 SHRINKING = 2
-# Entries of a node, and of the polynomial between it and the node below it on its stack.
+# Entries of a node, and of the polynomials between it and the node below it on its stack; then those of each arm inside
+# the contact, of each dent outside it (`arms`).
 NODE_XI = 0  # [m]
 NODE_TIME = 1  # when it was laid [1/omega_c]
-NODE_VALUE = 2  # b or y then [m]
-NODE_SLOPE = 3  # its derivative by xi
-NODE_CURVE = 4  # and the second one [1/m]
-NODE_PEAK = 5  # [m]
-SERIES_TIME = 6  # that the coefficients are of
-SERIES_NEAR = 7  # where the variable is 0, and what it is multiplied by: see `join`
-SERIES_SCALE = 8
-SERIES_FIRST = 9  # of six coefficients
-NODE_WIDTH = 15  # entries of a node
+NODE_PEAK = 2  # [m]
+SERIES_TIME = 3  # that the coefficients are of
+SERIES_NEAR = 4  # where the variable is 0, and what it is multiplied by: see `join`
+SERIES_SCALE = 5
+NODE_ARMS = 6  # where the first arm begins
+ARM_VALUE = 0  # b or c then [m]
+ARM_SLOPE = 1  # its derivative by xi
+ARM_CURVE = 2  # and the second one [1/m]
+ARM_SERIES = 3  # the first of six coefficients
+ARM_WIDTH = 9  # entries of an arm
 STACK_NODES = 128  # most nodes of a stack
-MEMORY_STATE = FIRST_NODE + 2 * STACK_NODES * NODE_WIDTH  # entries of a whole state
 MOST_CURVATURE = 4.0  # bound of second derivatives, see `join`
 OPEN_PEAK = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
+
+
+@kernel(light=True)
+def memory_size(arms: int) -> int:
+    """Number of entries of a whole state over materials with so many relaxation times at most."""
+    return FIRST_NODE + 2 * STACK_NODES * (NODE_ARMS + ARM_WIDTH * arms)
 
 
 @kernel(inline=True)
 def node_at(m: np.ndarray, outside: bool, j: int) -> int:
     """Where a node begins."""
-    return FIRST_NODE + ((STACK_NODES if outside else 0) + j) * NODE_WIDTH
+    width = (len(m) - FIRST_NODE) // (2 * STACK_NODES)
+    return FIRST_NODE + ((STACK_NODES if outside else 0) + j) * width
 
 
 @kernel
-def join(m: np.ndarray, of: int, low: int, high: int, rate: float) -> None:
-    """Put the polynomial between two nodes into node `of`, of the two the one whose peak is that of both.
+def join(m: np.ndarray, of: int, low: int, high: int, rates: np.ndarray, most: np.ndarray, count: int) -> None:
+    """Put the polynomials between two nodes into node `of`, of the two the one whose peak is that of both.
 
-    Its variable is (sqrt(peak - xi) - near) scale, 0 at `high` and 1 at `low`; everything decays at this rate.
+    Their variable is (sqrt(peak - xi) - near) scale, 0 at `high` and 1 at `low`; each arm decays at its rate.
+    Its slopes lie between -`most` and 0.
     """
     peak, when = m[of + NODE_PEAK], max(m[low + NODE_TIME], m[high + NODE_TIME])
     far, near = math.sqrt(max(peak - m[low + NODE_XI], 0.0)), math.sqrt(max(peak - m[high + NODE_XI], 0.0))
-    far_kept, near_kept = math.exp((m[low + NODE_TIME] - when) * rate), math.exp((m[high + NODE_TIME] - when) * rate)
     h = far - near if far > near else 1.0
-    f0, f1 = near_kept * m[high + NODE_VALUE], far_kept * m[low + NODE_VALUE]
-    d0, d1 = -2 * h * near * near_kept * m[high + NODE_SLOPE], -2 * h * far * far_kept * m[low + NODE_SLOPE]
-    # The second derivative grows without bound at a turn, where nothing is left of its digits. As slopes lie between -1
-    # and 0, it cannot be far more than 1 / (h sqrt(peak - xi)).
-    at_near, at_far = MOST_CURVATURE * near / h, MOST_CURVATURE * far / h
-    s0 = (
-        2
-        * h
-        * h
-        * near_kept
-        * (min(max(2 * near * near * m[high + NODE_CURVE], -at_near), at_near) - m[high + NODE_SLOPE])
-    )
-    s1 = 2 * h * h * far_kept * (min(max(2 * far * far * m[low + NODE_CURVE], -at_far), at_far) - m[low + NODE_SLOPE])
-    if not far > near:
-        f1, d1, s0, s1 = f0 + d0, d0, 0.0, 0.0
-    rise = f1 - f0
     m[of + SERIES_TIME], m[of + SERIES_NEAR], m[of + SERIES_SCALE] = when, near, 1 / h
-    c = of + SERIES_FIRST
-    m[c], m[c + 1], m[c + 2] = f0, d0, 0.5 * s0
-    m[c + 3] = 10 * rise - 6 * d0 - 4 * d1 - 1.5 * s0 + 0.5 * s1
-    m[c + 4] = -15 * rise + 8 * d0 + 7 * d1 + 1.5 * s0 - s1
-    m[c + 5] = 6 * rise - 3 * (d0 + d1) - 0.5 * s0 + 0.5 * s1
+    # The second derivative grows without bound at a turn, where nothing is left of its digits. As slopes are
+    # bounded, it cannot be far more than their bound over h sqrt(peak - xi).
+    for a in range(count):
+        at_near, at_far = MOST_CURVATURE * most[a] * near / h, MOST_CURVATURE * most[a] * far / h
+        arm = NODE_ARMS + ARM_WIDTH * a
+        i, j, c = low + arm, high + arm, of + arm + ARM_SERIES
+        far_kept, near_kept = (
+            math.exp((m[low + NODE_TIME] - when) * rates[a]),
+            math.exp((m[high + NODE_TIME] - when) * rates[a]),
+        )
+        f0, f1 = near_kept * m[j + ARM_VALUE], far_kept * m[i + ARM_VALUE]
+        d0, d1 = -2 * h * near * near_kept * m[j + ARM_SLOPE], -2 * h * far * far_kept * m[i + ARM_SLOPE]
+        bend = min(max(2 * near * near * m[j + ARM_CURVE], -at_near), at_near)
+        s0 = 2 * h * h * near_kept * (bend - m[j + ARM_SLOPE])
+        bend = min(max(2 * far * far * m[i + ARM_CURVE], -at_far), at_far)
+        s1 = 2 * h * h * far_kept * (bend - m[i + ARM_SLOPE])
+        if not far > near:
+            f1, d1, s0, s1 = f0 + d0, d0, 0.0, 0.0
+        rise = f1 - f0
+        m[c], m[c + 1], m[c + 2] = f0, d0, 0.5 * s0
+        m[c + 3] = 10 * rise - 6 * d0 - 4 * d1 - 1.5 * s0 + 0.5 * s1
+        m[c + 4] = -15 * rise + 8 * d0 + 7 * d1 + 1.5 * s0 - s1
+        m[c + 5] = 6 * rise - 3 * (d0 + d1) - 0.5 * s0 + 0.5 * s1
 
 
-@kernel
-def between(m: np.ndarray, of: int, xi: float, t: float, rate: float) -> tuple[float, float]:
-    """What is remembered at xi at time t by the polynomial kept in node `of`, and its slope by xi."""
-    scale, c = m[of + SERIES_SCALE], of + SERIES_FIRST
+@kernel(inline=True)
+def place_between(m: np.ndarray, of: int, xi: float) -> tuple[float, float]:
+    """Variable of the polynomials of node `of` at xi, and sqrt(peak - xi)."""
     w = math.sqrt(max(m[of + NODE_PEAK] - xi, 1e-18 * m[of + NODE_PEAK]))
-    x = (w - m[of + SERIES_NEAR]) * scale
+    return (w - m[of + SERIES_NEAR]) * m[of + SERIES_SCALE], w
+
+
+@kernel(inline=True)
+def series_at(m: np.ndarray, c: int, x: float) -> tuple[float, float]:
+    """A polynomial whose coefficients begin at c, and its derivative, at x."""
     c0, c1, c2, c3, c4, c5 = m[c], m[c + 1], m[c + 2], m[c + 3], m[c + 4], m[c + 5]
-    kept = math.exp((m[of + SERIES_TIME] - t) * rate)
     x2 = x * x  # in pairs: each step waits for this
     value = c0 + x * c1 + x2 * (c2 + x * c3 + x2 * (c4 + x * c5))
-    slope = c1 + x * (2 * c2) + x2 * (3 * c3 + x * (4 * c4) + x2 * (5 * c5))
-    return kept * value, -0.5 * kept * slope * scale / w
+    return value, c1 + x * (2 * c2) + x2 * (3 * c3 + x * (4 * c4) + x2 * (5 * c5))
 
 
 @kernel
-def curve_between(m: np.ndarray, of: int, xi: float, t: float, rate: float, slope: float) -> float:
-    """The second derivative by xi of what is remembered, where the first is `slope`."""
-    scale, c = m[of + SERIES_SCALE], of + SERIES_FIRST
-    w = math.sqrt(max(m[of + NODE_PEAK] - xi, 1e-18 * m[of + NODE_PEAK]))
-    x = (w - m[of + SERIES_NEAR]) * scale
-    bend = 2 * m[c + 2] + x * (6 * m[c + 3] + x * (12 * m[c + 4] + x * 20 * m[c + 5]))
-    return (math.exp((m[of + SERIES_TIME] - t) * rate) * bend * scale * scale + 2 * slope) / (4 * w * w)
+def between(m: np.ndarray, of: int, xi: float, t: float, rates: np.ndarray, most: np.ndarray, arms: Arms) -> None:
+    """Fill in what is remembered at xi at time t by the polynomials kept in node `of`, and its slopes by xi."""
+    x, w = place_between(m, of, xi)
+    by_xi = -0.5 * m[of + SERIES_SCALE] / w
+    for a in range(arms.count):
+        value, slope = series_at(m, of + NODE_ARMS + ARM_WIDTH * a + ARM_SERIES, x)
+        kept = math.exp((m[of + SERIES_TIME] - t) * rates[a])
+        arms.value[a], arms.slope[a] = kept * value, min(max(kept * by_xi * slope, -most[a]), 0.0)
+
+
+@kernel
+def fill_curves(m: np.ndarray, of: int, xi: float, t: float, rates: np.ndarray, arms: Arms) -> None:
+    """Fill in the second derivatives by xi of what is remembered; 0 where `of` is no node."""
+    if of < 0:
+        for a in range(arms.count):
+            arms.curve[a] = 0.0
+        return
+    x, w = place_between(m, of, xi)
+    scale = m[of + SERIES_SCALE]
+    for a in range(arms.count):
+        c = of + NODE_ARMS + ARM_WIDTH * a + ARM_SERIES
+        bend = 2 * m[c + 2] + x * (6 * m[c + 3] + x * (12 * m[c + 4] + x * 20 * m[c + 5]))
+        kept = math.exp((m[of + SERIES_TIME] - t) * rates[a])
+        arms.curve[a] = (kept * bend * scale * scale + 2 * arms.slope[a]) / (4 * w * w)
 
 
 @kernel
@@ -146,73 +174,83 @@ def inner_node(m: np.ndarray, xi: float) -> int:
 
 
 @kernel
-def outside(m: np.ndarray, xi: float, t: float, rate: float) -> tuple[float, float]:
-    """Depth y that an element outside the contact remembers, and its slope by xi; 0 where nothing was.
+def outside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
+    """Fill in the dents of an element outside the contact, and their slopes by xi, 0 where nothing was; its node.
 
-    A step that overshoots a turn looks for elements that the contact has grown over: there y goes on as a line.
+    A step that overshoots a turn looks for elements that the contact has grown over: there dents go on as a line.
     """
     of = outer_node(m, xi)
     if of >= 0:
         near = max(xi, m[of + NODE_XI])
-        value, slope = between(m, of, near, t, rate)
-        slope = min(max(slope, -1.0), 0.0)
-        return value + slope * (xi - near), slope
-    if of == -1:
-        return 0.0, 0.0
-    of = node_at(m, True, 0)
-    kept = math.exp((m[of + NODE_TIME] - t) * rate)
-    return kept * m[of + NODE_VALUE], kept * m[of + NODE_SLOPE]
+        between(m, of, near, t, arms.recovery, arms.whole, arms)
+        if xi != near:
+            for a in range(arms.count):
+                arms.value[a] += arms.slope[a] * (xi - near)
+        return of
+    top = node_at(m, True, 0)
+    for a in range(arms.count):
+        arms.value[a] = arms.slope[a] = 0.0
+        if of == -2:
+            kept, i = math.exp((m[top + NODE_TIME] - t) * arms.recovery[a]), top + NODE_ARMS + ARM_WIDTH * a
+            arms.value[a], arms.slope[a] = kept * m[i + ARM_VALUE], kept * m[i + ARM_SLOPE]
+    return of
 
 
 @kernel
-def outside_curve(m: np.ndarray, xi: float, t: float, rate: float, slope: float) -> float:
-    """The second derivative of the same."""
-    of = outer_node(m, xi)
-    return curve_between(m, of, xi, t, rate, slope) if of >= 0 else 0.0
-
-
-@kernel
-def inside(m: np.ndarray, xi: float, t: float, rate: float) -> tuple[float, float]:
-    """What is left of b of an element in the contact, and its slope by xi."""
+def inside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
+    """Fill in what is left of b of an element in the contact, of each arm, and its slopes by xi; its node."""
     of = inner_node(m, xi)
-    value, slope = between(m, of, min(xi, m[of + NODE_XI]), t, rate)
-    return value, min(max(slope, -1.0), 0.0)
+    between(m, of, min(xi, m[of + NODE_XI]), t, arms.rate, arms.one, arms)
+    return of
 
 
 @kernel
-def inside_curve(m: np.ndarray, xi: float, t: float, rate: float, slope: float) -> float:
-    """The second derivative of the same."""
-    of = inner_node(m, xi)
-    return curve_between(m, of, min(xi, m[of + NODE_XI]), t, rate, slope)
-
-
-@kernel
-def join_top(m: np.ndarray, out: bool, j: int, rate: float) -> None:
+def join_top(m: np.ndarray, out: bool, j: int, arms: Arms) -> None:
     """Put into node j of a stack what lies between it and the one below it on the stack."""
-    here = node_at(m, out, j)
+    here, below = node_at(m, out, j), node_at(m, out, j - 1)
     if j > 0 and m[here + NODE_PEAK] != OPEN_PEAK:
-        join(m, here, here if out else here - NODE_WIDTH, here - NODE_WIDTH if out else here, rate)
+        if out:
+            join(m, here, here, below, arms.recovery, arms.whole, arms.count)
+        else:
+            join(m, here, below, here, arms.rate, arms.one, arms.count)
 
 
 @kernel
-def lay_node(m: np.ndarray, out: bool, xi: float, t: float, of: Numbers, peak: float, rate: float) -> None:
-    """Lay a node on a stack, `of` its value and derivatives; where it is full, thin out the older half."""
+def lay_node(m: np.ndarray, out: bool, xi: float, t: float, peak: float, arms: Arms) -> None:
+    """Lay a node on a stack, with what is to be laid of each arm; where it is full, thin out the older half."""
     which = OUTER_COUNT if out else INNER_COUNT
     count = int(m[which])
+    width = node_at(m, out, 1) - node_at(m, out, 0)
     if count == STACK_NODES:
         kept = 1
         for j in range(2, STACK_NODES):
             if j % 2 == 0 or j >= STACK_NODES // 2:
-                for i in range(NODE_WIDTH):
+                for i in range(width):
                     m[node_at(m, out, kept) + i] = m[node_at(m, out, j) + i]
-                join_top(m, out, kept, rate)
+                join_top(m, out, kept, arms)
                 kept += 1
         count = kept
     here = node_at(m, out, count)
     m[here + NODE_XI], m[here + NODE_TIME], m[here + NODE_PEAK] = xi, t, peak
-    m[here + NODE_VALUE], m[here + NODE_SLOPE], m[here + NODE_CURVE] = of
-    join_top(m, out, count, rate)
+    for a in range(arms.count):
+        i = here + NODE_ARMS + ARM_WIDTH * a
+        m[i + ARM_VALUE], m[i + ARM_SLOPE], m[i + ARM_CURVE] = (
+            arms.laid_value[a],
+            arms.laid_slope[a],
+            arms.laid_curve[a],
+        )
+    for i in range(here + NODE_ARMS + ARM_WIDTH * arms.count, here + width):
+        m[i] = 0.0  # for a material of more arms
+    join_top(m, out, count, arms)
     m[which] = count + 1
+
+
+@kernel
+def lay_as_found(m: np.ndarray, out: bool, xi: float, t: float, peak: float, arms: Arms) -> None:
+    """Lay a node with what was found of an element on the same stack."""
+    for a in range(arms.count):
+        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = arms.value[a], arms.slope[a], arms.curve[a]
+    lay_node(m, out, xi, t, peak, arms)
 
 
 @kernel
@@ -243,10 +281,9 @@ def take_inner(m: np.ndarray, xi: float) -> None:
 
 
 @kernel
-def turn_back(m: np.ndarray, xi: float, t: float, recovery: float, rate: float) -> None:
-    """End a growth of the contact at its edge xi; a `rate` of 0 is that of a Kelvin-Voigt surface."""
-    value, slope = outside(m, xi, t, recovery)
-    curve = outside_curve(m, xi, t, recovery, slope)
+def turn_back(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> None:
+    """End a growth of the contact at its edge xi."""
+    fill_curves(m, outside(m, xi, t, arms), xi, t, arms.recovery, arms)
     count = int(m[OUTER_COUNT])
     peak = xi
     if count > 0:
@@ -254,28 +291,27 @@ def turn_back(m: np.ndarray, xi: float, t: float, recovery: float, rate: float) 
         peak = m[top + NODE_PEAK]
         if m[top + NODE_XI] < xi:
             m[OUTER_COUNT] = count - 1
-    lay_node(m, True, xi, t, (value, slope, curve), peak, recovery)
-    if rate == 0:
-        m[node_at(m, True, int(m[OUTER_COUNT]) - 1) + NODE_SLOPE] = -1.0  # of y = d - xi in the contact, which is next
+    lay_as_found(m, True, xi, t, peak, arms)
+    if kelvin:  # of y = d - xi in the contact, which is next
+        m[node_at(m, True, int(m[OUTER_COUNT]) - 1) + NODE_ARMS + ARM_SLOPE] = -1.0
     count = int(m[INNER_COUNT])
     first = count
     while first > 0 and m[node_at(m, False, first - 1) + NODE_PEAK] == OPEN_PEAK:
         first -= 1
         m[node_at(m, False, first) + NODE_PEAK] = xi
     for j in range(first, count):
-        join_top(m, False, j, rate)
+        join_top(m, False, j, arms)
     m[LAST_PEAK] = xi
 
 
 @kernel
-def turn_forth(m: np.ndarray, xi: float, t: float, rate: float) -> None:
+def turn_forth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
     """End a shrinkage of the contact at its edge xi."""
-    value, slope = inside(m, xi, t, rate)
-    curve = inside_curve(m, xi, t, rate, slope)
+    fill_curves(m, inside(m, xi, t, arms), xi, t, arms.rate, arms)
     top = int(m[INNER_COUNT]) - 1
     peak = m[node_at(m, False, top) + NODE_PEAK]
     m[INNER_COUNT] = top
-    lay_node(m, False, xi, t, (value, slope, curve), peak, rate)
+    lay_as_found(m, False, xi, t, peak, arms)
 
 
 @kernel

@@ -17,6 +17,7 @@ from phasemap._kernels.orbits.time.contact import (
     NO_EVENT,
     OFF_SURFACE,
     PERIOD_ENDS,
+    PLACE_OF_X,
     TURNED,
     Beam,
     Here,
@@ -28,7 +29,7 @@ from phasemap._kernels.orbits.time.contact import (
     step_length,
     stop_at_event,
 )
-from phasemap._kernels.orbits.time.elements import MEMORY_STATE, PERIOD_BEGIN
+from phasemap._kernels.orbits.time.elements import PERIOD_BEGIN
 from phasemap._kernels.orbits.time.free_flight import fly
 from phasemap._kernels.orbits.time.modes import Modes
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step, turn
@@ -112,7 +113,7 @@ def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, 
         return point.at.v, point.slope.v
     edge, moves = edge_of(here.contact, event, motion.time + point.at.passed)
     speed = point.at.v
-    if here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) == 0:
+    if here.contact.now.mode != OFF_SURFACE and first_moved(here.contact, False) < PLACE_OF_X:
         if point.known == 0:
             find_slopes(here, motion, point)
         speed = point.slope.x
@@ -181,9 +182,10 @@ def _take_step(here: Here, eta: float, motion: Motion) -> None:
 
 
 @kernel(inline=True)
-def _move_on(beam: Beam, motion: Motion) -> None:
+def _move_on(here: Here, motion: Motion) -> None:
     """Take up the end of a step as where the next one starts, and add up its integrals."""
-    u, end, sums, angle = motion.here.at, motion.end.at, motion.sums, beam.omega * motion.end.at.passed
+    u, end, sums, beam = motion.here.at, motion.end.at, motion.sums, here.beam
+    angle = beam.omega * end.passed
     sums.cos += end.cos
     sums.sin += end.sin
     sums.mean_z += end.mean_z
@@ -195,6 +197,8 @@ def _move_on(beam: Beam, motion: Motion) -> None:
     motion.time += end.passed
     motion.left -= end.passed
     u.x, u.v, u.seen, u.inside = end.x, end.v, end.seen, end.inside
+    for j in range(first_moved(here.contact, True), PLACE_OF_X - 2):
+        u.arms[j] = end.arms[j]
     for j in range(2 * beam.modes.count - 2):
         u.modes[j] = end.modes[j]
     u.passed, motion.here.known = 0.0, motion.end.known
@@ -211,7 +215,7 @@ def march_through(here: Here, eta: float, motion: Motion) -> int:
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
         _take_step(here, eta, motion)
-        _move_on(here.beam, motion)
+        _move_on(here, motion)
         if not pass_event(here.contact, here, motion):
             return -col.NOT_SETTLED
     return steps if math.isfinite(motion.here.at.x + motion.here.at.v) else -col.NOT_SETTLED
@@ -227,7 +231,7 @@ def beam_over(lever: np.ndarray, z0: float, modes: Modes) -> Beam:
 @kernel
 def begin_period(beam: Beam, y: np.ndarray, motion: Motion) -> None:
     """Put the lever where a state has it."""
-    u, begin = motion.here.at, y[PERIOD_BEGIN] if len(y) == MEMORY_STATE else 0.0
+    u, begin = motion.here.at, y[PERIOD_BEGIN] if len(y) > PERIOD_BEGIN else 0.0
     u.x, u.v = y[Z] - beam.z0, y[V]
     for j in range(2 * beam.modes.count - 2):
         u.modes[j] = y[PLAIN_STATE + j]

@@ -1,10 +1,10 @@
 """A contact that relaxes, Ting's for all histories: how its edge moves, and what it does to the tip.
 
 The variable in contact is the edge q = a/sqrt(R), which is sqrt(d) only on a surface that nothing has touched. With
-dtau = 2 q ds, and y of `elements` at the edge,
+dtau = 2 q ds, w the dent at the edge, and y, D and Y for each arm (`arms`),
 
-    d = q^2 + kappa y,    q' = (v + kappa y/tau_c) / (1 + kappa dy/dxi),    v' = 2 q z'',    D' = 2 q (d - D)/tau,
-    Y' = 2 q (q d - q^3/3 - Y)/tau + y q',    F = (3/2) K0 sqrt(R) (q d - q^3/3 - kappa Y)
+    d = q^2 + w,    q' = (v - dw/dtau) / (1 + dw/dxi),    v' = 2 q z'',    D' = 2 q (d - D)/tau,
+    Y' = 2 q (q d - q^3/3 - Y)/tau + y q',    F = (3/2) K0 sqrt(R) (q d - q^3/3 - sum kappa Y)
 
 (theory, Eqs. (memory-4) and (memory-5)). Where a Kelvin-Voigt surface lets go, its edge is at q^2 = d + t0 d'. Out of
 contact the tip is attracted by a surface that comes back with the time tau_c.
@@ -22,8 +22,10 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.arms import Arms, turn_to
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
+    PLACE_OF_X,
     Moved,
     attraction,
     fill_own_slopes,
@@ -31,7 +33,7 @@ from phasemap._kernels.orbits.time.contact import (
     push_of,
 )
 from phasemap._kernels.quadrature import gauss
-from phasemap._kernels.records import record
+from phasemap._kernels.records import column, record
 
 _X, _W = gauss(10)
 FAR_LENGTHS = _X / (1 - _X)  # to infinity, with weights: exact for what falls with their square
@@ -58,7 +60,8 @@ class Memory:
     """What the contact does now, beside what its elements remember."""
 
     mode: int
-    dent: float  # under a tip that is off the surface, when it left it [m]
+    dented: int  # 1 over a dent that is not forgotten
+    dents: np.ndarray = column(col.MOST_ARMS)  # under a tip that is off the surface, when it left it [m]
     since: float  # when the tip left it [1/omega_c]
     turned: float  # when the contact last turned
     share: float  # of the length that a step should have
@@ -76,9 +79,7 @@ class Relaxing(NamedTuple):
     edge_slope: float  # its derivative there, over k
     m: np.ndarray  # what it remembers: `elements`
     stiff: float  # (3/2) K0 sqrt(R)/k [m^(-1/2)]
-    kappa: float
-    rate: float  # 1/tau
-    recovery: float  # rate at which dents recover
+    arms: Arms
     t0: float  # of a Kelvin-Voigt surface, 0 of others
     pace: Pace
     now: Memory
@@ -92,23 +93,33 @@ class Pressed(NamedTuple):
     force: float
     drag: float
     speed: float  # slope of x, but where a Kelvin-Voigt surface lets go
-    seen: float  # slope of D
-    inside: float  # of Y
     taken: float  # of the energy into the surface, over stiffness, but in a Kelvin-Voigt contact
-    y: float  # at the edge [m]
+    y: float  # dent at the edge [m]
 
 
 @first_moved.of(Relaxing)
 @kernel(inline=True)
-def _first_moved(contact: Relaxing) -> int:
-    return 0
+def _first_moved(contact: Relaxing, many: bool) -> int:
+    return PLACE_OF_X - 2 * contact.arms.count if many else PLACE_OF_X - 2
 
 
 @kernel(inline=True)
-def dent_at(contact: Relaxing, t: float) -> float:
-    """Depth [m] of the surface under a tip that does not touch it."""
-    now = contact.now
-    return now.dent * math.exp((now.since - t) * contact.recovery) if now.dent > 0 else 0.0
+def dent_at(contact: Relaxing, t: float) -> tuple[float, float]:
+    """Depth [m] of the surface under a tip that does not touch it, and the rate at which it comes back."""
+    now, arms, dent, rise = contact.now, contact.arms, 0.0, 0.0
+    if now.dented == 0:
+        return 0.0, 0.0
+    for j in range(arms.count):
+        part = now.dents[j] * math.exp((now.since - t) * arms.recovery[j])
+        dent += part
+        rise += arms.recovery[j] * part
+    return dent, rise
+
+
+@kernel(inline=True)
+def seen_by(u: Moved, a: int) -> float:
+    """D of an arm."""
+    return u.seen if a == 0 else u.arms[2 * (col.MOST_ARMS - 1 - a)]
 
 
 @kernel
@@ -133,20 +144,38 @@ def potential(contact: Relaxing, q: float, d: float, t: float) -> float:
     F z' but what dashpots and a recovering dent take, it does not close by itself if steps are too long.
     """
     if contact.now.mode == OFF_SURFACE:
-        return work_from_far(contact.law, contact.p, d - dent_at(contact, t)) * contact.compliance
+        return work_from_far(contact.law, contact.p, d - dent_at(contact, t)[0]) * contact.compliance
     if contact.t0 > 0:
         return contact.stiff * q * (0.5 * d * d - q * q * (d * THIRD - 0.1 * q * q)) + contact.pull * d
     return 0.0
 
 
 @kernel(inline=True)
-def at_edge(contact: Relaxing, q: float, seen: float, t: float) -> tuple[float, float]:
-    """Y of the element at the edge and its slope by xi; not where a Kelvin-Voigt surface lets go."""
-    xi = q * q
+def at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) -> tuple[float, float, float]:
+    """Dent w [m] at the edge q, its slope by xi, and the rate at which it comes back; y of each arm is filled in.
+
+    Not where a Kelvin-Voigt surface lets go.
+    """
+    xi, arms, w, slope, rise = q * q, contact.arms, 0.0, 0.0, 0.0
     if contact.now.mode == on.SHRINKING:
-        left, slope = on.inside(contact.m, xi, t, contact.rate)
-        return seen - xi - left, -1 - slope
-    return on.outside(contact.m, xi, t, contact.recovery)
+        on.inside(contact.m, xi, t, arms)
+        arms.y[0] = u.seen - xi - arms.value[0]
+        if many:
+            for a in range(1, arms.count):
+                arms.y[a] = seen_by(u, a) - xi - arms.value[a]
+        for a in range(arms.count):
+            w += arms.share[a] * arms.y[a]
+            slope -= arms.share[a] * (1 + arms.slope[a])
+        for a in range(arms.count):
+            rise += arms.share[a] * arms.rate[a] * (arms.y[a] - w)
+        return w, slope, rise
+    on.outside(contact.m, xi, t, arms)
+    for j in range(arms.count):
+        w += arms.value[j]
+        slope += arms.slope[j]
+        rise += arms.recovery[j] * arms.value[j]
+    turn_to(arms.to_arms, arms.count, arms.value, arms.y)
+    return w, slope, rise
 
 
 @kernel
@@ -156,38 +185,52 @@ def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
         return u.x
     if contact.now.mode == on.SHRINKING and contact.t0 > 0:
         return u.x * u.x - contact.t0 * u.v
-    return u.x * u.x + contact.kappa * at_edge(contact, u.x, u.seen, t)[0]
+    return u.x * u.x + at_edge(contact, True, u, u.x, t)[0]
 
 
 @push_of.of(Relaxing)
 @kernel(inline=True)
-def _push(contact: Relaxing, off: bool, time: float, y: Moved) -> Pressed:
+def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pressed:
     x, v, t, mode, t0 = y.x, y.v, time + y.passed, contact.now.mode, contact.t0
     if off:
-        dent = dent_at(contact, t) if contact.p[col.LONGRANGE] != 0.0 else 0.0
+        dent, rise = dent_at(contact, t) if contact.p[col.LONGRANGE] != 0.0 else (0.0, 0.0)
         force = attraction(contact, x - dent)
-        return Pressed(1.0, x, force, 0.0, v, 0.0, 0.0, -force * contact.recovery * dent, 0.0)
-    stiff, kappa, rate, xi, w = contact.stiff, contact.kappa, contact.rate, x * x, 2 * x
+        return Pressed(1.0, x, force, 0.0, v, -force * rise, 0.0)
+    stiff, arms, xi, w = contact.stiff, contact.arms, x * x, 2 * x
     if mode == on.SHRINKING and t0 > 0:
         force = stiff * x * xi * (2 / 3) + contact.pull
-        return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, 0.0, 0.0, -t0 * v)
-    last, slope = at_edge(contact, x, y.seen, t)
-    d = xi + kappa * last
-    speed = (v + kappa * last * contact.recovery) / (1 + kappa * slope)
+        return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, -t0 * v)
+    dent, slope, rise = at_edge(contact, many, y, x, t)
+    d = xi + dent
+    speed = (v + rise) / (1 + slope)
     whole = x * (d - xi * THIRD)
     if t0 > 0:
-        return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, 0.0, 0.0, last)
-    force = stiff * (whole - kappa * y.inside) + contact.pull
-    inside = w * (whole - y.inside) * rate + last * speed
-    return Pressed(w, d, force, 0.0, speed, w * (d - y.seen) * rate, inside, w * force * v, last)
+        return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, dent)
+    crept = arms.share[0] * y.inside
+    if many:
+        for a in range(1, arms.count):
+            crept += arms.share[a] * y.arms[2 * (col.MOST_ARMS - 1 - a) + 1]
+    force = stiff * (whole - crept) + contact.pull
+    return Pressed(w, d, force, 0.0, speed, w * force * v, dent)
 
 
 @fill_own_slopes.of(Relaxing)
 @kernel(inline=True)
-def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: float, k: Moved) -> float:
-    k.x, k.seen, k.inside = push.speed, push.seen, push.inside
-    if off or contact.t0 == 0:
+def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y: Moved, a: float, k: Moved) -> float:
+    k.x = push.speed
+    if off:
         return push.taken
+    if contact.t0 == 0:
+        arms, whole, w = contact.arms, y.x * (push.depth - y.x * y.x * THIRD), push.w
+        k.seen = w * (push.depth - y.seen) * arms.rate[0]
+        k.inside = w * (whole - y.inside) * arms.rate[0] + arms.y[0] * push.speed
+        if many:
+            for i in range(1, arms.count):
+                j = 2 * (col.MOST_ARMS - 1 - i)
+                k.arms[j] = w * (push.depth - y.arms[j]) * arms.rate[i]
+                k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * push.speed
+        return push.taken
+    k.seen = k.inside = 0.0
     if contact.now.mode == on.SHRINKING:
         k.x += contact.t0 * a
     return contact.stiff * (contact.t0 * push.w * y.x * y.v * y.v - 0.5 * push.y * push.y * k.x)

@@ -11,20 +11,24 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import MOST_ARMS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time import elements as on
+from phasemap._kernels.orbits.time.arms import Arms, fill_arms, fill_kelvin, turn_to
 from phasemap._kernels.orbits.time.by_memory import recovery_of
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     NO_EVENT,
     OFF_SURFACE,
+    PLACE_OF_X,
     Beam,
     Here,
     Motion,
     Moved,
     attraction_at_contact,
     edge_of,
+    first_moved,
     pass_event,
     stop_at_event,
 )
@@ -39,7 +43,7 @@ from phasemap._kernels.orbits.time.period import (
     time_of_crossing,
     to_event,
 )
-from phasemap._kernels.orbits.time.relaxing import Memory, Relaxing, at_edge, dent_at, potential, tip_depth
+from phasemap._kernels.orbits.time.relaxing import Memory, Relaxing, at_edge, dent_at, potential, seen_by, tip_depth
 from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
 from phasemap._kernels.orbits.time.step_density import depth_reached, pull_in_contact
@@ -97,31 +101,51 @@ def to_turn(here: Here, motion: Motion) -> None:
 @kernel
 def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
     """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
-    q = u.x
-    xi = q * q
-    rate, recovery = contact.rate, contact.recovery
+    xi, arms, m = u.x * u.x, contact.arms, contact.m
     if contact.now.mode == on.GROWING:
         if contact.t0 == 0:
-            y, slope = on.outside(contact.m, xi, t, recovery)
-            curve = on.outside_curve(contact.m, xi, t, recovery, slope)
-            bent = ((1 + slope) * rate - slope * recovery) / speed if speed != 0 else 0.0
-            on.lay_node(contact.m, False, xi, t, (u.seen - xi - y, -1 - slope, -curve - bent), on.OPEN_PEAK, rate)
-        on.take_outer(contact.m, xi)
+            on.fill_curves(m, on.outside(m, xi, t, arms), xi, t, arms.recovery, arms)
+            slope = total(arms, arms.slope)
+            turn_to(arms.to_arms, arms.count, arms.value, arms.laid_value)
+            turn_to(arms.to_arms, arms.count, arms.slope, arms.laid_slope)
+            turn_to(arms.to_arms, arms.count, arms.curve, arms.laid_curve)
+            for a in range(arms.count):
+                bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
+                arms.laid_value[a] = seen_by(u, a) - xi - arms.laid_value[a]
+                arms.laid_slope[a], arms.laid_curve[a] = -1 - arms.laid_slope[a], -arms.laid_curve[a] - bent
+            on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
+        on.take_outer(m, xi)
     elif contact.t0 > 0:
-        on.lay_node(
-            contact.m, True, xi, t, (-contact.t0 * u.v, -1.0, -recovery / speed), contact.m[on.LAST_PEAK], recovery
-        )
+        arms.laid_value[0], arms.laid_slope[0], arms.laid_curve[0] = -contact.t0 * u.v, -1.0, -arms.recovery[0] / speed
+        on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
     else:
-        y, slope = on.inside(contact.m, xi, t, rate)
-        curve = -on.inside_curve(contact.m, xi, t, rate, slope)
-        y, slope = u.seen - xi - y, -1 - slope
-        if speed != 0:
-            curve -= ((1 + slope) * rate - slope * recovery) / speed
-        else:  # it has a root there: what it is in the mean, from the node before
-            top = on.node_at(contact.m, True, int(contact.m[on.OUTER_COUNT]) - 1)
-            curve = (slope - contact.m[top + on.NODE_SLOPE]) / (xi - contact.m[top + on.NODE_XI])
-        on.lay_node(contact.m, True, xi, t, (y, slope, curve), contact.m[on.LAST_PEAK], recovery)
-        on.take_inner(contact.m, xi)
+        on.fill_curves(m, on.inside(m, xi, t, arms), xi, t, arms.rate, arms)
+        slope = 0.0
+        for a in range(arms.count):
+            arms.value[a], arms.slope[a] = seen_by(u, a) - xi - arms.value[a], -1 - arms.slope[a]
+            slope += arms.share[a] * arms.slope[a]
+        for a in range(arms.count):
+            bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
+            arms.curve[a] = -arms.curve[a] - bent
+        turn_to(arms.to_dents, arms.count, arms.value, arms.laid_value)
+        turn_to(arms.to_dents, arms.count, arms.slope, arms.laid_slope)
+        turn_to(arms.to_dents, arms.count, arms.curve, arms.laid_curve)
+        if speed == 0:  # it has a root there: what it is in the mean, from the node before
+            top = on.node_at(m, True, int(m[on.OUTER_COUNT]) - 1)
+            for j in range(arms.count):
+                before = m[top + on.NODE_ARMS + on.ARM_WIDTH * j + on.ARM_SLOPE]
+                arms.laid_curve[j] = (arms.laid_slope[j] - before) / (xi - m[top + on.NODE_XI])
+        on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
+        on.take_inner(m, xi)
+
+
+@kernel(inline=True)
+def total(arms: Arms, of: np.ndarray) -> float:
+    """Sum over the arms."""
+    found = 0.0
+    for a in range(arms.count):
+        found += of[a]
+    return found
 
 
 @kernel
@@ -132,17 +156,19 @@ def lay_between(contact: Relaxing, motion: Motion) -> None:
     degree 5 between nodes are the largest error.
     """
     u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
-    q0, v0, d0, a0, b0 = u.x, u.v, u.seen, of.v, of.seen
-    q1, v1, d1, a1, b1 = end.x, end.v, end.seen, to.v, to.seen
-    rate, w0, w1 = contact.rate, 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # of d - D, whose slopes are these
-    c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
-    e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
-    e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
+    arms, q0, v0, a0, q1, v1, a1 = contact.arms, u.x, u.v, of.v, end.x, end.v, to.v
     time = end.passed / 2 + h * (11 * (q0 - q1) / 32 + h * (3 * (v0 + v1) / 64 + h * (a0 - a1) / 384))
     q = 35 * end.passed / (32 * h) - 19 * (q0 + q1) / 32 + h * ((v1 - v0) / 16 - h * (a0 + a1) / 384)
     v = 15 * (q1 - q0) / (8 * h) - 7 * (v0 + v1) / 16 + h * (a1 - a0) / 32
-    seen = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
-    on.lay_node(contact.m, False, q * q, motion.time + time, (seen - q * q, -1.0, -rate / v), on.OPEN_PEAK, rate)
+    for a in range(arms.count):
+        rate, d0, b0, d1, b1 = arms.rate[a], seen_by(u, a), seen_by(of, a), seen_by(end, a), seen_by(to, a)
+        w0, w1 = 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # slopes of d - D
+        c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
+        e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
+        e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
+        seen = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
+        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = seen - q * q, -1.0, -rate / v
+    on.lay_node(contact.m, False, q * q, motion.time + time, on.OPEN_PEAK, arms)
 
 
 @kernel
@@ -152,11 +178,11 @@ def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
         return math.sqrt(max(d + contact.t0 * u.v, 0.0))
     q = u.x if u.x > 0 else math.sqrt(max(d, 0.0))
     for _ in range(MOST_TURN_STEPS):
-        y, slope = at_edge(contact, q, u.seen, 0.0)
-        off = q * q + contact.kappa * y - d
+        w, slope, _ = at_edge(contact, True, u, q, 0.0)
+        off = q * q + w - d
         if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
             break
-        q = max(q - off / (2 * q * (1 + contact.kappa * slope)), 0.1 * q)
+        q = max(q - off / (2 * q * (1 + slope)), 0.1 * q)
     return q
 
 
@@ -185,8 +211,8 @@ def strays(contact: Relaxing, motion: Motion) -> bool:
 @kernel(inline=True)
 def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
     if event == FIRST_TOUCH:
-        dent = dent_at(contact, time)
-        return dent, -dent * contact.recovery
+        dent, rise = dent_at(contact, time)
+        return dent, -rise
     return on.passing(contact.m) if event == OLD_TURN else 0.0, 0.0
 
 
@@ -236,11 +262,20 @@ def expect_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Moved) ->
 
 
 @kernel
+def see_depth(contact: Relaxing, u: Moved, depth: float) -> None:
+    """Let all dashpots have crept to the depth [m] at which a contact begins: what counts is what differs from D."""
+    u.seen, u.inside = depth, 0.0
+    for j in range(first_moved(contact, True), PLACE_OF_X - 2, 2):
+        u.arms[j], u.arms[j + 1] = depth, 0.0
+
+
+@kernel
 def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
     """Let a contact begin at the depth to which the tip has come."""
     u, depth = motion.here.at, motion.here.at.x
     motion.sums.loss += potential(contact, 0.0, depth, motion.time)
-    contact.now.mode, u.seen, u.inside, u.x = on.GROWING, depth, 0.0, 0.0
+    contact.now.mode, u.x = on.GROWING, 0.0
+    see_depth(contact, u, depth)
     motion.sums.loss -= potential(contact, 0.0, depth, motion.time)
     contact.m[on.INNER_COUNT] = 0.0
     expect_depth(contact, here.beam, 0.0, here.beam.z0, u)
@@ -249,15 +284,12 @@ def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
 @kernel
 def end_contact(contact: Relaxing, motion: Motion) -> None:
     """Let a contact end, over the dent that it leaves."""
-    now, depth = contact.now, tip_depth(contact, motion.here.at, motion.time)
+    now, arms, m, depth = contact.now, contact.arms, contact.m, tip_depth(contact, motion.here.at, motion.time)
     motion.sums.loss += potential(contact, 0.0, depth, motion.time)
-    now.mode, now.dent, now.since, motion.here.at.x, contact.m[on.INNER_COUNT] = (
-        OFF_SURFACE,
-        depth,
-        motion.time,
-        depth,
-        0.0,
-    )
+    on.outside(m, 0.0, motion.time, arms)
+    for j in range(arms.count):
+        now.dents[j] = arms.value[j]
+    now.mode, now.dented, now.since, motion.here.at.x, m[on.INNER_COUNT] = OFF_SURFACE, 1, motion.time, depth, 0.0
     motion.sums.loss -= potential(contact, 0.0, depth, motion.time)
 
 
@@ -270,12 +302,12 @@ def turn_contact(contact: Relaxing, motion: Motion) -> bool:
         if m[on.OUTER_COUNT] == 0 or u.v >= 0:  # next to where the tip is deepest, on either side
             top = tip_depth(contact, u, t) - u.v**2 * u.x / motion.here.slope.v
             motion.sums.deepest = max(motion.sums.deepest, top)
-        on.turn_back(m, u.x * u.x, t, contact.recovery, contact.rate)
+        on.turn_back(m, u.x * u.x, t, contact.t0 > 0, contact.arms)
         now.mode, now.turned = on.SHRINKING, t
         return True
     if contact.t0 > 0:
         return False
-    on.turn_forth(m, u.x * u.x, t, contact.rate)
+    on.turn_forth(m, u.x * u.x, t, contact.arms)
     now.mode = on.GROWING
     return True
 
@@ -304,19 +336,30 @@ def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
 @kernel
 def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
     """Let the march begin: in contact as the elements say, pushed in at once, or off the surface."""
-    m, u, now, d = contact.m, motion.here.at, contact.now, motion.here.at.x
+    m, u, now, arms, d = contact.m, motion.here.at, contact.now, contact.arms, motion.here.at.x
     if now.mode != OFF_SURFACE:
         u.x, u.seen, u.inside = m[on.CONTACT_EDGE], m[on.DASHPOT_DEPTH], m[on.INNER_SUM]
+        for a in range(1, arms.count):
+            j = 2 * (MOST_ARMS - 1 - a)
+            u.arms[j], u.arms[j + 1] = m[on.DASHPOT_DEPTH + a], m[on.INNER_SUM + a]
         q = find_edge(contact, d, u)
-        u.inside += at_edge(contact, q, u.seen, 0.0)[0] * (q - u.x) if contact.t0 == 0 else 0.0
+        if contact.t0 == 0:
+            at_edge(contact, True, u, q, 0.0)
+            u.inside += arms.y[0] * (q - u.x)
+            for a in range(1, arms.count):
+                u.arms[2 * (MOST_ARMS - 1 - a) + 1] += arms.y[a] * (q - u.x)
         u.x = q
-    elif d > now.dent:  # all elements touched at the same time
-        now.mode, u.x, u.seen = on.GROWING, 0.0, d
+    elif d > dent_at(contact, 0.0)[0]:  # all elements touched at the same time
+        now.mode, u.x = on.GROWING, 0.0
+        see_depth(contact, u, d)
         u.x = find_edge(contact, d, u)
         m[on.INNER_COUNT] = 0.0
         if contact.t0 == 0:
-            touched = d - on.outside(m, 0.0, 0.0, contact.recovery)[0]
-            on.lay_node(m, False, 0.0, 0.0, (touched, -1.0, 0.0), on.OPEN_PEAK, contact.rate)
+            on.outside(m, 0.0, 0.0, arms)
+            turn_to(arms.to_arms, arms.count, arms.value, arms.laid_value)
+            for a in range(arms.count):
+                arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = d - arms.laid_value[a], -1.0, 0.0
+            on.lay_node(m, False, 0.0, 0.0, on.OPEN_PEAK, arms)
         find_slopes(here, motion, motion.here)
         lay_edge(contact, u, 0.0, motion.here.slope.x)
         motion.here.known = 0
@@ -326,30 +369,55 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
 
 
 @kernel
+def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
+    """Fill in the dent under a tip that begins a period off the surface; returns its depth [m], 0 where it is gone."""
+    if m[on.OUTER_COUNT] == 0:
+        return 0.0
+    on.outside(m, 0.0, 0.0, arms)
+    depth = total(arms, arms.value)
+    if depth < DENT_FORGOTTEN * free:
+        m[on.OUTER_COUNT] = 0.0
+        return 0.0
+    for j in range(arms.count):
+        now.dents[j] = arms.value[j]
+    now.dented = 1
+    return depth
+
+
+@kernel
 def march_relaxing(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
     """As `march.march_period`, over a surface that remembers; y has what `elements` names."""
     law, p, lever = oscillator
-    motion, modes, now, compliance = Motion(), Modes(), Memory(), 1 / lever[col.STIFFNESS]
+    motion, modes, now, arms, compliance = Motion(), Modes(), Memory(), Arms(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)
     beam, u = beam_over(lever, z0, modes), motion.here.at
     begin_period(beam, y, motion)
-    relaxes, recovery, free = p[col.RELAXATION] > 0, recovery_of(p, lever), beam.drive / (2 * beam.alpha0)
-    kappa, rate, t0 = (p[col.RELAXING], 1 / p[col.RELAXATION], 0.0) if relaxes else (1.0, 0.0, 1 / recovery)
-    now.mode, now.share, met = int(y[on.CONTACT_MODE]), 1.0, free
+    free, t0 = beam.drive / (2 * beam.alpha0), 0.0
+    if p[col.RELAXATION] > 0:
+        fill_arms(p, arms)
+    else:
+        fill_kelvin(recovery_of(p, lever), arms)
+        t0 = 1 / arms.recovery[0]
+    if len(y) < on.memory_size(arms.count):
+        return -col.NOT_SETTLED
+    if y[on.ARMS_KNOWN] != arms.count and y[on.CONTACT_MODE] != OFF_SURFACE:  # pushed in at once, another material
+        y[on.CONTACT_MODE], y[on.INNER_COUNT], y[on.OUTER_COUNT] = OFF_SURFACE, 0.0, 0.0
+    y[on.ARMS_KNOWN], now.mode, now.share, met = arms.count, int(y[on.CONTACT_MODE]), 1.0, free
     if now.mode == OFF_SURFACE:
-        met = now.dent = kappa * on.outside(y, 0.0, 0.0, recovery)[0] if y[on.OUTER_COUNT] > 0 else 0.0
-        if now.dent < DENT_FORGOTTEN * free:
-            y[on.OUTER_COUNT] = now.dent = 0.0
+        met = find_dent(y, now, arms, free)
     stiff, pull = 1.5 * p[col.CONTACT] * compliance, contact_force(law, 0.0, p) * compliance
     edge_force, edge_slope = attraction_at_contact(law, p, compliance)
-    pace = pace_over(p, free, eta, rate, met)
-    contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, kappa, rate, recovery, t0, pace, now)
+    pace = pace_over(p, free, eta, arms.rate[0], met)
+    contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, arms, t0, pace, now)
     here = Here(contact, beam)
     begin_on_surface(contact, here, motion)
     steps, t = march_through(here, eta, motion), motion.time
     depth = tip_depth(contact, u, t)
     motion.sums.loss += potential(contact, u.x, depth, t)
-    y[on.CONTACT_MODE], y[on.CONTACT_EDGE], y[on.DASHPOT_DEPTH], y[on.INNER_SUM] = now.mode, u.x, u.seen, u.inside
+    y[on.CONTACT_MODE], y[on.CONTACT_EDGE] = now.mode, u.x
+    for a in range(arms.count):
+        j = 2 * (MOST_ARMS - 1 - a) + 1
+        y[on.DASHPOT_DEPTH + a], y[on.INNER_SUM + a] = seen_by(u, a), u.inside if a == 0 else u.arms[j]
     on.shift(y, t)
     y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE else 0.0
     end_period(lever, here, motion, depth, y, acc)

@@ -52,13 +52,17 @@ def relaxation_rate(contact: Relaxing, u: Point, t: float) -> float:
     Next to a turn, on both sides, they are short against the relaxation time, `Pace.layers` times as much over dents,
     for most of what a contact remembers as it shrinks is what happened there.
     """
-    q, v, slows, rate, kappa, now = u.at.x, u.at.v, u.slope.v, contact.rate, contact.kappa, contact.now
-    fast = contact.pace.layers * q * q * rate * rate
-    if now.mode == on.SHRINKING:
-        return q * q * rate * RATE_OF_STIFFNESS / (1 - kappa) + RATE_BEHIND_TURN * fast * math.exp(
-            -max(1 - kappa, LEAST_FADING) * rate * (t - now.turned)
-        )
-    return RATE_BEFORE_TURN * fast * math.exp(2 * q * max(v, 0.0) * rate / slows) if slows < 0 else 0.0
+    q, v, slows, arms, now = u.at.x, u.at.v, u.slope.v, contact.arms, contact.now
+    kappa, density = contact.p[col.RELAXING], 0.0
+    for a in range(arms.count):
+        rate, share = arms.rate[a], arms.share[a] / kappa
+        fast = share * contact.pace.layers * q * q * rate * rate
+        if now.mode == on.SHRINKING:
+            density += share * q * q * rate * RATE_OF_STIFFNESS / (1 - kappa)
+            density += RATE_BEHIND_TURN * fast * math.exp(-max(1 - kappa, LEAST_FADING) * rate * (t - now.turned))
+        elif slows < 0:
+            density += RATE_BEFORE_TURN * fast * math.exp(2 * q * max(v, 0.0) * rate / slows)
+    return density
 
 
 @kernel(inline=True)
@@ -117,16 +121,18 @@ def _contact_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
 @kernel(inline=True)
 def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
     """Length of a step out of contact [1/omega_c]; what is next to nothing of a dent comes back at once."""
-    law, p, u, dent = contact.law, contact.p, motion.here.at, dent_at(contact, motion.time)
+    law, p, u = contact.law, contact.p, motion.here.at
+    dent, rise = dent_at(contact, motion.time)
     if 0.0 < dent < DENT_FORGOTTEN * contact.pace.free:
         motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
-        contact.m[on.OUTER_COUNT] = contact.now.dent = dent = 0.0
+        contact.m[on.OUTER_COUNT] = dent = 0.0
+        contact.now.dented = 0
     if dent == 0.0 and flies_freely(contact, beam):
         return math.inf
     density = flight_rate(contact, beam, u.x - dent, u.v)
     if dent > 0:
         share = dented_share(law, p, u.x - dent, dent)
-        density = math.hypot(density, RECOVERY_WEIGHT * contact.recovery * share**0.125)
+        density = math.hypot(density, RECOVERY_WEIGHT * rise / dent * share**0.125)
     return contact.pace.flight / density
 
 

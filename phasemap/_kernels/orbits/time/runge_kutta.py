@@ -19,6 +19,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
+    PLACE_OF_X,
     Here,
     Motion,
     Moved,
@@ -29,7 +30,7 @@ from phasemap._kernels.orbits.time.contact import (
 )
 from phasemap._kernels.records import numbers_of, record
 
-ONE_MODE = 5  # numbers that a step moves, with one mode; each other one has two more
+ONE_MODE = PLACE_OF_X + 3  # numbers that a step moves, with one mode; each other one has two more
 INTEGRALS = ONE_MODE + 2 * col.MOST_MODES - 2  # where those begin that a step adds up
 
 Numbers = tuple[float, ...]
@@ -124,14 +125,16 @@ def turn(angle: float) -> tuple[float, float]:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _fill_slopes(here: Here, start: Instant, off: bool, count: int, y: Moved, k: Moved, integrals: bool) -> None:
-    """Fill in the slopes of `count` numbers, and of the integrals if they are wanted."""
+def _fill_slopes(
+    here: Here, start: Instant, off: bool, many: bool, y: Moved, k: Moved, integrals: bool
+) -> None:  # fmt: skip
+    """Fill in the slopes of the numbers moved, `many` of several modes or arms, and of the integrals if wanted."""
     beam, modes, v = here.beam, here.beam.modes, y.v
     c, s = turn(beam.omega * y.passed)
     c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
-    push = push_of(here.contact, off, start.time, y)
+    push = push_of(here.contact, off, many, start.time, y)
     w, z, whole = push.w, beam.z0 + push.depth, push.force + push.drag * v
-    if count == ONE_MODE:
+    if not many or modes.count == 1:
         a = beam.drive * c - z - push.force - (2 * beam.alpha0 + push.drag) * v
         air = v * v
     else:
@@ -149,56 +152,57 @@ def _fill_slopes(here: Here, start: Instant, off: bool, count: int, y: Moved, k:
         a -= modes.square[0] * first + modes.damping[0] * first_speed
         air += modes.loss[0] * first_speed * first_speed
     k.v, k.passed = w * a, w
-    taken = fill_own_slopes(here.contact, off, push, y, a, k)
+    taken = fill_own_slopes(here.contact, off, many, push, y, a, k)
     if integrals:
         k.cos, k.sin, k.mean_z = w * z * c, w * z * s, w * z
         k.loss, k.virial, k.air = taken + w * push.drag * v * v, -w * whole * z, w * air
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _step(here: Here, start: Instant, off: bool, count: int, point: Point, h: float, end: Moved) -> None:
-    m, first = Stages(), 2 if off else first_moved(here.contact)
-    slope = point.slope if first == 0 else m.k1  # kept where it is wanted: memory would cost 3 % of a step
-    if first != 0 or point.known == 0:
+def _step(here: Here, start: Instant, off: bool, many: bool, point: Point, h: float, end: Moved) -> None:
+    m, first = Stages(), PLACE_OF_X if off else first_moved(here.contact, many)
+    count = ONE_MODE + 2 * here.beam.modes.count - 2 if many else ONE_MODE
+    slope = point.slope if first < PLACE_OF_X else m.k1  # kept where it is wanted: memory would cost 3 % of a step
+    if first == PLACE_OF_X or point.known == 0:
         point.at.passed, point.known = 0.0, 1
-        _fill_slopes(here, start, off, count, point.at, slope, True)
+        _fill_slopes(here, start, off, many, point.at, slope, True)
     y, out, k1, now = numbers_of(point.at), numbers_of(end), numbers_of(slope), numbers_of(m.now)
     k2, k3, k4, k5 = numbers_of(m.k2), numbers_of(m.k3), numbers_of(m.k4), numbers_of(m.k5)
     k6, k7, k8, k9 = numbers_of(m.k6), numbers_of(m.k7), numbers_of(m.k8), numbers_of(m.k9)
     k10, k11, k12 = numbers_of(m.k10), numbers_of(m.k11), numbers_of(m.k12)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j],))
-    _fill_slopes(here, start, off, count, m.now, m.k2, False)
+    _fill_slopes(here, start, off, many, m.now, m.k2, False)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k3, False)
+    _fill_slopes(here, start, off, many, m.now, m.k3, False)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k4, False)
+    _fill_slopes(here, start, off, many, m.now, m.k4, False)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k5, False)
+    _fill_slopes(here, start, off, many, m.now, m.k5, False)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k6, True)
+    _fill_slopes(here, start, off, many, m.now, m.k6, True)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k7, True)
+    _fill_slopes(here, start, off, many, m.now, m.k7, True)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k8, True)
+    _fill_slopes(here, start, off, many, m.now, m.k8, True)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k9, True)
+    _fill_slopes(here, start, off, many, m.now, m.k9, True)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k10, True)
+    _fill_slopes(here, start, off, many, m.now, m.k10, True)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k11, True)
+    _fill_slopes(here, start, off, many, m.now, m.k11, True)
     for j in range(first, count):
         now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j]))
-    _fill_slopes(here, start, off, count, m.now, m.k12, True)
+    _fill_slopes(here, start, off, many, m.now, m.k12, True)
     for j in range(first, count):
         out[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
     for j in range(INTEGRALS, len(out)):
@@ -207,18 +211,25 @@ def _step(here: Here, start: Instant, off: bool, count: int, point: Point, h: fl
 
 @kernel
 def _step_off_surface(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
-    _step(here, start, True, ONE_MODE, point, h, end)
+    _step(here, start, True, False, point, h, end)
 
 
 @kernel
 def _step_in_contact(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
-    _step(here, start, False, ONE_MODE, point, h, end)
+    _step(here, start, False, False, point, h, end)
 
 
 @kernel(fastmath=ANY_ORDER)
-def _step_of_several_modes(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
-    count = ONE_MODE + 2 * here.beam.modes.count - 2
-    _step(here, start, here.contact.now.mode == OFF_SURFACE, count, point, h, end)
+def _step_of_many(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    _step(here, start, here.contact.now.mode == OFF_SURFACE, True, point, h, end)
+
+
+@kernel(inline=True)
+def _has_many(here: Here) -> bool:
+    """Whether the lever has several modes, or a contact that the tip is in several arms."""
+    if here.beam.modes.count > 1:
+        return True
+    return here.contact.now.mode != OFF_SURFACE and first_moved(here.contact, True) < PLACE_OF_X - 2
 
 
 @kernel(inline=True)
@@ -226,8 +237,8 @@ def take_step(here: Here, motion: Motion, h: float, to: Point) -> None:
     """Take a step of length h from where the motion is."""
     start = Instant(motion.time, motion.cos, motion.sin)
     to.known = 0
-    if here.beam.modes.count > 1:
-        _step_of_several_modes(here, start, motion.here, h, to.at)
+    if _has_many(here):
+        _step_of_many(here, start, motion.here, h, to.at)
     elif here.contact.now.mode == OFF_SURFACE:
         _step_off_surface(here, start, motion.here, h, to.at)
     else:
@@ -237,12 +248,11 @@ def take_step(here: Here, motion: Motion, h: float, to: Point) -> None:
 @kernel
 def find_slopes(here: Here, motion: Motion, point: Point) -> None:
     """Fill in the slopes at a point of the step that starts where the motion is."""
-    start, modes, off = Instant(motion.time, motion.cos, motion.sin), here.beam.modes.count, False
-    if modes > 1:
-        off = here.contact.now.mode == OFF_SURFACE
-        _fill_slopes(here, start, off, ONE_MODE + 2 * modes - 2, point.at, point.slope, True)
-    elif here.contact.now.mode == OFF_SURFACE:
-        _fill_slopes(here, start, True, ONE_MODE, point.at, point.slope, True)
+    start, off = Instant(motion.time, motion.cos, motion.sin), here.contact.now.mode == OFF_SURFACE
+    if _has_many(here):
+        _fill_slopes(here, start, off, True, point.at, point.slope, True)
+    elif off:
+        _fill_slopes(here, start, True, False, point.at, point.slope, True)
     else:
-        _fill_slopes(here, start, False, ONE_MODE, point.at, point.slope, True)
+        _fill_slopes(here, start, False, False, point.at, point.slope, True)
     point.known = 1

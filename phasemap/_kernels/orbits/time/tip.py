@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import amplitude_seen
 from phasemap._kernels.lever import modes_of, slowest_decay, static_share
-from phasemap._kernels.orbits.time.elements import CONTACT_MODE, MEMORY_STATE, PERIOD_BEGIN
+from phasemap._kernels.orbits.time.elements import CONTACT_MODE, PERIOD_BEGIN, memory_size
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.records import column, numbers_of, record
 
@@ -83,7 +83,7 @@ class Tip(NamedTuple):
 
     Attributes
     ----------
-    u : ndarray, shape (PLAIN_STATE + 2 (modes - 1),), or MEMORY_STATE over a surface that remembers
+    u : ndarray, shape (PLAIN_STATE + 2 (modes - 1),), or `memory_size` over a surface that remembers
         State at the beginning of a period: at drive phase 0, or over a surface that remembers where `swing_state` puts
         it.
     acc : PeriodResult
@@ -150,7 +150,7 @@ def swing_state(lever: np.ndarray, mean: float, z: float, v: float, u: np.ndarra
 @kernel
 def new_state(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: float) -> np.ndarray:
     """Return a state as `swing_state` has it, over a surface that nothing has touched."""
-    u = np.zeros(MEMORY_STATE if law.memory != 0 else motion_size(lever))
+    u = np.zeros(memory_size(law.arms) if law.memory != 0 else motion_size(lever))
     u[Z0] = z0
     swing_state(lever, mean, z, v, u)
     return u
