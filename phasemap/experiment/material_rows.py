@@ -16,7 +16,8 @@ PLAIN = 4
 """Columns of materials that have nothing more: modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s],
 Poisson's ratio [1]."""
 
-MORE = ("thickness", "relaxed_modulus", "relaxation_time", "liquid_film", "contact_angle", "relaxation")
+MORE_NUMBERS = ("thickness", "relaxed_modulus", "relaxation_time", "liquid_film", "contact_angle")
+MORE = (*MORE_NUMBERS, "relaxation")
 """What the other columns are, which are all there or none: [m], [Pa], [s], [m], [degree], key of a spectrum;
 infinite where a material has none, but the relaxed modulus is then the modulus."""
 

@@ -115,7 +115,7 @@ def make_work(
 ) -> Work:
     """Turn materials into work.
 
-    `materials` (shape (n, 4) or (n, 9)): as for `properties`.
+    `materials` (shape (n, 4) or (n, 10)): as for `properties`.
     `amplitudes` (shape (n,)): setpoint amplitudes [m].
     `marched`: as for `work_of`.
     """

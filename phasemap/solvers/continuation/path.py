@@ -13,7 +13,7 @@ from phasemap._shared.fields import number_of
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.units import UDUNITS
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import MORE
+from phasemap.experiment.material_rows import MORE_NUMBERS
 from phasemap.experiment.microscope import PARTS as CLASSES
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import Work, work_of_material
@@ -21,7 +21,7 @@ from phasemap.solvers.problem import Work, work_of_material
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
 
-MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", *MORE)
+MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", *MORE_NUMBERS)
 PARTS = {
     "stiffness": "cantilever", "quality_factor": "cantilever", "radius": "tip", "free_amplitude": "drive",
     "frequency": "drive", "decay_length": "interaction", "bias": "interaction",
