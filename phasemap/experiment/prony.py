@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._shared.checks import number
+from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
@@ -192,6 +194,20 @@ class Prony(Shown):
         kept = weights[1:] > 0
         return cls(weights[1:][kept], times[kept], weights[0], dwell, off)
 
+    @classmethod
+    def preset(cls, name: str, dwell: float | None = None) -> Prony:
+        """A spectrum of the literature: "PIB" (polyisobutylene) or "epoxy"; `spectra.toml` has the sources.
+
+        Examples
+        --------
+        >>> len(Prony.preset("PIB").times), round(Prony.preset("PIB").instantaneous / 1e9, 1)
+        (17, 8.9)
+        """
+        tables = tomllib.loads(files("phasemap.experiment").joinpath("spectra.toml").read_text(encoding="utf-8"))
+        check_choice("preset of a spectrum", name, list(tables))
+        one = tables[name]
+        return cls.from_shear(one["shear_moduli"], one["times"], one["equilibrium"], dwell or one["dwell"])
+
     @property
     def instantaneous(self) -> float:
         """Young's modulus of a sudden touch [Pa]."""
@@ -232,9 +248,14 @@ class Prony(Shown):
 
 def prony_of(given: Mapping[str, Any]) -> Prony:
     """A spectrum from its arguments as a scene has them: Young's moduli, or `shear_moduli` in their place."""
+    if "preset" in given and set(given) <= {"preset", "dwell"}:
+        dwell = given.get("dwell")
+        return Prony.preset(given["preset"], None if dwell is None else number("dwell", dwell, "s", above=0))
     known = {"moduli", "shear_moduli", "times", "equilibrium", "dwell", "residual"}
     if unknown := sorted(set(given) - known):
-        raise InputError("relaxation", unknown[0], "keys moduli or shear_moduli, times, equilibrium and dwell")
+        raise InputError(
+            "relaxation", unknown[0], "moduli or shear_moduli, times, equilibrium and dwell, or preset and dwell"
+        )
     if ("moduli" in given) == ("shear_moduli" in given) or "times" not in given:
         raise InputError("relaxation", Word(", ".join(given) or "empty"), "moduli or shear_moduli, and times")
     if "moduli" in given:
