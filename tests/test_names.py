@@ -18,7 +18,8 @@ SURFACE = pm.Surface(1e9, pixel_size=4e-9, shape=(2, 2))
 
 GUESSES: dict[str, Callable[[], Any]] = {
     "Material has no argument 'E'; its arguments are modulus, adhesion, damping, viscosity, poisson_ratio, "
-    "thickness, relaxed_modulus, relaxation_time. Did you mean 'modulus'?": lambda: pm.Material(E=1e9),
+    "thickness, relaxed_modulus, relaxation_time, liquid_film, contact_angle, relaxation. "
+    "Did you mean 'modulus'?": lambda: pm.Material(E=1e9),
     "Did you mean 'poisson_ratio'?": lambda: pm.Material(1e9, nu=0.3),
     "Surface needs pixel_size; it is called as Surface(modulus, pixel_size=...).": lambda: pm.Surface(1e9),
     "Surface has no argument 'E';": lambda: pm.Surface(E=1e9, pixel_size=1e-9),

@@ -14,7 +14,7 @@ import phasemap as pm
 from phasemap._kernels.neck import loop_energies
 from phasemap.experiment.interaction import Capillary
 from phasemap.experiment.interaction.capillary import adsorbed_film
-from phasemap.experiment.material_rows import MORE, PLAIN, column_of, rows_of
+from phasemap.experiment.material_rows import MORE, MORE_NUMBERS, PLAIN, column_of, rows_of
 from phasemap.solvers.problem import make_work, work_of_material
 
 RADIUS = 10e-9
@@ -113,7 +113,7 @@ MANY = {
 def test_rows_of_films_relaxing_and_wet_materials_name_what_each_has() -> None:
     rows, viscous = rows_of(MANY.values())
     assert rows.shape == (5, PLAIN + len(MORE)) and not viscous
-    for name in MORE:
+    for name in MORE_NUMBERS:
         own = [getattr(one, name) for one in MANY.values()]
         nothing = [one.modulus if name == "relaxed_modulus" else math.inf for one in MANY.values()]
         column = column_of(rows, name)

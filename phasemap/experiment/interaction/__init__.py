@@ -215,10 +215,11 @@ class Interaction(Shown):
         `relaxation` (shape (n, 4)): as `phasemap.experiment.properties.relaxation_of` has it.
         Raises InputError if the contact law knows no memory.
         """
+        if relaxation is not None:
+            rows[:, CONTACT] *= relaxation[:, 3]
         if relaxation is not None and relaxation[:, 0].any():
             check_half_space(self.law)
-            rows[:, RELAXATION], rows[:, RELAXING], rows[:, SPECTRUM], stiffness = relaxation.T
-            rows[:, CONTACT] *= stiffness
+            rows[:, [RELAXATION, RELAXING, SPECTRUM]] = relaxation[:, :3]
             return True
         if self.withdrawal != "ting" or not rows[:, DAMPING].any():
             return False
