@@ -230,7 +230,7 @@ def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
     """
     if job.surface.lazy and (job.surface.relaxes or job.scope.interaction.withdrawal == "ting"):
         raise InputError("surface", Word("in Dask arrays"), "maps in memory where contacts remember")
-    if job.surface.lazy or not job.only_in_time:
+    if not job.only_in_time:
         return
     check_marches(job.solver.name)
     if isinstance(job.control, Raster):

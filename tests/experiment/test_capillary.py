@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import dask.array as da
 import numpy as np
 import pytest
 
@@ -166,6 +167,20 @@ def test_hydrophilic_beside_hydrophobic_is_a_picture_of_the_phase() -> None:
     image = pm.simulate(wetting, scope_of(Capillary(1e-9)), 0.7)
     assert image.phase.values[0, 0] < -30 and image.phase.values[0, 1] == pytest.approx(45.573, abs=1e-3)
     assert "necks of liquid" in image.attrs["modelled"]
+
+
+def test_wet_images_are_the_same_in_blocks_and_nearly_under_a_slow_feedback_and_can_be_checked() -> None:
+    films = np.repeat([[0.0, 1e-9], [0.3e-9, 0.5e-9]], 16, axis=1)
+    surface = pm.Surface(3e9, 0.05, liquid_film=films, pixel_size=5e-9)
+    image = pm.simulate(surface, scope_of(Capillary(1e-9)), 0.7)
+    in_blocks = pm.Surface(3e9, 0.05, liquid_film=da.from_array(films, chunks=(1, 32)), pixel_size=5e-9)
+    assert pm.simulate(in_blocks, scope_of(Capillary(1e-9)), 0.7).phase.values.tolist() == image.phase.values.tolist()
+    scanned = pm.simulate(surface, scope_of(Capillary(1e-9)), 0.7, control=pm.Feedback(line_rate=0.05))
+    ends = np.abs(scanned.phase.values[0, :, [12, 28]] - image.phase.values[:, [12, 28]].T)
+    assert ends.max() < 1e-3  # twelve pixels behind an edge
+    assert pm.check(image, surface).holds
+    with pytest.raises(pm.InputError, match=r"control is .Raster.; allowed: Engage or Feedback where contacts"):
+        pm.simulate(in_blocks, scope_of(Capillary(1e-9)), 0.7, control=pm.Raster())
 
 
 # What is refused, and what is said.
