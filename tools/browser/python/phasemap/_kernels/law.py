@@ -21,6 +21,7 @@ class Law(NamedTuple):
     attracts: int = 1
     lossy: int = 0
     memory: int = 0
+    arms: int = 1
 
 
 class Oscillator(NamedTuple):
