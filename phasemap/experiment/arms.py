@@ -37,8 +37,8 @@ def merged(prony: Prony, frequency: float) -> Prony:
 
     Examples
     --------
-    >>> merged(Prony([1e9, 1e9, 1e9], [1e-12, 1e-11, 1e-6], 1e9), 300e3).times
-    (9.181818181818182e-12, 1e-06)
+    >>> [round(time * 1e12, 3) for time in merged(Prony([1e9, 1e9, 1e9], [1e-12, 1e-11, 1e-6], 1e9), 300e3).times]
+    [9.182, 1000000.0]
     """
     pairs: dict[float, float] = {}
     for time, modulus in sorted(zip(prony.times, prony.moduli, strict=True)):

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
-from phasemap.experiment.prony import Prony, prony_of
+
+if TYPE_CHECKING:
+    from phasemap.experiment.prony import Prony
 
 MODULUS, ADHESION, VISCOSITY = (100.0, 2e12), (0.0, 2.0), (1e-5, 1e7)  # what is found in practice [Pa, J/m2, Pa s]
 THICKNESS, RELAXATION, LIQUID = (0.2e-9, 1e-4), (1e-10, 1e-2), (0.05e-9, 20e-9)  # [m, s, m]
@@ -121,8 +123,10 @@ class Material(Shown):
         """Take the modulus from the spectrum, if there is one."""
         if self.relaxation is None:
             if self.modulus is None:
-                raise TypeError("Material() missing 1 required positional argument: 'modulus'")
+                raise InputError("modulus", None, "a number of Pa, or a relaxation, which has it")
             return
+        from phasemap.experiment.prony import Prony, prony_of
+
         if isinstance(self.relaxation, Mapping):
             object.__setattr__(self, "relaxation", prony_of(self.relaxation))
         if not isinstance(self.relaxation, Prony):

@@ -21,6 +21,7 @@ from phasemap._shared.threads import Progress, bounds_of, found_in, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.interaction.contact import LAWS
+from phasemap.experiment.material_rows import MORE, PLAIN
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
@@ -294,7 +295,7 @@ def _largest_material(surface: Surface, workers: int) -> Array:
     columns = [column.reshape(-1) for column in surface.columns]
     sign = np.ones(len(columns))
     if surface.contact_angle is not None:
-        sign[-1] = -1
+        sign[PLAIN + MORE.index("contact_angle")] = -1
 
     def largest_in(first: int, last: int) -> list[float]:
         return [np.fmax.reduce(one * column[first:last]) for one, column in zip(sign, columns, strict=True)]

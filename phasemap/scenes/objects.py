@@ -6,7 +6,7 @@ Each table is checked as a whole, so that everything wrong in it is said at once
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, TypeVar
 
@@ -218,6 +218,8 @@ def _from_table(name: str, table: object, cls: Any) -> Any:
     """A frozen dataclass from the table of its fields, or from a preset and what differs from it."""
     fields = dataclasses.fields(cls)
     required = [field.name for field in fields if field.default is dataclasses.MISSING]
+    if cls is Material and not (isinstance(table, Mapping) and "relaxation" in table):
+        required.append("modulus")
     allowed = [field.name for field in fields]
     if hasattr(cls, "preset"):
         allowed.append("preset")

@@ -169,6 +169,7 @@ def test_hydrophilic_beside_hydrophobic_is_a_picture_of_the_phase() -> None:
     assert "necks of liquid" in image.attrs["modelled"]
 
 
+@pytest.mark.slow
 def test_wet_images_are_the_same_in_blocks_and_nearly_under_a_slow_feedback_and_can_be_checked() -> None:
     films = np.repeat([[0.0, 1e-9], [0.3e-9, 0.5e-9]], 16, axis=1)
     surface = pm.Surface(3e9, 0.05, liquid_film=films, pixel_size=5e-9)
@@ -233,7 +234,11 @@ def test_films_that_meet_where_their_neck_breaks_are_refused() -> None:
     assert image.attrs["modelled"] == "capillary contact"  # nothing is said of what the thickest film makes of a row
     loosely_held = scope_of(Capillary(0.0, wet_attraction=0.2))  # the loop over the gap would gain energy, if it were
     work = make_work(
-        np.array([[3e9, 0.5, 0.0, 0.3, np.inf, 3e9, np.inf, 20e-9, np.inf]]), False, loosely_held, 1e-8, marched=True
+        np.array([[3e9, 0.5, 0.0, 0.3, np.inf, 3e9, np.inf, 20e-9, np.inf, np.inf]]),
+        False,
+        loosely_held,
+        1e-8,
+        marched=True,
     )
     assert work.refused().tolist() == [pm.Status.invalid.code]
 
