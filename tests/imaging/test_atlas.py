@@ -75,8 +75,8 @@ CASES = (
     Case("low Q", DAMPED, 0.7, (3e8, 3e9), (1e-3, 0.02), (0.001, 0.05), 0.9),
     Case("beside resonance", BESIDE, 0.7, (1e9, 1e10), (0.01, 0.1), (0, 0.05), 0.9),
     Case(
-        "from repulsive to attractive, 1.01 of the resonance", ABOVE, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), 0.9
-    ),
+        "from repulsive to attractive, 1.01 of the resonance", ABOVE, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), 0.4
+    ),  # 0.9 before folds between two points of the curve were told from leaving it: the rest is exact, and slower
 )
 
 
