@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -148,45 +148,64 @@ def simulate(
     >>> [round(float(p), 2) for p in image.phase.values[0]]
     [42.05, 44.5]
     """
+    asked = _Asked(
+        solver, control or Engage(), accuracy or Accuracy(), realism or Realism(), variables, strict, progress, threads,
+        checkpoint,
+    )  # fmt: skip
     if isinstance(setpoint, (list, tuple)) or getattr(setpoint, "ndim", 0) > 0:
-        options = {
-            "solver": solver, "control": control, "accuracy": accuracy, "realism": realism, "variables": variables,
-            "strict": strict, "progress": progress, "threads": threads,
-        }  # fmt: skip
-        return _at_each(surface, scope, setpoint, checkpoint, options)
-    started = time.perf_counter()
+        return _at_each(surface, scope, setpoint, asked)
+    return _at_one(surface, scope, check_setpoint(setpoint), asked)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What `simulate` is asked for, besides surface, microscope and setpoint."""
+
+    solver: str
+    control: Control
+    accuracy: Accuracy
+    realism: Realism
+    variables: str | Iterable[str] | None
+    strict: bool
+    progress: Progress | None
+    threads: int | None
+    checkpoint: str | os.PathLike[str] | None
+
+
+def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked) -> xr.Dataset:
+    """The image at one setpoint."""
+    started, control = time.perf_counter(), asked.control
     _check_sample(surface, scope)
-    setpoint = check_setpoint(setpoint)
-    control = Engage() if control is None else control
-    accuracy = Accuracy() if accuracy is None else accuracy
     simulator = simulator_of(control)
-    realism = check_realism(Realism() if realism is None else realism, control, surface.shape[0])
-    stay, derived = split(variables, control, scope.drive.second is not None)
+    realism = check_realism(asked.realism, control, surface.shape[0])
+    stay, derived = split(asked.variables, control, scope.drive.second is not None)
     # Of the orbits, where an image shows what they do; else of the image, as an instrument would.
     early = derived if not (control.in_time or changes(realism)) else ()
     names = (*inputs_of(stay, () if early else derived, control), *early)
     if surface.lazy:
-        check_lazy(realism, strict, progress, checkpoint)
+        check_lazy(realism, asked.strict, asked.progress, asked.checkpoint)
     else:
         check_image(surface.shape, names, control.directions, workspace(realism))
     surface = drifted(surface, realism.drift)
-    method = by_name(solver)
-    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(threads)
-    job = Job(surface, place, scope, amplitude, control, method, accuracy, realism, names, workers, progress)
+    method = by_name(asked.solver)
+    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(asked.threads)
+    job = Job(
+        surface, place, scope, amplitude, control, method, asked.accuracy, realism, names, workers, asked.progress
+    )
     simulator.check(job)
     _check_memory(job, (*stay, *derived))
     configuration = {
         "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
-        "accuracy": describe(accuracy), "realism": describe(realism), "shape": list(surface.shape),
+        "accuracy": describe(asked.accuracy), "realism": describe(realism), "shape": list(surface.shape),
         "pixel_size": list(surface.pixel_size),
     }  # fmt: skip
     if surface.lazy:
-        image = simulate_lazily(replace(job, workers=threads or 1))
+        image = simulate_lazily(replace(job, workers=asked.threads or 1))
     else:
         kept = None
-        if checkpoint is not None:
-            kept = Checkpoint(checkpoint, surface, scope.interaction.law, {**configuration, "variables": names})
-        image = _in_memory(replace(job, memo=kept), kept, strict)
+        if asked.checkpoint is not None:
+            kept = Checkpoint(asked.checkpoint, surface, scope.interaction.law, {**configuration, "variables": names})
+        image = _in_memory(replace(job, memo=kept), kept, asked.strict)
         image.attrs["seconds"] = round(time.perf_counter() - started, 6)
     image.attrs.update(provenance(configuration, "simulated"))
     image.attrs.update(IN_TIME if control.in_time else {})
@@ -198,17 +217,16 @@ def simulate(
     return image
 
 
-def _at_each(
-    surface: Surface, scope: Microscope, setpoints: Any, checkpoint: Any, options: dict[str, Any]
-) -> xr.Dataset:
+def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked) -> xr.Dataset:
     """An image at each setpoint, along a dim of that name."""
     import xarray as xr
 
     values = [check_setpoint(one) for one in setpoints]
     if len(set(values)) < len(values) or not values:
         raise InputError("setpoint", str(setpoints), "one number, or several different ones")
+    folder = asked.checkpoint
     images = [
-        simulate(surface, scope, value, **options, checkpoint=checkpoint and Path(checkpoint, repr(value)))
+        _at_one(surface, scope, value, replace(asked, checkpoint=folder and Path(folder, repr(value))))
         for value in values
     ]
     about = {"long_name": "setpoint amplitude over free amplitude", "units": "1"}

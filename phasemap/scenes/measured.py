@@ -141,18 +141,7 @@ def scene_from(
     maps_path = path.with_name(f"{path.stem}_maps.nc")
     for target in (path, maps_path):
         check_target(target, overwrite)
-    if isinstance(image, str | os.PathLike):
-        image = read_image(image)
-    if not hasattr(image, "data_vars"):
-        raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
-    try:
-        scan = one_scan(image, UNITS_OF if phases != 1 and by == "phase" else ["height"], direction)
-    except FileError as error:
-        cure = "Tell materials apart by the height (--by height, in Python by='height'), or take one (--phases 1)."
-        raise FileError(f"{error} {cure}") if "height" in image else error from None
-    for name, units in UNITS_OF.items():
-        if name in scan and scan[name].attrs.get("units", units) != units:
-            raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)
+    scan = _scan_of(image, phases, by, direction)
     tables, notes = _microscope(scan.attrs, list(overrides))
     labels, homogeneous = _labels(scan, phases, by)
     phases = int(labels.max()) + 1 if phases is None else phases
@@ -197,6 +186,25 @@ def scene_from(
     with replacing(path, overwrite) as temporary:
         temporary.write_text(toml_of(tables, made | notes, _heading(scan, path, homogeneous)), encoding="utf-8")
     return load_scene(path)
+
+
+def _scan_of(
+    image: xr.Dataset | str | os.PathLike[str], phases: int | None, by: str, direction: str | None
+) -> xr.Dataset:
+    """One scan of the image, with what tells its materials apart."""
+    if isinstance(image, str | os.PathLike):
+        image = read_image(image)
+    if not hasattr(image, "data_vars"):
+        raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
+    try:
+        scan = one_scan(image, UNITS_OF if phases != 1 and by == "phase" else ["height"], direction)
+    except FileError as error:
+        cure = "Tell materials apart by the height (--by height, in Python by='height'), or take one (--phases 1)."
+        raise FileError(f"{error} {cure}") if "height" in image else error from None
+    for name, units in UNITS_OF.items():
+        if name in scan and scan[name].attrs.get("units", units) != units:
+            raise InputError(f"units of {name} of the image", scan[name].attrs["units"], units)
+    return scan
 
 
 def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, dict[str, str]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasemap._kernels.columns import RELEASE
+from phasemap._kernels.columns import FORMING, RELEASE
 from phasemap._shared.asked import asked_as
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -37,7 +37,7 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     -------
     xarray.Dataset
         Dims ("direction", "depth"), approach and retract: force [N], positive repulsive. The two differ where a law of
-        contact draws out a neck. Damping, which needs a velocity, is not in it.
+        contact draws out a neck, and where one of liquid forms. Damping, which needs a velocity, is not in it.
 
     Raises
     ------
@@ -57,11 +57,11 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     from phasemap._kernels.law import contact_force, longrange_force
 
     axis = check_axis("depths", depths, "m", usual=USUAL)
-    work = work_of_material(material, scope, scope.driven_amplitude)
+    work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.wets)
     row = work.rows[0]
     forces = [
         [(contact_force if depth >= ends else longrange_force)(work.law, depth, row) for depth in axis.tolist()]
-        for ends in (0.0, row[RELEASE])
+        for ends in (row[FORMING], row[RELEASE])
     ]
     about = {"long_name": "force of the surface on the tip, positive repulsive", "units": "N"}
     return xr.Dataset(

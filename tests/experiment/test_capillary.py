@@ -193,7 +193,6 @@ def test_what_is_not_marched_in_time_refuses_liquid() -> None:
         pm.simulate(surface, scope, 0.7, control=pm.Raster())
     for call in (
         lambda: pm.orbits(SAMPLE, scope, 0.7),
-        lambda: pm.force_curve(SAMPLE, scope),
         lambda: pm.sensitivity(surface, scope, 0.7),
     ):
         with pytest.raises(pm.InputError, match=r"contact is 'capillary'; allowed: a dry law without losses, for what"):
@@ -258,3 +257,21 @@ def test_a_scene_says_films_and_angles(tmp_path: Path) -> None:
     law = pm.load_scene(scene, ['interaction.contact={law="capillary", humidity=0.8, tip_angle=30}'])
     assert law.microscope.interaction.law == Capillary(humidity=0.8, tip_angle=30.0)
     assert pm.load_scene(scene, ['interaction.contact={law="capillary"}', "interaction.contact.humidity=0.3"])
+
+
+def test_a_tip_that_reaches_the_liquid_only_is_not_said_to_touch_the_solid() -> None:
+    scope = pm.Microscope(
+        pm.Cantilever(2.0, 70e3, 150.0), pm.Tip(RADIUS), pm.Drive(30e-9), pm.Interaction(Capillary(0.5e-9))
+    )
+    found = pm.solve_pixel(pm.Material(2e9, 0.05, damping=0.01), scope, 0.7)
+    # Its taps are not all alike: what is said is the deepest of many.
+    assert found.amplitude_spread > 0.0 and -1e-9 < found.indentation < -0.5e-9
+
+
+def test_a_force_curve_forms_the_neck_where_films_meet_and_breaks_it_farther_out() -> None:
+    scope, depths = scope_of(Capillary(0.5e-9)), np.array([-3e-9, -2.5e-9, -1.05e-9, -0.95e-9, 0.0, 1e-9])
+    there, back = pm.force_curve(SAMPLE, scope, depths).force.values
+    dry = pm.force_curve(SAMPLE, scope_of("dmt"), depths).force.values[0]
+    assert (there == back).tolist() == [True, False, False, True, True, True]
+    assert there[:3] == pytest.approx(dry[:3], rel=1e-12) and (back[1:] < dry[1:] - 1e-10).all()
+    assert back[4:] == pytest.approx(dry[4:] - 4 * np.pi * RADIUS * 0.072, rel=1e-12)

@@ -274,6 +274,7 @@ def hold_mean(
         return col.NOT_SETTLED
     at_first = Controller(amplitude, slow.gain if sticky else gain, sticky, rough, block, slow.size, slow.fewest)
     lock_in, of, series, says = LockIn(), Groups(), new_series(SERIES_START), TOO_FEW
+    of.total.period.deepest = -math.inf  # of a tip that reaches liquid only
     begin_lock_in(lever, tip.acc, lock_in)
     good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, of)
     while good and says == TOO_FEW and tip.periods.marched + slow.size * block <= most:

@@ -22,11 +22,11 @@ from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack
 from phasemap.inference.sampling import REACH, sample
 from phasemap.inference.series.answer import dataset_of
-from phasemap.inference.series.contrasts import drift_of, each_of, medians, regions_of
+from phasemap.inference.series.contrasts import Medians, drift_of, each_of, medians, regions_of
 from phasemap.inference.series.orbits import Lever, make_table
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.recorded import read_files
-from phasemap.inference.series.settings import FREE, scope_of, settings_of
+from phasemap.inference.series.settings import FREE, Settings, scope_of, settings_of
 from phasemap.inference.verdict import PRIOR, check_known, check_prior
 from phasemap.io.measured import one_scan
 
@@ -61,9 +61,8 @@ def series(
 ) -> xr.Dataset:
     """Explain the phase contrast in several measured files of one sample, whatever they leave unsaid.
 
-    Regions are found in every file, and a material for each is sought that makes the contrasts between them at all
-    settings. Free amplitude, setpoint, zero and sign of the phase are unknowns beside the materials where files do not
-    say them. Files may be of different places. What is reported is what all unknowns together leave possible.
+    A material is sought for each region that makes the contrasts at all settings. What files do not say of amplitudes,
+    setpoints, zero and sign of the phase is unknown beside; what is reported is what all unknowns leave possible.
 
     Parameters
     ----------
@@ -75,8 +74,7 @@ def series(
     regions : int
         How many to find, 2 to 4.
     by : {"phase", "height", "both"}, optional
-        What tells regions apart; by default the phase, or the height where that does it much more sharply and shows
-        the same.
+        What tells regions apart; by default the phase, or the height where that shows the same much more sharply.
     labels : array_like of int, or a sequence of them, one a file; optional
         Regions (2 to 5) that are known, -1 where pixels are left out.
     known : mapping of int to Material, optional
@@ -89,19 +87,17 @@ def series(
         Recorded phase of the free lever [degree]. By default as recorded, else an unknown in each file: then only
         contrasts count.
     phase_zero_error : float
-        Standard error of a zero in each file by itself [degree].
+        Standard error of each file's zero [degree].
     sign : {1, -1}, optional
         -1 if the instrument counts lag positive; by default both are tried.
     phase_error : float
-        What the median of a region may be wrong by beside its own standard error [degree]: crosstalk, and what the
-        model leaves out.
+        Error of a region's median beside its standard error [degree]: crosstalk, and what the model leaves out.
     prior : Material
     prior_factor : float or three of them
         Within which modulus, adhesion and damping are that of the prior, with a chance of 68 %.
     direction : str, optional
         "trace" or "retrace"; None takes the first there is.
     seed : int
-        Of the draws.
 
     Returns
     -------
@@ -118,19 +114,14 @@ def series(
 
     Raises
     ------
-    InputError
-        If files do not belong together, or a choice is unknown.
-    FileError
-        If a file cannot be read.
-    SolveError
-        If no oscillation that the prior allows holds the setpoints.
+    InputError, FileError, SolveError
+        If files do not belong together or cannot be read, or nothing that the prior allows holds the setpoints.
 
     Notes
     -----
-    Orbits are averaged ones, which is exact enough where Q is above some 30. The tip is taken to be on the branch that
-    it meets first, coming from far, with a chance of 3 in 4 where there is another. A wrong lever, tip radius or
-    contact law is not in the errors. Order and sign of the contrast are what can be expected of a series; its magnitude
-    can mostly be fitted, and then says little.
+    Orbits are averaged, exact enough where Q is above some 30. The branch that the tip meets first has a chance of 3
+    in 4 where there is another. A wrong lever, tip radius or law is not in the errors. Order and sign of the
+    contrast are what a series tells; its magnitude can mostly be fitted.
 
     Examples
     --------
@@ -144,7 +135,7 @@ def series(
     >>> found.setpoint.values.tolist(), bool((found.measured_contrast * found.fitted_contrast)[1].min() > 0)
     ([0.8, 0.5], True)
     """
-    images, names = _read(files, direction)
+    images, file_names = _read(files, direction)
     error = number("phase_error", phase_error, "degree", above=0)
     whole("regions", regions, 2, 4)
     whole("seed", seed, 0)
@@ -154,32 +145,34 @@ def series(
         "setpoints": setpoints, "free_amplitudes": free_amplitudes, "phase_zero": phase_zero,
         "phase_zero_error": number("phase_zero_error", phase_zero_error, "degree", minimum=0), "sign": sign,
     }  # fmt: skip
-    settings, order = settings_of(images, names, given).ordered()
+    settings, order = settings_of(images, file_names, given).ordered()
     images = [images[i] for i in order]
-    if labels is not None:
-        each = each_of(labels, len(images))
-        labels = [each[i] for i in order]
-    found = regions_of(images, settings.names, labels, by, regions)
+    each = None if labels is None else each_of(labels, len(images))
+    found = regions_of(images, settings.names, each and [each[i] for i in order], by, regions)
     seen = medians(images, found.labels)
-    lever = _lever(used, prior)
-    fixed = _known(known, lever.model, prior, len(seen.values))
-    limits, levels = settings.ranges(REACH)
-    table = make_table(lever, REACH * widths, limits, levels)
-    there = np.isfinite(seen.values)
     drift, repeated = drift_of(seen.values, settings.repeats, settings.zero != FREE)
     if drift > error:
-        listed = ", ".join(settings.names[i] for i in repeated)
-        told.append(f"Repeats at one setting differ by {drift:.2g} degrees ({listed}): all errors have that in them.")
-    errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), max(drift, error)), np.inf)
-    problem = Problem(lever, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
+        those = ", ".join(settings.names[i] for i in repeated)
+        told.append(f"Repeats at one setting differ by {drift:.2g} degrees ({those}): all errors have that in them.")
+    problem = _problem(_lever(used, prior), settings, seen, max(drift, error), widths, (known, prior))
     draws = sample(problem.likelihood, len(problem.names), seed)
     if draws is None:
-        raise SolveError(
-            "No oscillation that the prior allows holds the setpoints: see to lever, amplitude, setpoints."
-        )
+        raise SolveError("No oscillation that the prior allows holds the setpoints: see to lever and amplitude.")
     ds = dataset_of(problem, draws, problem.explained(draws.x, seed), seen, images, found.labels)
-    ds.attrs["notes"] = "\n".join([*told, *settings.told, *found.told])
-    return ds
+    return ds.assign_attrs(notes="\n".join([*told, *settings.told, *found.told]))
+
+
+def _problem(
+    lever: Lever, settings: Settings, seen: Medians, error: float, widths: Array,
+    materials: tuple[Mapping[int, Material] | None, Material],
+) -> Problem:  # fmt: skip
+    """What is to be explained, with this error [degree] of each median; `materials`: those known, and the prior."""
+    known, prior = materials
+    fixed = _known(known, lever.model, prior, len(seen.values))
+    limits, levels = settings.ranges(REACH)
+    table, there = make_table(lever, REACH * widths, limits, levels), np.isfinite(seen.values)
+    errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
+    return Problem(lever, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
 
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:

@@ -68,15 +68,12 @@ def contrast(
         The contrast is the phase on the second less that on the first.
     scope : Microscope
     setpoints : array_like
-        Amplitudes over the free amplitude at the drive frequency, between 0 and 1, rising or falling; 40 from 0.3 to
-        0.95 by default.
+        Amplitudes over the free one at the drive frequency, 0 to 1, rising or falling; by default 40, 0.3 to 0.95.
     free_amplitudes : float or array_like, optional
         At resonance [m]; that of `scope` by default. An array becomes a dimension.
     frequencies : float or array_like, optional
         Of the drive [Hz]; that of `scope` by default. An array becomes a dimension.
-    solver : {"auto", "averaging", "orbit", "march"}
-        As in `phasemap.simulate`.
-    accuracy : Accuracy, optional
+    solver, accuracy
         As in `phasemap.simulate`.
     names : sequence of str
         Of the two materials.
@@ -122,12 +119,10 @@ def contrast(
 
     Notes
     -----
-    Recommended is a point at which each material has a single regime, with no jump, second regime or failure within
-    0.03 in setpoint and on the way to the neighbouring free amplitudes and frequencies: of all that have at least 0.9
-    of the largest contrast, or 30 degrees, the one at which the tip indents least. Where there is none with a contrast
-    of at least 0.5 degree, the margin is given up, then the single regime; the sentence says so. Wang (1999) finds the
-    best sensitivity around the transition between the regimes, and no contrast of undamped materials but by their
-    regimes; for those the sentence recommends the height.
+    Recommended is a point where each material has a single regime, with no jump, second regime or failure within 0.03
+    in setpoint and on the way to neighbouring amplitudes and frequencies: of all with 0.9 of the largest contrast, or
+    30 degrees, the one at which the tip indents least. Where none has 0.5 degree, the margin is given up, then the
+    single regime; the sentence says so. Undamped materials differ by their regimes only (Wang 1999): see the height.
 
     Examples
     --------
@@ -158,6 +153,22 @@ def contrast(
         16.0 * math.prod(map(len, rising)) * (pair.columns + PER_POINT),
         "Take fewer points.",
     )
+    found = _mapped(pair, rising, labels, wanted, workers, progress)
+    falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
+    given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
+    found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
+    configuration = {
+        "microscope": describe(_without_axes(scope, frequencies, free_amplitudes)), "first": describe(first),
+        "second": describe(second), "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
+    }  # fmt: skip
+    seconds = round(time.perf_counter() - started, 6)
+    return found.assign_attrs(provenance(configuration, "contrast mapped"), seconds=seconds)
+
+
+def _mapped(
+    pair: Pair, rising: Axes, labels: tuple[str, str], wanted: tuple[str, ...], workers: int, progress: Progress | None
+) -> xr.Dataset:
+    """The map over rising axes, its jumps and inversions, and where to work."""
     engaged, regime = _solve(pair, rising, workers, progress)
     points = regime[0].size
 
@@ -171,15 +182,6 @@ def contrast(
     found = record(rising, labels, engaged, regime, jumps, inversions)
     found = found.assign(derived(wanted, pair, labels, rising, engaged))
     found.attrs.update(_recommended(choose(rising, labels, engaged, regime, jumps), rising, found["contrast"]))
-    falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
-    given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
-    found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
-    configuration = {
-        "microscope": describe(_without_axes(scope, frequencies, free_amplitudes)), "first": describe(first),
-        "second": describe(second), "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
-    }  # fmt: skip
-    found.attrs.update(provenance(configuration, "contrast mapped"))
-    found.attrs["seconds"] = round(time.perf_counter() - started, 6)
     return found
 
 
