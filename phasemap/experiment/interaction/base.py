@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -192,3 +193,15 @@ def _difference(formula: Callable[[float, Array], float], start: int | None) -> 
         return (8.0 * near - far) / (12.0 * h)
 
     return slope
+
+
+class SphereLaw(ContactLaw):
+    """A law whose attraction is that of a sphere and a plane; its first parameters by default those of DMT."""
+
+    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
+        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N]."""
+        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
+
+    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """2 pi w R [N]."""
+        return 2 * math.pi * radius * adhesion

@@ -10,7 +10,7 @@ from phasemap._kernels.columns import BRIDGE, BRIDGE_CURVE, BRIDGE_FALL, CONTACT
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
-from phasemap.experiment.interaction.base import ContactLaw, Necks
+from phasemap.experiment.interaction.base import Necks, SphereLaw
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +39,7 @@ def adsorbed_film(humidity: float) -> float:
 
 
 @dataclass(frozen=True)
-class Capillary(ContactLaw):
+class Capillary(SphereLaw):
     """DMT contact under films of liquid, which draw a neck between tip and sample: theory, Eqs. (model-21) to (-25).
 
     A neck forms on the way in where the films meet, at gap D = reach (h_tip + h_sample), and breaks on the way out at
@@ -133,9 +133,6 @@ class Capillary(ContactLaw):
         """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = what liquid leaves of the attraction [N]."""
         pull = self.pull(contact_stiffness, adhesion, radius)
         return contact_stiffness * math.sqrt(radius), self.wet_attraction * pull
-
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion
 
     def necks(self, radius: float, liquid: Array) -> Necks:
         """The necks of a tip of this radius [m] on films of this thickness [m] and contact angle [degree].

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.fields import Number
-from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import ContactLaw, SphereLaw
 from phasemap.experiment.interaction.capillary import Capillary
 from phasemap.experiment.interaction.cone import Cone
 from phasemap.experiment.interaction.film import Film
@@ -27,20 +27,13 @@ __all__ = [
 ]  # fmt: skip
 
 
-class DMT(ContactLaw):
+class DMT(SphereLaw):
     """F = K sqrt(R) d^(3/2) - 2 pi w R (Derjaguin, Muller, Toporov 1975; Wang 1999, Eq. 2): theory, Eq. (model-7)."""
 
     name = "dmt"
 
     force = staticmethod(hertzian)
     slope = staticmethod(hertzian_slope)
-
-    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
-        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N]."""
-        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
-
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion
 
 
 class Hertz(DMT):
@@ -53,7 +46,7 @@ class Hertz(DMT):
 
 
 @dataclass(frozen=True)
-class FlatPunch(ContactLaw):
+class FlatPunch(SphereLaw):
     """F = 2 E* R_c d - 2 pi w R, E* = 3 K / 4: a flat punch (Sneddon 1965), for a worn tip or a thin stiff layer.
 
     Its attraction is that of a sphere of the tip's radius R, as of a tip with a small flat at its end.
@@ -81,9 +74,6 @@ class FlatPunch(ContactLaw):
         flat = radius if self.contact_radius is None else self.contact_radius
         return 1.5 * contact_stiffness * flat, self.pull(contact_stiffness, adhesion, radius)
 
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion
-
     def radius_at(self, depth: Array, radius: float) -> Array:
         """R_c [m], at any depth."""
         return 0.0 * depth + (radius if self.contact_radius is None else self.contact_radius)
@@ -101,7 +91,7 @@ class LinearSpring(FlatPunch):
 
 
 @dataclass(frozen=True)
-class Neck(ContactLaw):
+class Neck(SphereLaw):
     """DMT contact whose adhesion holds the retracting tip over a length: a neck of liquid or polymer that then breaks.
 
     F = K sqrt(R) max(d, 0)^(3/2) - 2 pi w R down to d = -length.
@@ -123,13 +113,6 @@ class Neck(ContactLaw):
     @staticmethod
     def slope(d: float, p: Array) -> float:
         return 1.5 * p[CONTACT] * math.sqrt(max(d, 0.0))
-
-    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
-        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N]."""
-        return contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
-
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion
 
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         return -self.length * (adhesion > 0.0)

@@ -11,7 +11,7 @@ from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import power_law, power_law_slope
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
-from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import SphereLaw
 
 if TYPE_CHECKING:
     import numpy as np
@@ -92,7 +92,7 @@ def _series(base: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Film(ContactLaw):
+class Film(SphereLaw):
     """F = K sqrt(R) d^(3/2) (1 + c1 x + c2 x^2 + c3 x^3 + c4 x^4) - 2 pi w R, x = sqrt(R d)/h: theory, Eq. (model-17).
 
     A rigid sphere on a film of thickness h on a rigid base, linear elastic. c1 is exact; the others are fitted to the
@@ -166,6 +166,3 @@ class Film(ContactLaw):
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
         """Those of a film without end, on which the force is that of DMT."""
         return self.columns_on(contact_stiffness, adhesion, radius, None)
-
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from phasemap._kernels.forces import hertzian, hertzian_slope
 from phasemap._shared.fields import Number
-from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import SphereLaw
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class LossyDMT(ContactLaw):
+class LossyDMT(SphereLaw):
     """DMT contact that loses energy outside contact, or by adhesion: theory, Eqs. (losses-1) and (losses-2).
 
     Outside contact -Gamma exp(d/Lambda) d' acts beside the attraction (Gotsmann et al., Phys. Rev. B 60, 11051 (1999)).
@@ -48,9 +48,6 @@ class LossyDMT(ContactLaw):
         """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] and p[WITHDRAWN] = attractions of w and of w_r - w [N]."""
         pull = self.pull(contact_stiffness, adhesion, radius)
         return contact_stiffness * math.sqrt(radius), pull, (self.adhesion_ratio - 1.0) * pull
-
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion
 
     def loss_outside(self) -> tuple[float, float]:
         return 1.0 / self.outer_length, self.outer_loss

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 from phasemap._kernels.columns import CONTACT
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
-from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import SphereLaw
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,7 +74,7 @@ def _solve(d: float, p: Array) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class MaugisDugdale(ContactLaw):
+class MaugisDugdale(SphereLaw):
     """A constant stress sigma0 = w/h0 up to a gap h0 around the contact.
 
     D. Maugis 1992, J. Colloid Interface Sci. 150, 243. With lambda = 2 sigma0 (R/(pi w K^2))^(1/3), m = c/a,
@@ -130,9 +130,6 @@ class MaugisDugdale(ContactLaw):
         force = np.where(sticks, math.pi * adhesion * radius, contact_stiffness * math.sqrt(radius))
         inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=sticks)
         return force, inverse, lam, self.release(contact_stiffness, adhesion, radius)
-
-    def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        return 2 * math.pi * radius * adhesion
 
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         import numpy as np
