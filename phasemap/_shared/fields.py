@@ -30,8 +30,8 @@ class Number(Generic[T]):
         A field without one has to be given; None is allowed where it is the default, or with `optional`.
     said : str, optional
         What it is called where its own name says too little.
-    optional : bool
-        Whether None, or the text "none", is allowed.
+    optional : bool, optional
+        Whether None, or the text "none", is allowed where it is asked for; by default where it is the default.
     usual : (float, float), optional
         The least and the most found in practice, zero aside [unit].
     asks : bool
@@ -59,13 +59,14 @@ class Number(Generic[T]):
         default: float | None = _REQUIRED,
         *,
         said: str | None = None,
-        optional: bool = False,
+        optional: bool | None = None,
         usual: Usual | None = None,
         asks: bool = True,
         **bounds: float,
     ) -> None:
         self.unit, self.usual, self._asks = unit, usual, asks
-        self._optional, self._said, self._bounds = optional or default is None, said, bounds
+        self._said, self._bounds = said, bounds
+        self._optional = default is None if optional is None else optional
         self._default: Any = default
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -79,7 +80,7 @@ class Number(Generic[T]):
         return cast(T, self._default)
 
     def __set__(self, instance: object, value: T | Scalar) -> None:
-        found = self.check(value)
+        found = None if value is None and self._default is None else self.check(value)
         if found is not None and self._asks:
             self.look_at(found)
         instance.__dict__[self._name] = found

@@ -66,7 +66,7 @@ class Material(Shown):
     0.35
     """
 
-    modulus: Number[float] = Number("Pa", None, minimum=0, usual=MODULUS)  # None beside a spectrum only
+    modulus: Number[float] = Number("Pa", None, optional=False, minimum=0, usual=MODULUS)  # a spectrum has it
     adhesion: Number[float] = Number("J/m2", 0.0, minimum=0, usual=ADHESION)
     damping: Number[float] = Number("1", 0.0, minimum=0)
     viscosity: Number[float | None] = Number("Pa s", None, minimum=0, usual=VISCOSITY)

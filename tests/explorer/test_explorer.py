@@ -267,7 +267,7 @@ def test_a_map_on_which_nothing_holds_recommends_no_point() -> None:
         ({"changes": {"drive.free_amplitude": None}}, "free_amplitude is None"),
         ({"changes": {"drive.frequency": 0}}, "drive frequency is 0"),
         ({"changes": {"materials.2.modulus": 1e9}}, "materials.2 is unknown"),
-        ({"changes": {"materials.0.modulus": None}}, "modulus is None"),
+        ({"changes": {"materials.0.modulus": None}}, "compliant modulus is None"),
         ({"changes": {"materials.0.damping": -1}}, "damping is -1"),
         ({"changes": {"materials.0.viscosity": 1.0}}, "either damping or viscosity, not both"),
         ({"changes": {"interaction.contact": "glue"}}, "contact is 'glue'"),
