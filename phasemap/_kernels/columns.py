@@ -13,9 +13,7 @@ CONTACT = 0
 LONGRANGE = 4
 DAMPING = 8
 ROW = 16
-INVERSE_REACH = (
-    5  # 1 over the length [m] on which the long-range force changes at d = 0; its attraction there is at LONGRANGE [N]
-)
+INVERSE_REACH = 5  # 1 over the length [m] on which the long-range force, at d = 0 of p[LONGRANGE] [N], changes there
 EXPONENT = 9  # n of the built-in damping law, whose alpha1/R^n [m^-n] stands at DAMPING
 BIAS = 11  # attraction [N] in contact of a long-range force, as of a voltage; negative where that repels
 PULL = 1  # attraction [N] in contact of DMT's law

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels.columns import MOST_ARMS
 from phasemap._shared.errors import InputError, Word
-from phasemap.experiment.prony import Prony, spectrum_of
+from phasemap.experiment.prony import Prony, arms_at, spectrum_of
 
 FloatArray = NDArray[np.float64]
 FASTEST_SEEN = 30.0  # drive frequencies up to which a tap hears: half of it lasts for a sixtieth of the period or more
@@ -46,15 +46,14 @@ def merged(prony: Prony, frequency: float) -> Prony:
             pairs[time] = pairs.get(time, 0.0) + modulus
     times, moduli = np.array(list(pairs)), np.array(list(pairs.values()))
     frequencies = np.geomspace(frequency, FASTEST_SEEN * frequency, 30)
-    turn = 2j * np.pi * frequencies[:, None] * times
-    parts = moduli * turn / (1 + turn)
+    parts = moduli * arms_at(frequencies, times)
     size = np.abs(prony.lasting + parts.sum(axis=1))
     found = times, moduli
     for count in range(2, len(times) + 1):
         first, second = float(np.sum((moduli * times)[:count])), float(np.sum((moduli * times**2)[:count]))
         time, modulus = second / first, first**2 / second
-        turn = 2j * np.pi * frequencies * time
-        if np.max(np.abs(modulus * turn / (1 + turn) - parts[:, :count].sum(axis=1)) / size) > REDUCED:
+        one = modulus * arms_at(frequencies, np.array([time]))[:, 0]
+        if np.max(np.abs(one - parts[:, :count].sum(axis=1)) / size) > REDUCED:
             break
         found = np.append(time, times[count:]), np.append(modulus, moduli[count:])
     if not len(times):

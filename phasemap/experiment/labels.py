@@ -13,7 +13,7 @@ from phasemap._shared.dask_arrays import lazy_map
 from phasemap._shared.errors import InputError
 from phasemap.experiment.distinct_rows import factorise
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import MORE, column_of, rows_of
+from phasemap.experiment.material_rows import column_of, more_of, rows_of
 from phasemap.experiment.relaxing import refuse_film
 from phasemap.experiment.surface_maps import check_memory, where
 
@@ -64,10 +64,7 @@ def _named(columns: Sequence[Any], viscous: bool) -> dict[str, Any]:
     """Columns of a material as arguments of a surface."""
     modulus, adhesion, loss, poisson_ratio, *rest = columns
     maps = {"modulus": modulus, "adhesion": adhesion, "poisson_ratio": poisson_ratio}
-    more = {name: one for name, one in zip(MORE, rest, strict=False) if np.ndim(one) or np.isfinite(one)}
-    if "relaxation_time" not in more:
-        more.pop("relaxed_modulus", None)
-    return {**maps, "viscosity" if viscous else "damping": loss, **more}
+    return {**maps, "viscosity" if viscous else "damping": loss, **more_of(rest)}
 
 
 def _whole_numbers(labels: Any) -> NDArray[Any]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from phasemap.experiment.material import Material
-from phasemap.experiment.prony import Prony
+from phasemap.experiment.prony import Prony, spectrum_of
 
 Array = np.ndarray
 
@@ -48,13 +49,17 @@ def rows_of(materials: Iterable[Material]) -> tuple[Array, bool]:
     if any(getattr(one, name) is not None for one in every for name in MORE):
         for row, one in zip(rows, every, strict=True):
             none = {"relaxed_modulus": one.modulus}
-            if isinstance(one.relaxation, Prony):
-                none["relaxation"] = one.relaxation.key
-            row += [
-                none.get(name, math.inf) if name == "relaxation" or (own := getattr(one, name)) is None else own
-                for name in MORE
-            ]
+            row += [none.get(name, math.inf) if (own := getattr(one, name)) is None else own for name in MORE_NUMBERS]
+            row.append(one.relaxation.key if isinstance(one.relaxation, Prony) else math.inf)
     return np.array(rows, dtype=np.float64), viscous
+
+
+def more_of(columns: Sequence[Any]) -> dict[str, Any]:
+    """Those of `MORE` that some material has, of columns that are numbers or maps; spectra by their keys."""
+    found = {name: one for name, one in zip(MORE, columns, strict=False) if np.ndim(one) or math.isfinite(one)}
+    if "relaxation_time" not in found:
+        found.pop("relaxed_modulus", None)
+    return found
 
 
 def materials_of(rows: Array, viscous: bool) -> list[Material]:
@@ -63,14 +68,15 @@ def materials_of(rows: Array, viscous: bool) -> list[Material]:
     Examples
     --------
     >>> film, solid = Material(1e9, thickness=5e-9), Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-7)
-    >>> materials_of(*rows_of([film, solid])) == [film, solid]
+    >>> rubber = Material(relaxation=Prony([5e8, 4e8], [2e-8, 1e-6], 1e8))
+    >>> materials_of(*rows_of([film, solid, rubber])) == [film, solid, rubber]
     True
     """
     found = []
     for modulus, adhesion, loss, poisson_ratio, *rest in rows.tolist():
-        more = {name: one for name, one in zip(MORE, rest, strict=False) if math.isfinite(one)}
-        if "relaxation_time" not in more:
-            more.pop("relaxed_modulus", None)
+        more = more_of(rest)
+        if "relaxation" in more:
+            more["relaxation"] = spectrum_of(more["relaxation"])
         more["viscosity" if viscous else "damping"] = loss
         found.append(Material(modulus, adhesion, poisson_ratio=poisson_ratio, **more))
     return found

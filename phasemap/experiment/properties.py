@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap.experiment.arms import contact_of
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import MORE, PLAIN, column_of
-from phasemap.experiment.microscope import Microscope, Tip
+from phasemap.experiment.material_rows import column_of
+
+if TYPE_CHECKING:
+    from phasemap.experiment.microscope import Microscope, Tip
 
 Array = np.ndarray
+
+
+def compliance_of(tip: Tip) -> float:
+    """(1 - nu_t^2)/E_t [1/Pa] of a tip; 0 if it is rigid."""
+    return 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
 
 
 def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
@@ -21,12 +29,12 @@ def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
 
     Examples
     --------
+    >>> from phasemap.experiment.microscope import Tip
     >>> contact_stiffness(np.array([0.0, 0.75e9]), np.array([0.0, 0.0]), Tip(1e-8)).tolist()
     [0.0, 1000000000.0]
     """
-    tip_compliance = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
     with np.errstate(all="ignore"):  # what is not finite has a status of its own
-        stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * tip_compliance)
+        stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * compliance_of(tip))
     return stiffness
 
 
@@ -52,7 +60,7 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
 
     Examples
     --------
-    >>> from phasemap.experiment.microscope import Cantilever, Drive
+    >>> from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
     >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(40e-9))
     >>> both = of_one_loss({"a": Material(1e9, damping=0.01), "b": Material(1e9, viscosity=42.44)}, scope)
     >>> round(both["b"].damping, 6), both["b"].viscosity
@@ -98,31 +106,28 @@ def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
     """What relaxes under this tip, shape (n, 4), or None: tau [1/omega_c], 1 - E_inf/E_0, address of arms, stiffness.
 
     The stiffness is that of a sudden touch, over that of the modulus. tau and the share are 0 where nothing relaxes,
-    the address where there is one time. An elastic tip in series makes contacts relax sooner, by the ratio of the
-    shares that are left, for the time in which they recover does not change: theory, Eq. (memory-1).
+    the address where there is one time.
+    """
+    found, spectrum = _of_one_time(materials, scope), column_of(materials, "relaxation")
+    if spectrum is None:
+        return found
+    if found is None:
+        found = np.tile([0.0, 0.0, 0.0, 1.0], (len(materials), 1))
+    resonance, soft = scope.cantilever.resonance_frequency, compliance_of(scope.tip)
+    for i in np.flatnonzero(np.isfinite(spectrum)):
+        compliance = float(soft / (1 - materials[i, 3] ** 2))
+        one = contact_of(float(spectrum[i]), compliance, scope.frequency_ratio * resonance, 2 * np.pi * resonance)
+        found[i] = 2 * np.pi * resonance * one.time, one.share, one.address, one.stiffness
+    return found
+
+
+def _of_one_time(materials: Array, scope: Microscope) -> Array | None:
+    """The same of standard linear solids.
+
+    An elastic tip in series makes contacts relax sooner, by the ratio of the shares that are left, for the time in
+    which they recover does not change: theory, Eq. (memory-1).
     """
     time, relaxed = column_of(materials, "relaxation_time"), column_of(materials, "relaxed_modulus")
-    spectrum = column_of(materials, "relaxation")
-    if spectrum is not None:
-        found = np.tile([0.0, 0.0, 0.0, 1.0], (len(materials), 1))
-        if time is not None:
-            plain = materials.copy()
-            plain[:, PLAIN + MORE.index("relaxation")] = np.inf
-            single = relaxation_of(plain, scope)
-            assert single is not None
-            found = single
-        unit, tip = 2 * np.pi * scope.cantilever.resonance_frequency, scope.tip
-        soft = 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
-        for i in np.flatnonzero(np.isfinite(spectrum)):
-            compliance = soft / (1 - materials[i, 3] ** 2)
-            one = contact_of(
-                float(spectrum[i]),
-                float(compliance),
-                scope.frequency_ratio * scope.cantilever.resonance_frequency,
-                unit,
-            )
-            found[i] = unit * one.time, one.share, one.address, one.stiffness
-        return found
     if time is None or relaxed is None:
         return None
     modulus = materials[:, 0]

@@ -60,9 +60,8 @@ class Passage:
         return int(status), row
 
 
-def there_and_back(question: Question, rising: np.ndarray) -> tuple[Visit, Visit]:
+def there_and_back(work: Work, rising: np.ndarray) -> tuple[Visit, Visit]:
     """Approach and retract over these rising tip offsets [m], as rows of the tip."""
-    work = question.work(marched=True)
     passage = Passage(work, rising[-1])
     n = len(rising)
     approach = _visit(passage, range(n - 1, -1, -1), lambda k: (work, rising[k]), False, n)
@@ -71,9 +70,10 @@ def there_and_back(question: Question, rising: np.ndarray) -> tuple[Visit, Visit
 
 def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
-    approach, retract = there_and_back(question, np.sort(axis))
+    work = question.work(marched=True)
+    approach, retract = there_and_back(work, np.sort(axis))
     about = Axis("tip_offset", axis, "m", "tip offset", ("approach", "retract"))
-    return _dataset(question, question.work(marched=True), about, [approach, retract], samples, {})
+    return _dataset(question, work, about, [approach, retract], samples, {})
 
 
 def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:

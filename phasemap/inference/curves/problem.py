@@ -77,9 +77,9 @@ def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
 def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
     """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance."""
     order = np.argsort(tip_offsets)
-    x, lever, found = tip_offsets[order], question.work(marched=True).lever, []
-    for visit in there_and_back(question, x):
-        rows = seen(visit.rows, np.broadcast_to(lever, (len(x), len(lever))))
+    x, work, found = tip_offsets[order], question.work(marched=True), []
+    for visit in there_and_back(work, x):
+        rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
         repelled = rows[:, col.STIFFENING] > 0
         for side in (repelled, ~repelled):
             part = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
