@@ -39,13 +39,7 @@ def as_list(name: str, value: object, allowed: str) -> list[Any]:
 
 
 def real_numbers(name: str, values: object, unit: str) -> NDArray[np.float64]:
-    """Return numbers, with units or in `unit`, as a float64 array of any shape; NaN where they are masked.
-
-    Examples
-    --------
-    >>> real_numbers("depths", ["1 nm", 2e-9], "m").tolist(), real_numbers("at", "20 nm", "m").tolist()
-    ([1e-09, 2e-09], 2e-08)
-    """
+    """Return numbers, with units or in `unit`, as a float64 array of any shape; NaN where they are masked."""
     allowed = f"numbers{f' in {unit}' if unit not in ('', '1') else ''}"
     given = as_array(name, numbers(name, values, unit), allowed)
     if given.dtype.kind not in "fiu":

@@ -15,13 +15,7 @@ R = TypeVar("R")
 
 
 def no_argument(of: str, name: str, names: Iterable[str], symbols: Mapping[str, str]) -> str:
-    """Say that there is no such argument, and which was meant.
-
-    Examples
-    --------
-    >>> no_argument("Ball", "R", ["radius"], {"R": "radius"})
-    "Ball has no argument 'R'; its arguments are radius. Did you mean 'radius'?"
-    """
+    """Say that there is no such argument, and which was meant."""
     names = list(names)
     near = symbols.get(name) or next(iter(get_close_matches(name, names, 1, 0.5)), None)
     meant = f" Did you mean {near!r}?" if near else ""
@@ -35,20 +29,6 @@ def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Calla
 
     `hint`: what else to say where arguments are missing, or too many.
     `**symbols`: arguments, by the names that others have for them.
-
-    Examples
-    --------
-    >>> @asked_as(share="part")
-    ... def discs(shape, *, part, seed=0):
-    ...     return shape
-    >>> discs((8, 8), share=0.3)
-    Traceback (most recent call last):
-    ...
-    TypeError: discs has no argument 'share'; its arguments are shape, part, seed. Did you mean 'part'?
-    >>> discs((8, 8))
-    Traceback (most recent call last):
-    ...
-    TypeError: discs needs part; it is called as discs(shape, part=...).
     """
 
     def helpful(ask: Callable[P, R]) -> Callable[P, R]:

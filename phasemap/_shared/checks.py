@@ -27,13 +27,7 @@ def number(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> float:
-    """Return a number, text with a unit or a quantity as a float in `unit`.
-
-    Examples
-    --------
-    >>> number("radius", "20 nm", "m", above=0)
-    2e-08
-    """
+    """Return a number, text with a unit or a quantity as a float in `unit`."""
     given = value
     if isinstance(value, str) or is_quantity(value):
         try:
@@ -60,11 +54,6 @@ def numbers(name: str, values: Any, unit: str) -> Any:
     """Return what may be many numbers, but for those with units, as it is, and those as a float or an array in `unit`.
 
     `values`: text ("40 nm", "60 nm:10 nm:100"), a quantity, lists of them, or anything else.
-
-    Examples
-    --------
-    >>> numbers("tip_offsets", "60 nm:20 nm:3", "m").tolist(), numbers("tip_offsets", ["1 nm", 2e-9], "m")
-    ([6e-08, 4e-08, 2e-08], [1e-09, 2e-09])
     """
     try:
         if not isinstance(values, str):
@@ -90,17 +79,7 @@ def in_words(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> str:
-    """Say a range so that it reads well aloud.
-
-    Examples
-    --------
-    >>> in_words("m", above=0)
-    'a finite number above 0 m'
-    >>> in_words("1", above=-1, maximum=0.5)
-    'a finite number above -1 and at most 0.5'
-    >>> in_words("Pa", minimum=0), in_words("Hz")
-    ('a finite number of at least 0 Pa', 'a finite number, in Hz')
-    """
+    """Say a range so that it reads well aloud."""
     bounds = []
     if max(above, minimum) > -math.inf:
         bounds.append(f"above {above:g}" if above >= minimum else f"of at least {minimum:g}")

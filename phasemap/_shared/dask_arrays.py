@@ -10,13 +10,7 @@ from phasemap._shared.errors import InputError
 
 
 def is_lazy(value: object) -> bool:
-    """Whether a value is a Dask array, or a DataArray that holds one.
-
-    Examples
-    --------
-    >>> is_lazy(np.zeros((2, 2))), is_lazy(1.0)
-    (False, False)
-    """
+    """Whether a value is a Dask array, or a DataArray that holds one."""
     graph = getattr(value, "__dask_graph__", None)
     return graph is not None and graph() is not None
 

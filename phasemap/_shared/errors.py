@@ -67,14 +67,6 @@ class InputErrors(InputError):
     ----------
     errors : sequence of PhasemapError
         Of which one at least is an `InputError`; name, value, allowed and hint are those of the first.
-
-    Examples
-    --------
-    >>> raise InputErrors([InputError("setpoint", 1.2, "a number below 1"), InputError("radius", 0, "more than 0")])
-    Traceback (most recent call last):
-    ...
-    phasemap._shared.errors.InputErrors: setpoint is 1.2; allowed: a number below 1.
-    radius is 0; allowed: more than 0.
     """
 
     __module__ = "phasemap._shared.errors"
@@ -118,13 +110,7 @@ def _shown(value: object) -> str:
 
 
 def on_one_line(text: str, most: int = LONGEST) -> str:
-    r"""Return text on one line, its middle left out where it has more letters than that.
-
-    Examples
-    --------
-    >>> on_one_line("two\nlines"), on_one_line("abcdefgh", 4)
-    ('two\\nlines', 'ab ... gh')
-    """
+    r"""Return text on one line, its middle left out where it has more letters than that."""
     text = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
     return text if len(text) <= most else f"{text[: most // 2]} ... {text[-(most // 2) :]}"
 

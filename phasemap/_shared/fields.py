@@ -133,18 +133,6 @@ def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
     """Let a dataclass say which argument was meant where one is given that it does not have.
 
     `**symbols`: arguments, by the symbols that formulas have for them.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass
-    >>> @known_as(R="radius")
-    ... @dataclass(frozen=True)
-    ... class Ball:
-    ...     radius: Number[float] = Number("m", above=0)
-    >>> Ball(R=40e-9)
-    Traceback (most recent call last):
-    ...
-    TypeError: Ball has no argument 'R'; its arguments are radius. Did you mean 'radius'?
     """
 
     def helpful(cls: type[C]) -> type[C]:

@@ -20,13 +20,6 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
 
     `what`: the file, in the words of an error.
     Raises FileError if there is none, or it is not a file: a pipe would be waited for, a device may never end.
-
-    Examples
-    --------
-    >>> size_of("nowhere.npy", "nowhere.npy, named in [surface] modulus")
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot read nowhere.npy, named in [surface] modulus: No such file or directory.
     """
     try:
         about = os.stat(path)

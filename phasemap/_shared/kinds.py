@@ -48,15 +48,6 @@ def of_kind(name: str, value: object, annotation: object, hint: str = "") -> obj
     """Return the value, as a list where it could be walked through only once, or without end.
 
     Raises InputError if the value is of another kind.
-
-    Examples
-    --------
-    >>> of_kind("names", iter(["a", "b"]), "Iterable[str] | None")
-    ['a', 'b']
-    >>> of_kind("scope", 3, "Microscope | None", "The order is f(scope).")
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: scope is 3; allowed: a Microscope or None. The order is f(scope).
     """
     kind = kind_of(annotation) if isinstance(annotation, str) else None
     if kind is None:

@@ -27,13 +27,7 @@ def centres(count: int, step: float) -> FloatArray:
 
 
 def coordinates(y: FloatArray, x: FloatArray) -> dict[str, Any]:
-    """Return places of pixels [m] as the coordinates of a Dataset.
-
-    Examples
-    --------
-    >>> coordinates(centres(2, 1e-9)[::-1], centres(3, 1e-9))["y"][2]["long_name"]
-    'y from the bottom edge'
-    """
+    """Return places of pixels [m] as the coordinates of a Dataset."""
     return {
         dim: (dim, places, {"long_name": LONG_NAMES[dim], "units": "m", "axis": dim.upper()})
         for dim, places in {"y": y, "x": x}.items()
@@ -41,13 +35,7 @@ def coordinates(y: FloatArray, x: FloatArray) -> dict[str, Any]:
 
 
 def downwards(places: FloatArray, dim: str) -> FloatArray:
-    """Return places along y or x so that they rise from the top left corner, as y of an image may not.
-
-    Examples
-    --------
-    >>> downwards(np.array([3.0, 1.0]), "y").tolist(), downwards(np.array([3.0, 1.0]), "x").tolist()
-    ([1.0, 3.0], [3.0, 1.0])
-    """
+    """Return places along y or x so that they rise from the top left corner, as y of an image may not."""
     return places[::-1] if dim == "y" and len(places) > 1 and places[0] > places[-1] else places
 
 

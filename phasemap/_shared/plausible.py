@@ -84,16 +84,7 @@ def unquestioned() -> Iterator[None]:
 
 @contextmanager
 def gathered() -> Iterator[list[str]]:
-    """Keep what there is to say of numbers outside all practice in a list, for who says it in another way.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> with gathered() as said:
-    ...     drive = pm.Drive(40)
-    >>> said
-    ['free_amplitude = 40 m; usual 50 pm … 1 µm; did you mean 40 nm?']
-    """
+    """Keep what there is to say of numbers outside all practice in a list, for who says it in another way."""
     kept: list[str] = []
     token = _GATHERED.set(kept)
     try:
@@ -147,13 +138,7 @@ def advise(sentence: str) -> None:
 
 
 def likely(value: float, unit: str, usual: Usual) -> str:
-    """What a number outside all practice was likely meant to be, with its unit; empty where nothing is likely.
-
-    Examples
-    --------
-    >>> likely(10.0, "m", (0.5e-9, 10e-6)), likely(1e-30, "m", (0.5e-9, 10e-6))
-    ('10 nm', '')
-    """
+    """What a number outside all practice was likely meant to be, with its unit; empty where nothing is likely."""
     units, (low, high) = UDUNITS.get(unit, unit), usual
     prefixes = LIKELY.get(units, ()) if TYPED[0] <= abs(value) < TYPED[1] else ()
     meant = next((one for one in prefixes if low <= abs(value) * one <= high), None)

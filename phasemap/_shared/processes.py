@@ -33,11 +33,6 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     They come in the order in which they are done.
     Raises PhasemapError if a worker ended before its task did.
     Raises what the task raised.
-
-    Examples
-    --------
-    >>> list(in_processes(abs, [-1, 2], workers=1))
-    [1, 2]
     """
     if workers == 1:
         for item in items:

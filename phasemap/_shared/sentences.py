@@ -8,35 +8,17 @@ from phasemap._shared.units import readable
 
 
 def counted(count: int, total: int, what: str) -> str:
-    """Say how many of how many.
-
-    Examples
-    --------
-    >>> counted(3, 400, "pixels")
-    '3 of 400 pixels (0.75 %)'
-    """
+    """Say how many of how many."""
     return f"{count} of {total} {what} ({100 * count / total:.3g} %)"
 
 
 def image_size(shape: tuple[int, int], pixel_size: tuple[float, float]) -> str:
-    """Say how large an image is, width first.
-
-    Examples
-    --------
-    >>> image_size((128, 256), (4e-9, 4e-9))
-    '256 x 128 pixels, 1.024 x 0.512 µm'
-    """
+    """Say how large an image is, width first."""
     (ny, nx), (dy, dx) = shape, pixel_size
     unit = readable(max(nx * dx, ny * dy), "m")
     return f"{nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}"
 
 
 def listed(names: Sequence[str]) -> str:
-    """List names as one speaks.
-
-    Examples
-    --------
-    >>> listed(["modulus"]), listed(["modulus", "adhesion", "damping"])
-    ('modulus', 'modulus, adhesion and damping')
-    """
+    """List names as one speaks."""
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

@@ -12,20 +12,7 @@ from phasemap._shared.units import UDUNITS, say
 
 
 class Shown:
-    """A dataclass that says only what is not the default; it has to be declared with ``repr=False``.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass
-    >>> @dataclass(frozen=True, repr=False)
-    ... class Ball(Shown):
-    ...     modulus: Number[float] = Number("Pa", 3e9)
-    ...     radius: Number[float | None] = Number("m", None)
-    >>> Ball(), Ball(70e9)
-    (Ball(), Ball(modulus=7e+10))
-    >>> Ball(70e9)._repr_html_()
-    '<table><caption>Ball</caption><tr><th>modulus</th><td>70 GPa</td></tr></table>'
-    """
+    """A dataclass that says only what is not the default; it has to be declared with ``repr=False``."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
@@ -40,16 +27,7 @@ class Shown:
 
 
 def in_words(thing: Shown) -> str:
-    """What is set, with units, in one line.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> in_words(pm.Material(3e9, damping=0.01))
-    'modulus 3 GPa, damping 0.01'
-    >>> in_words(pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0),)))
-    'stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7.5, quality factor 6)'
-    """
+    """What is set, with units, in one line."""
     given = {field.name.replace("_", " ") for field in _given(thing)}
     return ", ".join(f"{name} {said}" for name, said in _rows(thing, _in_line) if name in given)
 
@@ -58,24 +36,13 @@ def table(caption: str, rows: Mapping[str, str]) -> str:
     """A table of two columns in HTML.
 
     `rows`: what is said of each name, in HTML.
-
-    Examples
-    --------
-    >>> table("Pixel", {"phase": "45 degrees"})
-    '<table><caption>Pixel</caption><tr><th>phase</th><td>45 degrees</td></tr></table>'
     """
     lines = (f"<tr><th>{html.escape(name)}</th><td>{text}</td></tr>" for name, text in rows.items())
     return f"<table><caption>{html.escape(caption)}</caption>{''.join(lines)}</table>"
 
 
 def preformatted(text: str) -> str:
-    """Text with its line breaks, in HTML.
-
-    Examples
-    --------
-    >>> preformatted("a < b")
-    '<pre>a &lt; b</pre>'
-    """
+    """Text with its line breaks, in HTML."""
     return f"<pre>{html.escape(text)}</pre>"
 
 

@@ -29,13 +29,6 @@ def chunk_of(count: int, workers: int, most: int) -> int:
     """How many of so many to solve in one go: four turns for each thread, or two if few, and at most so many together.
 
     A thread that is alone waits for no other one, and takes as many as it may.
-
-    Examples
-    --------
-    >>> chunk_of(10, 2, 1000), chunk_of(100, 2, 1000), chunk_of(100_000, 2, 1000)
-    (3, 13, 1000)
-    >>> chunk_of(100, 1, 1000), chunk_of(100_000, 1, 1000)
-    (100, 1000)
     """
     if workers == 1:
         return max(1, min(most, count))
@@ -46,13 +39,7 @@ def chunk_of(count: int, workers: int, most: int) -> int:
 
 
 def bounds_of(count: int, chunk: int) -> list[int]:
-    """Where chunks of so many begin, and where the last one ends, as `spread` takes them.
-
-    Examples
-    --------
-    >>> bounds_of(10, 4), bounds_of(0, 4)
-    ([0, 4, 8, 10], [])
-    """
+    """Where chunks of so many begin, and where the last one ends, as `spread` takes them."""
     return [*range(0, count, chunk), count] if count else []
 
 
@@ -103,13 +90,7 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
 
 
 def found_in(task: Callable[[int, int], T], bounds: Sequence[int], workers: int) -> list[T]:
-    """What ``task(first, last)`` returns for all neighbours in `bounds`, in their order.
-
-    Examples
-    --------
-    >>> found_in(lambda first, last: last - first, [0, 4, 8, 10], 2)
-    [4, 4, 2]
-    """
+    """What ``task(first, last)`` returns for all neighbours in `bounds`, in their order."""
     found: dict[int, T] = {}
 
     def find(first: int, last: int) -> None:

@@ -22,23 +22,11 @@ class Unit(NamedTuple):
     text: str
 
     def label(self, name: str) -> str:
-        """The label of an axis.
-
-        Examples
-        --------
-        >>> Unit(1e-9, "nm").label("tip offset"), Unit(1.0, "").label("damping")
-        ('tip offset (nm)', 'damping')
-        """
+        """The label of an axis."""
         return f"{name} ({self.text})" if self.text else name
 
     def say(self, value: float, digits: int = 4) -> str:
-        """A value with its unit.
-
-        Examples
-        --------
-        >>> Unit(1e3, "kHz").say(148240.0, 5), Unit(1e3, "kHz").say(148240.0, 2)
-        ('148.24 kHz', '148 kHz')
-        """
+        """A value with its unit."""
         scaled = value / self.size
         if 100.0 <= abs(scaled) < 999.5:
             digits = max(digits, 3)  # no power of ten
@@ -50,11 +38,6 @@ def readable(largest: float, units: str) -> Unit:
 
     `largest`: in the SI unit; its sign does not matter.
     `units`: UDUNITS, as in the attribute ``units``.
-
-    Examples
-    --------
-    >>> readable(16e-9, "m"), readable(-2.0, "degree")
-    (Unit(size=1e-09, text='nm'), Unit(size=1.0, text='degrees'))
     """
     if units == "J":
         return Unit(ELECTRONVOLT, "eV")
@@ -66,11 +49,5 @@ def readable(largest: float, units: str) -> Unit:
 
 
 def say(value: float, units: str, digits: int = 4) -> str:
-    """A single value with the unit that suits it.
-
-    Examples
-    --------
-    >>> say(0.2e9, "Pa"), say(0.06, "J m-2")
-    ('200 MPa', '0.06 J/m²')
-    """
+    """A single value with the unit that suits it."""
     return readable(value, units).say(value, digits)

@@ -21,11 +21,6 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
     `unit`: as in `phasemap._shared.quantities.KINDS`.
     `allowed`: what may be given, but for units.
     Returns one number, or START, STOP and N.
-
-    Examples
-    --------
-    >>> numbers_in("--tip-offset", "35nm", "m"), numbers_in("--setpoints", "0.3:0.9:7", "1")
-    ((3.5e-08,), (0.3, 0.9, 7))
     """
     try:
         return range_in_si(text, unit)
@@ -40,11 +35,6 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
     `name`: of the argument, as Python has it.
     `unit`: as in `numbers_in`.
     Returns as many numbers as there are images or files.
-
-    Examples
-    --------
-    >>> one_each("setpoints", "0.5,0.8", "1", 2, "a file"), one_each("phase_zero", "62.5", "degree", 2, "a file")
-    ([0.5, 0.8], [62.5, 62.5])
     """
     option = f"--{name.replace('_', '-')}"
     allowed = f"a number, or {count} with commas between them, one {each}"

@@ -34,11 +34,6 @@ def merged(prony: Prony, frequency: float) -> Prony:
 
     That one has the sums of E tau and E tau^2 of the arms that it stands for, so that the complex modulus changes by
     the third power of omega tau. As many are merged as change it by `REDUCED` at most up to `FASTEST_SEEN`.
-
-    Examples
-    --------
-    >>> [round(time * 1e12, 3) for time in merged(Prony([1e9, 1e9, 1e9], [1e-12, 1e-11, 1e-6], 1e9), 300e3).times]
-    [9.182, 1000000.0]
     """
     pairs: dict[float, float] = {}
     for time, modulus in sorted(zip(prony.times, prony.moduli, strict=True)):

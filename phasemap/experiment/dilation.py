@@ -55,15 +55,6 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     Where the relief is flat nothing changes, and on a slope m the apex is R (sqrt(1 + m^2) - 1) higher than the pixel
     below it, for the tip touches at its side. The relief is known at the centres of pixels only, which must be small
     against R.
-
-    Examples
-    --------
-    >>> from phasemap.experiment.microscope import Tip
-    >>> from phasemap.experiment.surface import Surface
-    >>> ridge = Surface(modulus=[[1e9, 1e9, 5e9, 1e9]], topography=[[0, 0, 8e-9, 0]], pixel_size=6e-9)
-    >>> wider = dilated(ridge, Tip(radius=10e-9))
-    >>> wider.topography.round(10).tolist(), wider.modulus.tolist()
-    ([[0.0, 6e-09, 8e-09, 6e-09]], [[1000000000.0, 5000000000.0, 5000000000.0, 5000000000.0]])
     """
     half_angle = math.radians(number("half_angle", half_angle, "degree", above=0, below=90))
     relief = surface.topography
@@ -79,11 +70,6 @@ def tip_profile(distance: FloatArray, radius: float, half_angle: float) -> Float
     `distance`: from the axis [m].
     `radius`: of the sphere [m].
     `half_angle`: of the cone [rad].
-
-    Examples
-    --------
-    >>> tip_profile(np.array([0.0, 6.0, 30.0]), 10.0, np.pi / 4).round(6).tolist()
-    [0.0, 2.0, 25.857864]
     """
     tangent = radius * math.cos(half_angle)
     inside = np.minimum(distance, tangent)

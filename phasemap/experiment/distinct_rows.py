@@ -14,14 +14,7 @@ IntArray = NDArray[np.int32]
 
 
 def distinct_materials(maps: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
-    """Find the distinct materials of maps of one shape: a row for each, and which one each pixel has; both read-only.
-
-    Examples
-    --------
-    >>> rows, inverse = distinct_materials([np.array([[1.0, 3.0, 1.0]]), np.broadcast_to(0.5, (1, 3))])
-    >>> rows.tolist(), inverse.tolist()
-    ([[1.0, 0.5], [3.0, 0.5]], [[0, 1, 0]])
-    """
+    """Distinct materials of maps of one shape: a row for each, and which one each pixel has; both read-only."""
     shape = maps[0].shape
     varying = [one.reshape(-1) for one in maps if not is_uniform(one)]
     if not varying:

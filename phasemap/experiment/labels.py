@@ -30,12 +30,6 @@ def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatA
     Returns `maps`: the arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are
         the same.
     Returns `distinct`: as `phasemap.Surface.unique` gives them.
-
-    Examples
-    --------
-    >>> maps, (rows, inverse) = looked_up([[0, 1, 1]], [Material(modulus=1e9), Material(modulus=3e9)])
-    >>> maps["modulus"].tolist(), float(maps["adhesion"]), inverse.tolist()
-    ([[1000000000.0, 3000000000.0, 3000000000.0]], 0.0, [[0, 1, 1]])
     """
     label_map = _whole_numbers(labels)
     names, table, viscous = _material_table(materials)

@@ -50,12 +50,6 @@ def hydrodynamic_function(reynolds: float) -> complex:
     fluid as wide as the lever.
 
     `reynolds`: density times angular frequency times square of the width, over four times the viscosity [1].
-
-    Examples
-    --------
-    >>> gamma = hydrodynamic_function(10.0)
-    >>> round(gamma.real, 3), round(gamma.imag, 3)
-    (1.918, 0.982)
     """
     from scipy.special import kve
 

@@ -24,14 +24,7 @@ infinite where a material has none, but the relaxed modulus is then the modulus.
 
 
 def column_of(materials: Array, name: str) -> Array | None:
-    """One of `MORE` of rows of materials; None where no material has it.
-
-    Examples
-    --------
-    >>> rows, _ = rows_of([Material(1e9), Material(1e9, thickness=5e-9)])
-    >>> column_of(rows, "thickness").tolist(), column_of(rows, "liquid_film")
-    ([inf, 5e-09], None)
-    """
+    """One of `MORE` of rows of materials; None where no material has it."""
     if materials.shape[1] == PLAIN:
         return None
     column: Array = materials[:, PLAIN + MORE.index(name)]
@@ -63,15 +56,7 @@ def more_of(columns: Sequence[Any]) -> dict[str, Any]:
 
 
 def materials_of(rows: Array, viscous: bool) -> list[Material]:
-    """The materials that have these rows: the inverse of `rows_of`.
-
-    Examples
-    --------
-    >>> film, solid = Material(1e9, thickness=5e-9), Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-7)
-    >>> rubber = Material(relaxation=Prony([5e8, 4e8], [2e-8, 1e-6], 1e8))
-    >>> materials_of(*rows_of([film, solid, rubber])) == [film, solid, rubber]
-    True
-    """
+    """The materials that have these rows: the inverse of `rows_of`."""
     found = []
     for modulus, adhesion, loss, poisson_ratio, *rest in rows.tolist():
         more = more_of(rest)

@@ -64,11 +64,6 @@ def preset_of(kind: str, name: object, said: str = "preset") -> Preset:
     """The preset with a name, a title or another name that is usual, whatever its case and its hyphens.
 
     `kind` ("materials" or "levers"; "" for either), `said`: what an error calls the name.
-
-    Examples
-    --------
-    >>> preset_of("materials", "polystyrene").name, preset_of("levers", "ac160ts").name
-    ('PS', 'OMCL-AC160TS')
     """
     every = [one for which, found in _read().items() if kind in (which, "") for one in found.values()]
     known = {_letters(key): one for one in every for key in (*one.also, one.title, one.name)}
@@ -86,13 +81,7 @@ def _letters(name: str) -> str:
 
 
 def combined(numbers: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers of a preset, with some of them changed; a damping takes the place of its viscosity.
-
-    Examples
-    --------
-    >>> combined({"modulus": 3e9, "viscosity": 20.0}, {"damping": 0.01})
-    {'modulus': 3000000000.0, 'damping': 0.01}
-    """
+    """Numbers of a preset, with some of them changed; a damping takes the place of its viscosity."""
     damped = changes.get("damping") is not None and "viscosity" not in changes
     return {**{name: value for name, value in numbers.items() if not (damped and name == "viscosity")}, **changes}
 

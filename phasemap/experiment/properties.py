@@ -25,14 +25,7 @@ def compliance_of(tip: Tip) -> float:
 
 
 def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
-    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (theory, Eq. (model-6)).
-
-    Examples
-    --------
-    >>> from phasemap.experiment.microscope import Tip
-    >>> contact_stiffness(np.array([0.0, 0.75e9]), np.array([0.0, 0.0]), Tip(1e-8)).tolist()
-    [0.0, 1000000000.0]
-    """
+    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (theory, Eq. (model-6))."""
     with np.errstate(all="ignore"):  # what is not finite has a status of its own
         stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * compliance_of(tip))
     return stiffness
@@ -57,14 +50,6 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
     """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here.
 
     `scope`: under which a viscosity is a damping.
-
-    Examples
-    --------
-    >>> from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
-    >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(40e-9))
-    >>> both = of_one_loss({"a": Material(1e9, damping=0.01), "b": Material(1e9, viscosity=42.44)}, scope)
-    >>> round(both["b"].damping, 6), both["b"].viscosity
-    (0.01, None)
     """
     if not any(one.damping for one in materials.values()):
         return dict(materials)

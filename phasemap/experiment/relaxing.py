@@ -16,10 +16,6 @@ def check_relaxing(maps: dict[str, Any]) -> None:
     """Refuse maps of a surface that are not those of standard linear solids.
 
     Numbers of Dask arrays are not looked at; `phasemap.simulate` refuses these.
-
-    Examples
-    --------
-    >>> check_relaxing({"modulus": np.array(2e9)})
     """
     if "relaxation" in maps:
         _check_spectra(maps)

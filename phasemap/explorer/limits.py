@@ -114,14 +114,7 @@ def check_frequency(scope: Microscope) -> None:
 
 
 def far_off(scope: Microscope) -> str:
-    """A sentence where the drive is far from the resonance; else nothing.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> far_off(pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9, 30e3)))[:63]
-    'The drive at 30 kHz is far from the resonance at 300 kHz, where'
-    """
+    """A sentence where the drive is far from the resonance; else nothing."""
     from phasemap._kernels.engagement.resonance import NEAREST
 
     if abs(1 - scope.frequency_ratio**2) < NEAREST:

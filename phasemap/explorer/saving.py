@@ -91,20 +91,7 @@ SAVED: dict[str, Callable[[Setting], File]] = {
 
 
 def python_of(setting: Setting) -> str:
-    """Write the Python that makes the image of this setting.
-
-    Examples
-    --------
-    >>> from phasemap.explorer.subject import subject_of
-    >>> print(python_of(Setting.of(subject_of("samples/step.toml"), {"changes": {"scan.setpoint": 0.6}})), end="")
-    import phasemap as pm
-    <BLANKLINE>
-    scene = pm.load_scene('samples/step.toml', [
-        'scan.setpoint=0.6',
-    ])
-    image = scene.simulate()
-    pm.plot.image(image, 'step_explored.png')
-    """
+    """Write the Python that makes the image of this setting."""
     drawn = f"pm.plot.image(image, {_name(setting) + '.png'!r}{', lag=True' if setting.lag else ''})\n"
     subject = setting.subject
     if subject.in_python:

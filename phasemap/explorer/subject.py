@@ -112,11 +112,6 @@ def subject_of(
     `scope`: for a surface, which has none.
     `setpoint`: to begin with; that of the scene, or 0.7 for a surface.
     `overrides`: as in `phasemap.load_scene`, for a file.
-
-    Examples
-    --------
-    >>> list(subject_of("samples/step.toml").materials)
-    ['compliant', 'stiff']
     """
     if isinstance(explored, (str, os.PathLike)):
         explored = load_scene(explored, overrides)

@@ -91,15 +91,6 @@ def lines_of(first: Found, second: Found, counted: Convention = PHASE) -> list[s
 
     `first`, `second`: twice the same where there is one material only.
     Returns sentences, the most important one first.
-
-    Examples
-    --------
-    >>> here = dict(bistable=False, motion="periodic", solver="orbit", advice="", virial=0.0, indentation=1e-9)
-    >>> here |= dict(air=70 * ELECTRONVOLT, most=100 * ELECTRONVOLT, tip_offset=2e-8, height=0.0)
-    >>> hard = Found("PS", "repulsive", phase=43.9, tip_phase=43.9, lost=2 * ELECTRONVOLT, **here)
-    >>> soft = Found("LDPE", "repulsive", phase=18.2, tip_phase=18.2, lost=25 * ELECTRONVOLT, **here)
-    >>> lines_of(hard, soft)[0]
-    'LDPE is 25.7° darker than PS, because it loses more energy: 25 against 2 eV per cycle in contact.'
     """
     unsolved = [one for one in dict.fromkeys((first, second)) if math.isnan(one.phase)]
     if unsolved:

@@ -28,11 +28,6 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
 
     `seed`: that of `Realism`.
     `purpose`: what they are for, such as ``"height"``.
-
-    Examples
-    --------
-    >>> generator(0, "height").integers(100, size=3).tolist() == generator(0, "phase").integers(100, size=3).tolist()
-    False
     """
     return np.random.default_rng([seed, *purpose.encode()])
 
@@ -41,15 +36,6 @@ def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple
     """Rows of the image and the microscope that scans them, in order.
 
     `scope`: as it is at the first line.
-
-    Examples
-    --------
-    >>> from phasemap.experiment.realism import TipChange
-    >>> from phasemap.experiment.microscope import Cantilever, Drive, Tip
-    >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9))
-    >>> blunt = Realism(tip_change=TipChange(line=3, radius=30e-9))
-    >>> [(rows.start, rows.stop, one.tip.radius) for rows, one in scopes_by_row(blunt, scope, 8)]
-    [(0, 3, 1e-08), (3, 8, 3e-08)]
     """
     change = realism.tip_change
     if change is None:
@@ -63,13 +49,6 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
 
     `drift`: along x, y and z during the whole image [m], as in `Realism`.
     Returns the same one without drift.
-
-    Examples
-    --------
-    >>> from phasemap.experiment.surface import Surface
-    >>> edge = Surface(modulus=[[1e9, 1e9, 1e9, 5e9]] * 4, pixel_size=1e-9)
-    >>> (drifted(edge, (4e-9, 0.0, 0.0)).modulus / 1e9).tolist()
-    [[1.0, 1.0, 1.0, 5.0], [1.0, 1.0, 5.0, 5.0], [1.0, 5.0, 5.0, 5.0], [5.0, 5.0, 5.0, 5.0]]
     """
     if not any(drift):
         return surface
@@ -114,14 +93,6 @@ def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
     `image`: dims ("y", "x"), or ("direction", "y", "x").
     Returns the same one if nothing is to be added. Each variable that changed says so in its attribute ``comment``,
         and has the step of its quantisation in ``quantisation_step``, in its own unit.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> image = xr.Dataset({"phase": (("y", "x"), np.zeros((2, 3)))})
-    >>> noisy = finish(image, Realism(phase_offset=0.5))
-    >>> np.ptp(noisy.phase.values, axis=1).tolist(), noisy.phase.attrs["comment"]
-    ([0.0, 0.0], 'random offsets of lines, standard deviation 0.5, seed 0')
     """
     changed = {}
     for name in DIGITISED:

@@ -114,13 +114,7 @@ def read_curve(
 
 
 def is_curve(path: Path) -> bool:
-    """Whether a file holds a curve: text, or an Igor wave without a second side of pixels.
-
-    Examples
-    --------
-    >>> is_curve(Path("scan.nid")), is_curve(Path("curve.csv"))
-    (False, True)
-    """
+    """Whether a file holds a curve: text, or an Igor wave without a second side of pixels."""
     if path.suffix.lower() != ".ibw" or not path.is_file():
         return path.with_suffix("").suffix.lower() in TEXT if path.suffix == ".gz" else path.suffix.lower() in TEXT
     with path.open("rb") as file:

@@ -79,13 +79,6 @@ def load_channels(path: Path) -> list[Channel]:
     Returns: in the order of the file, without those of a second pass over the line (interleave).
     Raises FileError if the file cannot be read, or holds no image.
     Raises PhasemapError if the ``read`` extra is not installed.
-
-    Examples
-    --------
-    >>> load_channels(Path("nowhere.nid"))
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
     if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder.")
@@ -154,13 +147,6 @@ def extra(module: str, purpose: str, name: str) -> Any:
     `purpose`: what needs it: ``"reading measured files"``.
     `name`: the extra that brings it along.
     Raises PhasemapError if it is not installed.
-
-    Examples
-    --------
-    >>> extra("colour_of_magic", "reading magic", "read")
-    Traceback (most recent call last):
-    ...
-    phasemap.PhasemapError: reading magic needs 'colour_of_magic': run pip install "afm-phasemap[read]".
     """
     try:
         return import_module(module)

@@ -106,13 +106,7 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any],
 
 
 def quantity(text: str | None) -> float | None:
-    """A number with its unit in SI units, a percentage as a fraction; None where there is none.
-
-    Examples
-    --------
-    >>> quantity("172.823kHz"), quantity("50 %"), quantity("none")
-    (172823.0, 0.5, None)
-    """
+    """A number with its unit in SI units, a percentage as a fraction; None where there is none."""
     found = _NUMBER.match(text or "")
     if not found:
         return None

@@ -45,13 +45,6 @@ def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path
         If the suffix is that of a scene or a picture.
     FileError
         As in `check_target`.
-
-    Examples
-    --------
-    >>> check_dataset("blend.png")
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file. Use phasemap plot.
     """
     suffix = Path(path).suffix.lower()
     if suffix in OTHERS:
@@ -83,14 +76,6 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
     ------
     FileError
         If it cannot be written; nothing is left behind, and an existing file is as it was.
-
-    Examples
-    --------
-    >>> import tempfile, xarray as xr
-    >>> ds = xr.Dataset({"phase": (("y", "x"), [[1.0, 2.0]], {"units": "degree"})})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     load(save(ds, f"{folder}/image.nc")).identical(ds)
-    True
     """
     compressed = {
         name: {"zlib": True, "complevel": COMPRESSION_LEVEL}
@@ -119,13 +104,6 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     ------
     FileError
         If there is no such file, or it is not a whole netCDF file or store.
-
-    Examples
-    --------
-    >>> load("nowhere.nc")
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot read nowhere.nc: there is no such file.
     """
     return _read(path, None)
 
@@ -151,13 +129,6 @@ def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
         If there is no such sample.
     FileError
         As in `load`.
-
-    Examples
-    --------
-    >>> load_sample("nowhere.nc", 3)
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot read nowhere.nc: there is no such file.
     """
     return _read(path, sample)
 

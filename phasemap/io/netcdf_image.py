@@ -26,13 +26,6 @@ def read_netcdf(path: Path) -> xr.Dataset:
     Returns: as in the file; recorded channels and coordinates in the units of `phasemap.read_image`, y falling
         and x rising.
     Raises FileError if the file cannot be read, holds no image, or has no coordinates or other units.
-
-    Examples
-    --------
-    >>> read_netcdf(Path("nowhere.nc"))
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot read nowhere.nc: there is no such file.
     """
     ds = load(path)
     images = [name for name in KINDS if name in ds and set(ds[name].dims) - {"direction"} == {"y", "x"}]

@@ -39,12 +39,6 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
     """Say in canonical names what the metadata of a file say.
 
     `path`: the file, for what Gwyddion leaves out of its header.
-
-    Examples
-    --------
-    >>> nanosurf = {"Op. mode": "Phase Contrast", "Vibration freq.": "172.823kHz", "Setpoint": "50 %"}
-    >>> scan_data(Path("scan.nid"), nanosurf).values
-    {'drive_frequency': 172823.0, 'setpoint': 0.5}
     """
     scan = ScanData()
     for mark, vendor in _VENDORS.items():

@@ -31,13 +31,6 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     FileError
         If the folder is missing or not writable, `path` is neither a file nor a zarr store, or it exists and
         `overwrite` is False.
-
-    Examples
-    --------
-    >>> check_target("no such folder/image.nc")
-    Traceback (most recent call last):
-    ...
-    phasemap.FileError: cannot write no such folder/image.nc: the folder 'no such folder' does not exist.
     """
     path = Path(path)
     if os.path.exists(path) and not path.is_file() and not _is_store(path):
@@ -77,15 +70,6 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
     ------
     FileError
         If it cannot be written; the temporary file is removed in any case.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with replacing(f"{folder}/note.txt") as temporary:
-    ...         _ = temporary.write_text("whole")
-    ...     Path(folder, "note.txt").read_text()
-    'whole'
     """
     path = check_target(path, overwrite)
     _clear(path)

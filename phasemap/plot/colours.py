@@ -105,11 +105,6 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
         no phase.
     `cmap`: likewise, names of colour maps of matplotlib.
     `variables`: what is drawn, with its units.
-
-    Examples
-    --------
-    >>> given_colours({"height": "2 nm"}, 60, None, {"height": "m", "phase": "degree"})["phase"].vmax
-    60.0
     """
     import matplotlib
 
@@ -160,13 +155,7 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
 
 
 def _in_thousands(largest: float, unit: Unit) -> Unit:
-    """The unit with a power of a thousand where numbers would have more digits than there is room for beside a bar.
-
-    Examples
-    --------
-    >>> _in_thousands(0.008, Unit(1.0, "")), _in_thousands(0.2, Unit(1.0, "N/m")).text
-    (Unit(size=0.001, text='10⁻³'), 'N/m')
-    """
+    """The unit with a power of a thousand where numbers would have more digits than there is room for beside a bar."""
     shown = largest / unit.size
     if not 0 < shown < math.inf or FEWEST <= shown < MOST:
         return unit

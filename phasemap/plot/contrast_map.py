@@ -74,11 +74,6 @@ def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
 
     `values`: contrasts [degree].
     `asked`: limits that were asked for; one alone stands for both sides of 0.
-
-    Examples
-    --------
-    >>> colours_of(np.array([-3.0, 2.0])).vmax, colours_of(np.array([1.0, 1.0, -90.0])).linear_width
-    (3.0, 1.0)
     """
     from matplotlib.colors import AsinhNorm, Normalize
 
@@ -97,11 +92,6 @@ def ticks_of(norm: Any) -> list[float] | None:
     """Choose round contrasts on a compressed scale, and leave any other to matplotlib.
 
     `norm`: of `colours_of`.
-
-    Examples
-    --------
-    >>> ticks_of(colours_of(np.array([1.0, 1.0, -90.0])))
-    [-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0]
     """
     from matplotlib.colors import AsinhNorm
 

@@ -30,14 +30,7 @@ def check_format(path: str | os.PathLike[str]) -> None:
 
 
 def side_lengths(ds: xr.Dataset) -> tuple[float, float]:
-    """Width and height of an image [m], to the outer edges of the pixels; a lone row or column is as wide as others.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> side_lengths(xr.Dataset(coords={"y": [1.0], "x": [0.0, 2.0, 4.0]}))
-    (6.0, 2.0)
-    """
+    """Width and height of an image [m], to the outer edges of the pixels; a lone row or column is as wide as others."""
     pitch = {dim: abs(float(ds[dim][1] - ds[dim][0])) if ds.sizes[dim] > 1 else 0.0 for dim in ("x", "y")}
     width, height = (ds.sizes[dim] * (pitch[dim] or max(pitch.values()) or 1.0) for dim in ("x", "y"))
     return width, height

@@ -85,13 +85,7 @@ def is_derived(name: str) -> bool:
 
 
 def needs_of(names: Iterable[str]) -> tuple[str, ...]:
-    """Variables that these need, themselves where they are no channels.
-
-    Examples
-    --------
-    >>> needs_of(["phase", "dissipation_ev"])
-    ('phase', 'amplitude', 'dissipation')
-    """
+    """Variables that these need, themselves where they are no channels."""
     found: dict[str, None] = {}
     for name in names:
         if not is_derived(name):

@@ -34,15 +34,6 @@ def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 
     `ds`: an image, a sweep or a map of contrast, with its configuration.
     Returns one line for each way to be outside; empty if nothing is, or if the dataset does not say.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> scope = {"cantilever": {"stiffness": 40.0, "quality_factor": 400.0}, "tip": {"radius": 1e-8}}
-    >>> attrs = {"configuration": json.dumps({"microscope": scope})}
-    >>> ds = xr.Dataset({"indentation": ("x", [2e-9, 13e-9])}, attrs=attrs)
-    >>> describe_validity(ds)[0][:88]
-    '1 of 2 pixels (50 %): the tip sinks in deeper than its radius (13 nm into it, 10 nm), wh'
     """
     configuration = json.loads(ds.attrs.get("configuration", "{}"))
     if "microscope" not in configuration:

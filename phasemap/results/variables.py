@@ -212,13 +212,7 @@ def flag_attributes(name: str) -> dict[str, Any]:
 
 
 def coded(long_name: str, *meanings: str, first: int = 0) -> dict[str, Any]:
-    """CF attributes of a flag variable whose codes count up from the first.
-
-    Examples
-    --------
-    >>> coded("stability of the orbit", "unstable", "stable")["flag_meanings"]
-    'unstable stable'
-    """
+    """CF attributes of a flag variable whose codes count up from the first."""
     words = " ".join(word.replace(" ", "_") for word in meanings)
     codes = np.arange(first, first + len(meanings), dtype=np.int8)
     return {"long_name": long_name, "flag_values": codes, "flag_meanings": words}

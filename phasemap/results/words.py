@@ -39,12 +39,6 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     -------
     list of str
         One line for each way a pixel failed; empty if none did.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> describe_failures(xr.Dataset({"status": ("x", [0, 0, 0, 4])}))[0][:47]
-    '1 of 4 pixels (25 %): The motion did not become'
     """
     import numpy as np
 
@@ -62,12 +56,6 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many pixels show the mean of motion that is not periodic, and how far it is spread.
 
     Returns one line; empty if there are none, or if the dataset does not say.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> describe_irregular(xr.Dataset({"motion": ("x", [0, 0, 1]), "phase_spread": ("x", [0.0, 0.0, 0.02])}))
-    ['1 of 3 pixels (33.3 %) irregular: mean amplitude and phase, spread up to 0.02 degrees']
     """
     import numpy as np
 
@@ -87,12 +75,6 @@ def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
     """Say so if several materials can hardly be told apart by their phase.
 
     Returns one line, or none, as where a pixel has no solution and so no phase to be told by.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> describe_alike(xr.Dataset({"phase": ("x", [44.9, 45.0])}), materials=2)[0][:56]
-    'the phases of the 2 materials are within 0.1 degrees: th'
     """
     import numpy as np
 
@@ -108,15 +90,7 @@ def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
 
 
 def describe_solvers(solver: xr.DataArray) -> str:
-    """Say which methods solved the pixels and how many each, most frequent first.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> attrs = {"flag_values": [0, 1, 4], "flag_meanings": "averaging orbit corrected"}
-    >>> describe_solvers(xr.DataArray([0, 1, 4, 4], dims="x", attrs=attrs))
-    'orbit (exact) 75 %, averaging (first order) 25 %'
-    """
+    """Say which methods solved the pixels and how many each, most frequent first."""
     meanings = [SOLVED_BY.get(name, name) for name in solver.attrs["flag_meanings"].split()]
     return _shares(solver, meanings)
 
@@ -133,13 +107,6 @@ def describe_flags(flags: xr.DataArray) -> str:
     Returns
     -------
     str
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> attrs = {"flag_values": [0, 1], "flag_meanings": "averaging orbit"}
-    >>> describe_flags(xr.DataArray([0, 0, 0, 1], dims="x", attrs=attrs))
-    'averaging 75 %, orbit 25 %'
     """
     return _shares(flags, flags.attrs["flag_meanings"].split())
 

@@ -26,13 +26,7 @@ NOT_CHOSEN = (
 
 
 def card_beside(path: Path) -> Path:
-    """Where the card of a file lies.
-
-    Examples
-    --------
-    >>> card_beside(Path("blends.nc")).name, card_beside(Path("blends.zarr")).name
-    ('blends.nc.card.md', 'blends.zarr.card.md')
-    """
+    """Where the card of a file lies."""
     return path.with_name(f"{path.name}.card.md")
 
 

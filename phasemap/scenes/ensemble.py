@@ -260,11 +260,6 @@ def is_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
     ------
     InputError, FileError
         As in `phasemap.scenes.tables.read_tables`.
-
-    Examples
-    --------
-    >>> is_ensemble("samples/ensemble.toml"), is_ensemble("samples/step.toml")
-    (True, False)
     """
     return "ensemble" in read_tables(path, overrides)
 
@@ -320,13 +315,7 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
 
 
 def name_of(key: str) -> str:
-    """The name of the variable that holds a key: the key, without characters that file formats refuse.
-
-    Examples
-    --------
-    >>> name_of("scan.setpoint"), name_of("materials.PS/PMMA.modulus")
-    ('scan.setpoint', 'materials.PS_PMMA.modulus')
-    """
+    """The name of the variable that holds a key: the key, without characters that file formats refuse."""
     return re.sub(r"[^\w.]", "_", key)
 
 

@@ -227,15 +227,7 @@ def _define(target: netCDF4.Dataset, first: netCDF4.Dataset, count: int, keys: S
 
 
 def as_column(values: list[Any]) -> np.ndarray:
-    """The values of a key over the samples: whole numbers, numbers, or text, which is JSON where they are not strings.
-
-    Examples
-    --------
-    >>> as_column([1, 2]).dtype, as_column([1, 2.5]).dtype, as_column(["auto", "orbit"])
-    (dtype('int64'), dtype('float64'), array(['auto', 'orbit'], dtype=object))
-    >>> as_column([True, [0.0, 1e-9]])
-    array(['true', '[0.0, 1e-09]'], dtype=object)
-    """
+    """Values of a key over the samples: whole numbers, numbers, or text, which is JSON where they are no strings."""
     kinds = {type(value) for value in values}
     if kinds == {int} and all(abs(value) < 2**63 for value in values):
         return np.array(values, np.int64)

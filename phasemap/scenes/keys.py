@@ -21,13 +21,7 @@ OWNERS: dict[str, type] = {
 
 
 def unit_of(key: str) -> str:
-    """The unit of a key, as in `phasemap._shared.quantities.KINDS`; empty where it may have any.
-
-    Examples
-    --------
-    >>> unit_of("drive.free_amplitude"), unit_of("materials.ps.adhesion"), unit_of("surface.spacing")
-    ('m', 'J/m2', '')
-    """
+    """The unit of a key, as in `phasemap._shared.quantities.KINDS`; empty where it may have any."""
     table, _, name = key.rpartition(".")
     owner = Material if table.startswith("materials.") else OWNERS.get(table)
     number = vars(owner).get(name) if owner is not None else None
@@ -35,13 +29,7 @@ def unit_of(key: str) -> str:
 
 
 def plain(shown: str, key: str, value: Any) -> Any:
-    """Return text with a unit as a number in SI units, and any other value of a key as it is.
-
-    Examples
-    --------
-    >>> plain("drive.free_amplitude", "drive.free_amplitude", "40 nm") == 40e-9, plain("scan.solver", "", "orbit")
-    (True, 'orbit')
-    """
+    """Return text with a unit as a number in SI units, and any other value of a key as it is."""
     if not isinstance(value, str) or not is_number(value):
         return value
     unit = unit_of(key)

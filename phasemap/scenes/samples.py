@@ -32,11 +32,6 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     `table`: the table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
     Returns, for each sample, the value of each key.
     Raises FileError if the CSV file cannot be used.
-
-    Examples
-    --------
-    >>> make_samples({"count": 2, "vary": {"scan": {"setpoint": [0.7]}}}, Path())
-    ({'scan.setpoint': 0.7}, {'scan.setpoint': 0.7})
     """
     check_keys("[ensemble]", table, ("count", "seed", "vary", "table", "licence"))
     licence = table.get("licence", "")
@@ -70,13 +65,6 @@ class Range:
     ------
     InputError
         If the range is empty, not finite, or reaches 0 on a logarithmic scale.
-
-    Examples
-    --------
-    >>> Range(1e9, 1e8)
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: high is 100000000.0; allowed: a finite number of at least 1e+09, which is low.
     """
 
     # low, high: in the SI unit of the key
@@ -112,14 +100,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several values, each as likely.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> Choice(("orbit",)).draw(np.random.default_rng(1))
-    'orbit'
-    """
+    """One of several values, each as likely."""
 
     options: tuple[Any, ...]  # values that the key may have
 

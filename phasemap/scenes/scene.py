@@ -188,11 +188,6 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     ------
     InputError, FileError
         As in `load_scene`.
-
-    Examples
-    --------
-    >>> list(load_setup("samples/step.toml").materials)
-    ['compliant', 'stiff']
     """
     tables = read_tables(path, overrides)
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
@@ -256,11 +251,6 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
     ------
     InputError, FileError
         As in `load_scene`.
-
-    Examples
-    --------
-    >>> scene_from_tables(read_tables("samples/step.toml"), Path("samples")).surface.shape
-    (128, 256)
     """
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     with _asking(table_of(tables, "scan")):
@@ -329,12 +319,6 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     ------
     FileError
         If a file cannot be read, or is not the one that was read then.
-
-    Examples
-    --------
-    >>> scene = load_scene("samples/step.toml")
-    >>> scene_from_json(scene.to_json(), Path("samples")).config == scene.config
-    True
     """
     try:
         tables = dict(json.loads(text))

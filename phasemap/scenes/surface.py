@@ -71,13 +71,6 @@ def build_surface(table: dict[str, Any], materials: Mapping[str, Material], fold
     """Make the surface that the ``[surface]`` table of a scene describes.
 
     Raises FileError if a file cannot be read.
-
-    Examples
-    --------
-    >>> table = {"kind": "labels", "labels": [[0, 1]], "materials": ["soft", "hard"], "pixel_size": 4e-9}
-    >>> built = build_surface(table, {"soft": Material(1e9), "hard": Material(3e9)}, Path())
-    >>> built.surface.modulus.tolist(), built.labels.names
-    ([[1000000000.0, 3000000000.0]], {0: 'soft', 1: 'hard'})
     """
     from phasemap.scenes.tables import check_choice, missing
 

@@ -58,13 +58,6 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
 
     `name`: the table, as the user writes it: ``"[drive]"``.
     `table`: what the file has under that name.
-
-    Examples
-    --------
-    >>> check_keys("[tip]", {"radus": 10e-9}, ["radius", "modulus"])
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: [tip] radus is unknown; allowed: radius, modulus. Did you mean 'radius'?
     """
     allowed = list(allowed)
     if not isinstance(table, dict):
@@ -100,11 +93,6 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
 
     `path`, `overrides`: as in `load_scene`.
     Raises FileError if the file cannot be read.
-
-    Examples
-    --------
-    >>> read_tables("samples/step.toml", ["scan.setpoint=0.6"])["scan"]
-    {'setpoint': 0.6}
     """
     written = tables = _read_toml(Path(path))
     if isinstance(tables.get("realism"), str):
@@ -160,11 +148,6 @@ def with_override(tables: Table, override: str) -> Table:
     """Return the tables with one key set from ``"table.key=value"``.
 
     `override`: as in `load_scene`.
-
-    Examples
-    --------
-    >>> with_override({"tip": {"radius": 10e-9}}, "tip.radius=20e-9")
-    {'tip': {'radius': 2e-08}}
     """
     name, equals, text = override.partition("=")
     name = name.strip()
@@ -183,13 +166,6 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
 
     `name`: ``"table.key"``; tables on the way are made where there are none. A preset takes the place of the numbers
     that it states, for what is said last holds.
-
-    Examples
-    --------
-    >>> with_value({"tip": {"radius": 10e-9}}, "tip.modulus", 130e9)
-    {'tip': {'radius': 1e-08, 'modulus': 130000000000.0}}
-    >>> with_value({"materials": {"a": {"modulus": 1e9, "thickness": 1e-7}}}, "materials.a.preset", "PS")
-    {'materials': {'a': {'thickness': 1e-07, 'preset': 'PS'}}}
     """
     *path, key = name.split(".")
     changed = table = dict(tables)
@@ -205,13 +181,7 @@ def with_value(tables: Table, name: str, value: Any) -> Table:
 
 
 def stated_in(name: str, value: Any) -> set[str]:
-    """The other keys that a key states, which is none unless it is a preset's.
-
-    Examples
-    --------
-    >>> sorted(stated_in("cantilever.preset", "PPP-NCHR"))[0], stated_in("tip.radius", 10e-9)
-    ('cantilever.length', set())
-    """
+    """The other keys that a key states, which is none unless it is a preset's."""
     match name.split("."):
         case ["cantilever", "preset"]:
             kind = "levers"

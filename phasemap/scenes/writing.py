@@ -26,14 +26,6 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
     `tables`: as `phasemap.scenes.tables.read_tables` gives them.
     `notes`: what to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
     `heading`: lines of the comment above it all.
-
-    Examples
-    --------
-    >>> print(toml_of({"tip": {"radius": 1e-08}}, {"tip.radius": "given"}, ["A tip."]), end="")
-    # A tip.
-    <BLANKLINE>
-    [tip]
-    radius = 1e-08  # m, given
     """
     notes = {} if notes is None else notes
     lines = [f"# {part}".rstrip() for line in heading for part in textwrap.wrap(line, 116) or [""]]
@@ -51,13 +43,7 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
 
 
 def written(value: object) -> str:
-    """Write one value as TOML.
-
-    Examples
-    --------
-    >>> written(3e9), written([True, "a"]), written({"file": "maps.nc"})
-    ('3.0e9', '[true, "a"]', '{ file = "maps.nc" }')
-    """
+    """Write one value as TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):

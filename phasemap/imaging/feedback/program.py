@@ -20,12 +20,6 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     `dwell`: time over a pixel [tau].
     `overscan`: o [1].
     Returns segments: pixel i of the trace has the number i, of the retrace nx + i.
-
-    Examples
-    --------
-    >>> program = program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0)
-    >>> program.ground[:4].tolist(), program.slope[:4].tolist(), program.pixel[:4].tolist()
-    ([0.0, 0.0, 2.0, 4.0], [0.0, 2.0, 2.0, 0.0], [0, 0, 1, 1])
     """
     nx, edges, half = len(ground), _edges(ground), 0.5 * dwell
     starts = np.stack([edges[:-1], ground], axis=1).ravel()
@@ -47,13 +41,7 @@ def _level(span: float, material: int, height: float) -> Program:
 
 
 def mean_ground(ground: Array) -> Array:
-    """Height [m] over which the tip passes in each pixel, on average.
-
-    Examples
-    --------
-    >>> mean_ground(np.array([0.0, 8.0, 8.0])).tolist()
-    [1.0, 7.0, 8.0]
-    """
+    """Height [m] over which the tip passes in each pixel, on average."""
     edges = _edges(ground)
     return np.asarray(0.25 * edges[:-1] + 0.5 * ground + 0.25 * edges[1:])
 

@@ -13,16 +13,7 @@ BLOCK = 1 << 15  # pixels that are worked on together
 
 
 class Distinct:
-    """A set of materials of at most `most` members.
-
-    Examples
-    --------
-    >>> known = Distinct(10)
-    >>> known.add(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]]))
-    3
-    >>> len(known), known.numbers(np.array([[2.0, 0, 0, 0]])).tolist()
-    (2, [1])
-    """
+    """A set of materials of at most `most` members."""
 
     def __init__(self, most: int) -> None:
         self._table = np.full(1 << (2 * most - 1).bit_length(), -1, np.int32)
@@ -63,14 +54,7 @@ def _bits(materials: Array) -> NDArray[np.uint64]:
 
 
 def digests_of(materials: Array) -> NDArray[np.uint64]:
-    """64 bits of each material that almost surely differ where the materials differ.
-
-    Examples
-    --------
-    >>> first, second, third = digests_of(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]]))
-    >>> first == third, first == second
-    (np.True_, np.False_)
-    """
+    """64 bits of each material that almost surely differ where the materials differ."""
     from phasemap._kernels.materials.distinct import row_digests
 
     out = np.empty(len(materials), np.uint64)

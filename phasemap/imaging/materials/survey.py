@@ -95,12 +95,6 @@ def survey(surface: Surface, most: int, place: Place | None = None, workers: int
     `most`: distinct materials up to which all of them are wanted.
     `place`: where the part lies; without it the surface is the whole.
     `workers`: threads.
-
-    Examples
-    --------
-    >>> two = Surface(modulus=[[1e9, 3e9]], pixel_size=1e-9)
-    >>> survey(two, most=10).count, survey(two, most=1).materials is None
-    (2, True)
     """
     materials = _all_of_few(surface, most, workers)
     smallest = _smallest_of(surface, workers) if materials is None else np.empty(0, np.uint64)

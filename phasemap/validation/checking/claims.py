@@ -80,14 +80,6 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
 
     `image`: what `phasemap.simulate` returned.
     `scope`: needed where its contact law is a user's own.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
-    >>> image = pm.simulate(pm.Surface(modulus=3e9, pixel_size=4e-9, shape=(1, 2)), scope, setpoint=0.7)
-    >>> claims_of(image).microscope == scope
-    True
     """
     if "sample" in image.dims:
         raise InputError(
@@ -120,14 +112,7 @@ def _table(text: object) -> dict[str, Any]:
 
 
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
-    """Make a microscope again from what `phasemap.results.variables.describe` gave.
-
-    Examples
-    --------
-    >>> scope = Microscope(Cantilever(40.0, 300e3, 400.0), Tip(10e-9), Drive(20e-9), Interaction("maugis"))
-    >>> microscope_from(describe(scope)) == scope
-    True
-    """
+    """Make a microscope again from what `phasemap.results.variables.describe` gave."""
     try:
         scope = _made(stored, Microscope)
     except InputError as error:

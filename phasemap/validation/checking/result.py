@@ -117,11 +117,5 @@ def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked
 
 
 def pixels_in_words(count: int) -> str:
-    """A number of pixels.
-
-    Examples
-    --------
-    >>> pixels_in_words(1), pixels_in_words(3)
-    ('1 pixel', '3 pixels')
-    """
+    """A number of pixels."""
     return "1 pixel" if count == 1 else f"{count} pixels"
