@@ -104,10 +104,10 @@ GIVES: list[tuple[Any, Any]] = [
     (sentences.listed(["modulus", "adhesion", "damping"]), "modulus, adhesion and damping"),
     (shown.preformatted("a < b"), "<pre>a &lt; b</pre>"),
     (repr(ball()) + repr(ball(radius=7e-8)), "Ball()Ball(radius=7e-08)"),
-    (ball(radius="70 nm")._repr_html_(), "<table><caption>Ball</caption><tr><th>radius</th><td>70 nm</td></tr></table>"),
+    (ball(radius="7 nm")._repr_html_(), "<table><caption>Ball</caption><tr><th>radius</th><td>7 nm</td></tr></table>"),
     (
-        shown.in_words(pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0),))),
-        "stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7.5, quality factor 6)",
+        shown.in_words(pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.0, 6.0),))),
+        "stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7, quality factor 6)",
     ),
     (
         str(InputErrors([InputError("setpoint", 1.2, "a number below 1"), InputError("radius", 0, "more than 0")])),
@@ -134,7 +134,7 @@ GIVES: list[tuple[Any, Any]] = [
     (threads.found_in(lambda first, last: last - first, [0, 4, 8, 10], 2), [4, 4, 2]),
     (list(in_processes(abs, [-1, 2], workers=1)), [1, 2]),
     # materials
-    ([round(1e12 * time, 3) for time in merged(pm.Prony([1e9] * 3, [1e-12, 1e-11, 1e-6], 1e9), 3e5).times], [9.182, 1e6]),
+    ([round(1e12 * t, 3) for t in merged(pm.Prony([1e9] * 3, [1e-12, 1e-11, 1e-6], 1e9), 3e5).times], [9.182, 1e6]),
     (distinct_materials([np.array([[1.0, 3.0, 1.0]]), np.full((1, 3), 0.5)])[0].tolist(), [[1.0, 0.5], [3.0, 0.5]]),
     (combined({"modulus": 3e9, "viscosity": 20.0}, {"damping": 0.01}), {"modulus": 3e9, "damping": 0.01}),
     (contact_stiffness(np.array([0.0, 0.75e9]), np.zeros(2), pm.Tip(1e-8)).tolist(), [0.0, 1e9]),
@@ -143,7 +143,7 @@ GIVES: list[tuple[Any, Any]] = [
     (Distinct(10).add(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]])), 3),
     (len(set(digests_of(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]])).tolist())), 2),
     # images and files
-    (downwards(np.array([3.0, 1.0]), "y").tolist() + downwards(np.array([3.0, 1.0]), "x").tolist(), [1.0, 3.0, 3.0, 1.0]),
+    ([downwards(np.array([3.0, 1.0]), dim).tolist() for dim in "yx"], [[1.0, 3.0], [3.0, 1.0]]),
     (mean_ground(np.array([0.0, 8.0, 8.0])).tolist(), [1.0, 7.0, 8.0]),
     (program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0).slope[:4].tolist(), [0.0, 2.0, 2.0, 0.0]),
     (chebyshev.nodes(5).round(2).tolist() + chebyshev.nodes(1).tolist(), [-1.0, -0.71, 0.0, 0.71, 1.0, 0.0]),
@@ -167,7 +167,7 @@ GIVES: list[tuple[Any, Any]] = [
     ),
     (side_lengths(xr.Dataset(coords={"y": [1.0], "x": [0.0, 2.0, 4.0]})), (6.0, 2.0)),
     # scenes
-    (card_beside(Path("blends.nc")).name + card_beside(Path("blends.zarr")).name, "blends.nc.card.mdblends.zarr.card.md"),
+    ([card_beside(Path(name)).name for name in ("a.nc", "a.zarr")], ["a.nc.card.md", "a.zarr.card.md"]),
     (name_of("materials.PS/PMMA.modulus"), "materials.PS_PMMA.modulus"),
     (as_column([1, 2.5]).dtype, np.dtype(float)),
     (as_column([True, [0.0, 1e-9]]).tolist(), ["true", "[0.0, 1e-09]"]),
@@ -189,7 +189,7 @@ def test_a_helper_gives_what_its_callers_build_on(given: Any, wanted: Any) -> No
 REFUSED: dict[str, Callable[[], Any]] = {
     "Ball has no argument 'r'; its arguments are radius.": lambda: ball(r=40e-9),
     "Ball has no argument 'R'; its arguments are radius. Did you mean 'radius'?": lambda: ball(R=40e-9),
-    "discs has no argument 'share'; its arguments are shape, part, seed. Did you mean 'part'?": lambda: discs(share=0.3),
+    "discs has no argument 'share'; its arguments are shape, part, seed. Did you mean 'part'?": lambda: discs(share=1),
     "discs needs part; it is called as discs(shape, part=...).": discs,
     "scope is 3; allowed: a Microscope or None. The order is f(scope).":
         lambda: kinds.of_kind("scope", 3, "Microscope | None", "The order is f(scope)."),
