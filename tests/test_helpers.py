@@ -106,8 +106,8 @@ GIVES: list[tuple[Any, Any]] = [
     (repr(ball()) + repr(ball(radius=7e-8)), "Ball()Ball(radius=7e-08)"),
     (ball(radius="7 nm")._repr_html_(), "<table><caption>Ball</caption><tr><th>radius</th><td>7 nm</td></tr></table>"),
     (
-        shown.in_words(pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.0, 6.0),))),
-        "stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2.5, modes (frequency ratio 7, quality factor 6)",
+        shown.in_words(pm.Cantilever(0.1, 20e3, 2.0, modes=(pm.Eigenmode(7.0, 6.0),))),
+        "stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2, modes (frequency ratio 7, quality factor 6)",
     ),
     (
         str(InputErrors([InputError("setpoint", 1.2, "a number below 1"), InputError("radius", 0, "more than 0")])),
