@@ -16,8 +16,7 @@ from phasemap._shared.memory import check_fits
 def as_array(name: str, value: object, allowed: str, dtype: Any = None) -> NDArray[Any]:
     """Return what the user gave as an array, of whatever type if none is asked for.
 
-    Raises InputError, with what is allowed, if it cannot be one.
-    Raises TooLargeError for a sequence, such as a range, that would not fit into memory.
+    Raises InputError with what is `allowed`, and TooLargeError for a sequence that would not fit into memory.
     """
     if isinstance(value, Sequence):
         try:

@@ -63,10 +63,7 @@ class InputError(PhasemapError, ValueError):
 class InputErrors(InputError):
     """Several things that are wrong, such as all that a scene has: a sentence in each line, and each in `errors`.
 
-    Parameters
-    ----------
-    errors : sequence of PhasemapError
-        Of which one at least is an `InputError`; name, value, allowed and hint are those of the first.
+    Name, value, allowed and hint are those of the first `InputError` of them.
     """
 
     __module__ = "phasemap._shared.errors"

@@ -105,15 +105,7 @@ class Number(Generic[T]):
 
 
 class Renamed:
-    """The old name of an attribute, which goes on for a release with a warning.
-
-    Parameters
-    ----------
-    new : str
-        What it is called now.
-    why : str
-        What it was mistaken for.
-    """
+    """The old name of an attribute, now `new`, which goes on for a release with a warning of `why`."""
 
     def __init__(self, new: str, why: str) -> None:
         self._new, self._why = new, why

@@ -16,10 +16,9 @@ FULL = 1 << 20  # byte left on a disk that is full: what could not be written wa
 
 
 def size_of(path: str | os.PathLike[str], what: str) -> int:
-    """Size of a file that may be read [byte].
+    """Size of a file that may be read [byte]; `what` is the file, in the words of an error.
 
-    `what`: the file, in the words of an error.
-    Raises FileError if there is none, or it is not a file: a pipe would be waited for, a device may never end.
+    Raises FileError if it is not a file: a pipe would be waited for, a device may never end.
     """
     try:
         about = os.stat(path)

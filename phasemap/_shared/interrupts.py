@@ -48,13 +48,9 @@ _left: list[threading.Event] = []  # the ends of what nobody waits for any more
 
 
 def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
-    """Return what the task does, or stop waiting for it, whatever it is doing.
+    """Return what the task does, or stop waiting for it at Ctrl-C, or with EndlessError after the limit [s].
 
     Compiled code cannot be interrupted: it goes on in the background, and `still_busy` says so.
-
-    `limit`: how long to wait [s].
-    Raises KeyboardInterrupt at Ctrl-C.
-    Raises EndlessError after the limit.
     """
     done: list[T] = []
     failed: list[BaseException] = []

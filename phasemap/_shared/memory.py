@@ -20,12 +20,7 @@ GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
 
 
 def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> None:
-    """Refuse what needs more memory than is free.
-
-    `what`: in words, ``"an image of 512 x 512 pixels"``.
-    `size`: what it needs [byte].
-    Raises TooLargeError if it does not fit; the sentence has both numbers.
-    """
+    """Raise TooLargeError where something, such as "an image of 512 x 512 pixels", needs more bytes than are free."""
     if size < 1 << 20:  # which is not worth a look
         return
     free = available()

@@ -95,12 +95,9 @@ def gathered() -> Iterator[list[str]]:
 
 
 def question(name: str, value: float, unit: str, usual: Usual) -> None:
-    """Warn of a number outside all practice; zero is what switches something off.
+    """Warn of a number outside all practice, `usual` [unit]; zero is what switches something off.
 
-    `name`: in the words of the person who gave it.
     `value`: [unit]; of a number that may be negative, its size.
-    `unit`: as in `phasemap._shared.quantities.KINDS`.
-    `usual`: the least and the most found in practice [unit].
     """
     low, high = usual
     size, manner = abs(value), _MANNER.get()

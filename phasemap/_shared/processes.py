@@ -22,17 +22,12 @@ R = TypeVar("R")
 
 
 def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Generator[R, None, None]:
-    """Yield ``task(item)`` of every item, as they come.
+    """Yield ``task(item)`` of every item, in the order in which they are done; items are taken when a worker is free.
 
     With one worker the task is called in this process, else in fresh ones, which need the task, its items and results
     to be picklable, and a script that starts them to do so under ``if __name__ == "__main__"``. Ctrl-C reaches this
     process alone. The others are stopped at once when the generator raises or is closed, and stop by themselves, after
-    the item at hand, if this process is killed.
-
-    `items`: taken one by one, when a worker is free.
-    They come in the order in which they are done.
-    Raises PhasemapError if a worker ended before its task did.
-    Raises what the task raised.
+    the item at hand, if this process is killed. Raises PhasemapError if a worker ended before its task did.
     """
     if workers == 1:
         for item in items:

@@ -97,11 +97,7 @@ def scaled(values: Any, written: str, unit: str) -> Any:
 
 
 def range_in_si(text: str, unit: str) -> tuple[float, ...]:
-    """Read START:STOP:N, or one number alone; what has no unit is in SI units.
-
-    Returns (start, stop, N), or (number,).
-    Raises NotThatUnit if it is something else.
-    """
+    """Read START:STOP:N, or one number alone, as a tuple; what has no unit is in SI units."""
     parts = text.split(":")
     ends = [float(part) if split(part)[1] == "" else float(str(in_si(part, unit))) for part in parts[:2]]
     if len(parts) == 1:

@@ -34,11 +34,7 @@ class Unit(NamedTuple):
 
 
 def readable(largest: float, units: str) -> Unit:
-    """Choose the prefix with which the largest value is from 1 to 1000.
-
-    `largest`: in the SI unit; its sign does not matter.
-    `units`: UDUNITS, as in the attribute ``units``.
-    """
+    """Choose the prefix with which the largest value, in the SI unit of either sign, is from 1 to 1000."""
     if units == "J":
         return Unit(ELECTRONVOLT, "eV")
     text = WRITTEN.get(units, units)

@@ -92,18 +92,10 @@ COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], s
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command, by default with the arguments of the process.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        The arguments; None takes those of the process.
-
-    Returns
-    -------
-    int
-        Exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt, 143
-        after SIGTERM.
+    Returns the exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt,
+    143 after SIGTERM.
     """
     with ending_at_once():
         parser = make_parser()

@@ -89,11 +89,7 @@ def compare(arguments: argparse.Namespace) -> None:
 
 
 def summary(found: xr.Dataset) -> list[str]:
-    """Say what a comparison found.
-
-    `found`: what `phasemap.compare` returned.
-    Returns lines of a word and what is said of it, the verdict last.
-    """
+    """Say what a comparison found, in lines of a word and what is said of it, the verdict last."""
     from phasemap.comparison.words import lines_of, verdict_of
 
     size = f"{found.sizes['x']} x {found.sizes['y']} pixels"

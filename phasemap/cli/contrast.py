@@ -119,11 +119,7 @@ def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: b
 
 
 def summary(found: xr.Dataset) -> list[str]:
-    """Say what a map found.
-
-    `found`: what `phasemap.contrast` returned.
-    Returns lines of a word and what it is.
-    """
+    """Say what a map of contrast found, in lines of a word and what it is."""
     import numpy as np
 
     from phasemap.results.words import describe_flags

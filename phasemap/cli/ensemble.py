@@ -24,11 +24,7 @@ FEW = 6  # values that are listed
 
 
 def run(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None:
-    """Simulate an ensemble into a file.
-
-    Raises PhasemapError if an argument is for single images, or a sample cannot be simulated.
-    Raises KeyboardInterrupt after Ctrl-C, with a word on what is kept.
-    """
+    """Simulate an ensemble into a file; Ctrl-C says what is kept."""
     from phasemap._shared.threads import workers_of
     from phasemap.scenes.data_card import card_beside
 

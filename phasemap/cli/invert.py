@@ -297,11 +297,7 @@ def _said_images(given: _Given) -> list[tuple[str, str]]:
 
 
 def summary(found: xr.Dataset) -> list[tuple[str, str]]:
-    """Say what an inversion found.
-
-    `found`: what `phasemap.invert` or `phasemap.fit_regions` returned.
-    Returns a word and what is said of it, the verdict last.
-    """
+    """Say what an inversion or a fit by regions found, as a word and what is said of it, the verdict last."""
     said = _said_regions(found) if "region" in found.dims else _said_maps(found)
     return [*said, *_sentences(found, "verdict"), *_sentences(found, "advice")]
 

@@ -16,12 +16,7 @@ LABELS = ("labels", "label")  # maps of regions, as files call them
 
 
 def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
-    """Read a word of the command line.
-
-    `unit`: as in `phasemap._shared.quantities.KINDS`.
-    `allowed`: what may be given, but for units.
-    Returns one number, or START, STOP and N.
-    """
+    """Read one number, or START, STOP and N, of the command line; `allowed` is what may be given, but for units."""
     try:
         return range_in_si(text, unit)
     except NotThatUnit:
@@ -30,12 +25,7 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
 
 
 def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[float]:
-    """Read as many numbers as there are images or files, or one for all of them.
-
-    `name`: of the argument, as Python has it.
-    `unit`: as in `numbers_in`.
-    Returns as many numbers as there are images or files.
-    """
+    """Read as many numbers as there are images or files, or one for all of them; `name` is the argument's in Python."""
     option = f"--{name.replace('_', '-')}"
     allowed = f"a number, or {count} with commas between them, one {each}"
     found = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
@@ -45,11 +35,7 @@ def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[flo
 
 
 def labels_in(path: str) -> np.ndarray:
-    """Read the map of regions of a netCDF file.
-
-    Returns an array of shape (rows, columns).
-    Raises FileError if it cannot be read.
-    """
+    """Read the map of regions of a netCDF file, shape (rows, columns)."""
     import numpy as np
 
     from phasemap.io.netcdf import load

@@ -40,21 +40,16 @@ TILE = 64  # pixels; a square of them stays in the cache, and few are near the h
 
 
 def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surface:
-    """Return the surface as a tip of finite size meets it.
+    """Return the surface as a tip of finite size meets it; one that is flat as it is.
 
     The topography becomes the height of the apex when the tip touches, and each pixel has the material of the point
     that the tip touches, the nearest of them where there are several. Nothing lies beyond the edges, which is the same
     as if the outermost pixels went on for ever.
 
-    `surface`: one that is flat is returned as it is.
-    `half_angle`: between the axis and the flank of the cone into which the tip widens [degree], above 0 and below
-        90.
+    On a slope m the apex is R (sqrt(1 + m^2) - 1) higher than the pixel below it, for the tip touches at its side. The
+    relief is known at the centres of pixels only, which must be small against R.
 
-    Notes
-    -----
-    Where the relief is flat nothing changes, and on a slope m the apex is R (sqrt(1 + m^2) - 1) higher than the pixel
-    below it, for the tip touches at its side. The relief is known at the centres of pixels only, which must be small
-    against R.
+    `half_angle`: between the axis and the flank of the cone into which the tip widens [degree], above 0 and below 90.
     """
     half_angle = math.radians(number("half_angle", half_angle, "degree", above=0, below=90))
     relief = surface.topography
@@ -65,12 +60,7 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
 
 
 def tip_profile(distance: FloatArray, radius: float, half_angle: float) -> FloatArray:
-    """Height of the tip's surface above its apex [m].
-
-    `distance`: from the axis [m].
-    `radius`: of the sphere [m].
-    `half_angle`: of the cone [rad].
-    """
+    """Height of the tip's surface above its apex [m], at distances from its axis [m]; the angle of its cone in rad."""
     tangent = radius * math.cos(half_angle)
     inside = np.minimum(distance, tangent)
     sphere = inside**2 / (radius + np.sqrt(radius**2 - inside**2))  # R - sqrt(R^2 - r^2), without cancellation
@@ -79,11 +69,7 @@ def tip_profile(distance: FloatArray, radius: float, half_angle: float) -> Float
 
 
 def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArray | None) -> Surface:
-    """Return a surface with the materials of other pixels and a new topography.
-
-    `pixels` (shape (ny, nx)): where the material of each pixel is taken from, as ``row * nx + column``.
-    `topography` (shape (ny, nx)): [m].
-    """
+    """The surface with another topography [m], and the materials of other pixels, each as ``row * nx + column``."""
     maps: dict[str, Any] = {"topography": None if topography is None else read_only(topography)}
     for name in QUANTITIES:
         values = getattr(surface, name) if name != "topography" else None

@@ -78,10 +78,9 @@ def check_modes(modes: object) -> Modes:
 
 @unquestioned()
 def all_modes(quality_factor: float, participation: float, modes: Modes) -> tuple[Eigenmode, ...]:
-    """The first mode and the higher ones, with no number left open.
+    """The first mode and the higher ones, with no number left open; `modes` as `check_modes` returns them.
 
-    `modes`: as `check_modes` returns them; a number makes those of a uniform beam in a gas, whose quality factors
-        grow as the root of the frequency.
+    A number makes those of a uniform beam in a gas, whose quality factors grow as the root of the frequency.
     """
     if isinstance(modes, int):
         ratios = [(beta / BETAS[0]) ** 2 for beta in BETAS[1:modes]]

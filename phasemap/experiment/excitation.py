@@ -39,11 +39,9 @@ def offset_and_factor(lever: Array) -> tuple[Any, Any]:
 
 
 def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
-    """What the detector sees of a first harmonic of z.
+    """What the detector sees of a first harmonic of z: amplitude [m] and phase [rad], 0 at free resonance.
 
     `lever` (shape (..., n)): as of `phasemap.experiment.lever.lever_of`.
-    `amplitude`, `phase`: of z [m, rad].
-    Returns `amplitude, phase`: [m, rad], 0 at free resonance.
     """
     if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
@@ -88,13 +86,10 @@ def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
 
 
 def seen(rows: Array, lever: Array) -> Array:
-    """Result rows as the detector sees them: amplitude and phase.
+    """Result rows, shape (..., COLUMNS), as the detector sees them: amplitude and phase.
 
     They are exact for the means of motion that is not periodic too, for the base's motion is constant. Its spreads
     depend on how amplitude and phase vary together: they are left as they are, of what was averaged in time.
-
-    `rows` (shape (..., COLUMNS)): of the tip.
-    `lever` (shape (n,) or (..., n)).
     """
     if sees_tip(lever):
         return rows

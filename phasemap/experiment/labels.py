@@ -24,12 +24,10 @@ LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 
 
 def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatArray, IntArray]]:
-    """Look up the material of every pixel.
+    """Look up the material of every pixel; both arguments as `phasemap.Surface.from_labels` takes them.
 
-    `labels`, `materials`: as `phasemap.Surface.from_labels` takes them.
-    Returns `maps`: the arguments of `phasemap.Surface` that make up a material: arrays, or one number where all are
-        the same.
-    Returns `distinct`: as `phasemap.Surface.unique` gives them.
+    Returns the arguments of `phasemap.Surface` that make up a material, arrays, or one number where all are the same;
+    and the distinct materials as `phasemap.Surface.unique` gives them.
     """
     label_map = _whole_numbers(labels)
     names, table, viscous = _material_table(materials)

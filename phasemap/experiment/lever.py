@@ -61,11 +61,7 @@ def one_mode(omega: float, alpha0: float, stiffness: float, drive: float) -> Arr
 
 
 def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
-    """Work of the drive, pi k u0 A cos(phase) [J per cycle].
-
-    `lever` (shape (..., n)): as of `lever_of`.
-    `amplitude`, `phase`: of the first harmonic [m, rad].
-    """
+    """Work of the drive, pi k u0 A cos(phase) [J per cycle], for levers of `lever_of`, shape (..., n)."""
     work: Array = np.pi * lever[..., col.STIFFNESS] * lever[..., col.DRIVE] * amplitude * np.cos(phase)
     return work
 
@@ -73,12 +69,8 @@ def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
 def lost_in_air(lever: Array, amplitude: Array) -> Array:
     """What the lever's own damping takes from the first harmonic, pi k kappa'' A^2 [J per cycle].
 
-    kappa is the dynamic stiffness at the tip over k, whose imaginary part is 2 alpha0 omega of one mode.
-
-    Higher harmonics lose a little more, n^2 (A_n / A)^2 of it each.
-
-    `lever` (shape (..., n)): as of `lever_of`.
-    `amplitude`: [m].
+    kappa is the dynamic stiffness at the tip over k, whose imaginary part is 2 alpha0 omega of one mode. Higher
+    harmonics lose a little more, n^2 (A_n / A)^2 of it each.
     """
     lost: Array = np.pi * lever[..., col.DYNAMIC_LOSS] * lever[..., col.STIFFNESS] * amplitude**2
     return lost
@@ -88,9 +80,6 @@ def virial_of(lever: Array, amplitude: Any, phase: Any) -> Array:
     """Virial of the surface's force in the first harmonic, A^2 k kappa' / 2 - k u0 A sin(phase) / 2 [J].
 
     Positive for attraction. San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001), at resonance.
-
-    `lever` (shape (..., n)): as of `lever_of`.
-    `amplitude`, `phase`: of the first harmonic of the tip [m, rad].
     """
     stiff = amplitude * lever[..., col.DYNAMIC_STIFFNESS]
     virial: Array = 0.5 * lever[..., col.STIFFNESS] * amplitude * (stiff - lever[..., col.DRIVE] * np.sin(phase))

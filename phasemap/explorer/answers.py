@@ -156,11 +156,7 @@ def curves(setting: Setting) -> dict[str, Any]:
 
 
 def contrast_map(setting: Setting) -> dict[str, Any]:
-    """The contrast of the pair against setpoint and free amplitude.
-
-    Returns axes, contrast [degree] by rows of equal amplitude, points where it is 0, and where to work: a sentence
-        and the point, None where there is none.
-    """
+    """Contrast of the pair against setpoint and free amplitude [degree], points where it is 0, and where to work."""
     first, second = setting.pair
     amplitudes = AMPLITUDES * middle_of(setting)
     ds = contrast(

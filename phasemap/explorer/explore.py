@@ -31,14 +31,9 @@ LEADS = """<!doctype html>
 
 
 class Explorer:
-    """A page that is being served.
+    """A page that is being served at `url`, its address on this machine, with its token.
 
     In a notebook it shows the page itself. It is closed by `close`, at the end of a ``with`` block, and with Python.
-
-    Attributes
-    ----------
-    url : str
-        Address of the page on this machine, with its token.
     """
 
     def __init__(self, given: Opened | None = None, port: int = 0, fragment: str = "") -> None:
@@ -57,11 +52,6 @@ class Explorer:
 
         All users of this machine can see what a browser is started with. So that is not the address with its token, but
         the name of a file, which only this user can read and which leads there. It is removed when the page is closed.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
         """
         import webbrowser
 
@@ -172,15 +162,9 @@ def explore(
 
 
 def serve(given: Opened | None = None, port: int = 0, browser: bool = False, fragment: str = "") -> Explorer:
-    """Serve the page, and show it in the browser if that is wanted.
+    """Serve the page that begins with `given`, and show it in the browser if that is wanted.
 
-    `given`: what the page begins with.
     `fragment`: of a link, which holds the values of the page.
-
-    Raises
-    ------
-    InputError, FileError, PhasemapError
-        As `explore`.
     """
     explorer = Explorer(given, whole("port", port, 0, 65535), fragment)
     if browser:

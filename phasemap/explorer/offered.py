@@ -32,13 +32,7 @@ class Opened(NamedTuple):
 
 
 class Offered:
-    """The subjects of one server, by the names that links have for them.
-
-    Parameters
-    ----------
-    given : Opened, optional
-        What the page was started with.
-    """
+    """The subjects of one server, by the names that links have for them; `given` is what the page was started with."""
 
     def __init__(self, given: Opened | None = None) -> None:
         self._open: dict[str, Opened] = {}
@@ -70,12 +64,7 @@ class Offered:
         return opened | {name: _first_line(folder_of_samples() / f"{name}.toml") for name in SAMPLES}
 
     def open(self, name: str, content: bytes) -> str:
-        """Open a file that the page sends: a scene, or an image of a microscope.
-
-        `name`: of the file.
-        Returns the name of the subject.
-        Raises FileError, InputError or PhasemapError if it cannot be explored.
-        """
+        """Open a file that the page sends, a scene or an image of a microscope, and return the name of the subject."""
         with tempfile.TemporaryDirectory(prefix="phasemap-") as folder:
             path = Path(folder, Path(name.replace("\\", "/")).name or "file")
             path.write_bytes(content)

@@ -68,15 +68,7 @@ class Gone(Exception):
 
 
 class Server(ThreadingHTTPServer):
-    """Serves the page.
-
-    Parameters
-    ----------
-    given : Opened, optional
-        What the page begins with; a sample by default.
-    port : int
-        0 is any that is free.
-    """
+    """Serves the page, which begins with what is given, by default a sample; port 0 is any that is free."""
 
     daemon_threads = True
     block_on_close = False
@@ -157,13 +149,7 @@ class Server(ThreadingHTTPServer):
 
 
 class Count:
-    """How many answers are being made.
-
-    Attributes
-    ----------
-    none : threading.Event
-        Set while there are none.
-    """
+    """How many answers are being made; the event `none` is set while there are none."""
 
     def __init__(self) -> None:
         self._many, self._lock = 0, threading.Lock()

@@ -106,12 +106,10 @@ def subject_of(
     setpoint: float | None = None,
     overrides: Iterable[str] = (),
 ) -> Subject:
-    """Make the subject of what the user gives.
+    """Make the subject of a surface, a scene or its file, to which `overrides` belong as in `phasemap.load_scene`.
 
-    `explored`: a surface, or a scene or its file.
     `scope`: for a surface, which has none.
     `setpoint`: to begin with; that of the scene, or 0.7 for a surface.
-    `overrides`: as in `phasemap.load_scene`, for a file.
     """
     if isinstance(explored, (str, os.PathLike)):
         explored = load_scene(explored, overrides)

@@ -87,10 +87,9 @@ class Found(NamedTuple):
 
 
 def lines_of(first: Found, second: Found, counted: Convention = PHASE) -> list[str]:
-    """Say why the second material is brighter or darker in the phase image than the first.
+    """Say why the second material is brighter or darker in the phase image than the first, most important first.
 
     `first`, `second`: twice the same where there is one material only.
-    Returns sentences, the most important one first.
     """
     unsolved = [one for one in dict.fromkeys((first, second)) if math.isnan(one.phase)]
     if unsolved:

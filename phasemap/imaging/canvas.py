@@ -60,11 +60,7 @@ def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tuple[str, ...], more: int = 0) -> None:
-    """Refuse an image that would not fit into memory.
-
-    `names`, `directions`: as for `Canvas`.
-    `more`: bytes a pixel that are needed besides.
-    """
+    """Refuse an image that would not fit into memory; `more` are bytes a pixel that are needed besides."""
     passes = max(len(directions), 1)
     per_pixel = passes * sum(1 if name in FLAGS else 8 for name in names)
     what = f"an image of {shape[0]} x {shape[1]} pixels with {len(names)} variables"
@@ -79,15 +75,7 @@ def attributes_of(name: str) -> dict[str, str]:
 
 
 class Canvas:
-    """Arrays of the variables asked for, and of nothing else.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Image variables, `status` among them.
-    directions : tuple of str
-        Passes over each line that are kept apart; none for one image.
-    """
+    """Arrays of the image variables asked for, `status` among them, of each direction, or of one image without any."""
 
     def __init__(self, surface: Surface, names: tuple[str, ...], directions: tuple[str, ...] = ()) -> None:
         size = (max(len(directions), 1), surface.shape[0] * surface.shape[1])

@@ -49,23 +49,11 @@ class Lines(NamedTuple):
 
 
 class Checkpoint:
-    """A folder with what is done of one simulation.
+    """A folder with what is done of one simulation, made when there is something to be kept.
 
-    The names of its files begin with the SHA-256 of all that the image depends on, so that what another simulation left
-    is never taken for it. A file appears whole or not at all. Where none can be written, a warning says so once and the
-    simulation goes on without.
-
-    Parameters
-    ----------
-    folder : path-like
-        Made when there is something to be kept.
-    configuration : mapping
-        Everything else.
-
-    Raises
-    ------
-    FileError
-        If there is something else in the place of the folder.
+    The names of its files begin with the SHA-256 of all that the image depends on, `configuration`, so that what
+    another simulation left is never taken for it. A file appears whole or not at all. Where none can be written, a
+    warning says so once and the simulation goes on without; only something else in its place is an error.
     """
 
     def __init__(

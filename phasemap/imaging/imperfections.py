@@ -24,11 +24,7 @@ FAR = 2.0**40  # pixels: drift beyond every image
 
 
 def generator(seed: int, purpose: str) -> np.random.Generator:
-    """Random numbers of their own for each purpose: to turn one kind of noise on does not change another.
-
-    `seed`: that of `Realism`.
-    `purpose`: what they are for, such as ``"height"``.
-    """
+    """Random numbers of their own for each purpose, such as "height": one kind of noise does not change another."""
     return np.random.default_rng([seed, *purpose.encode()])
 
 
@@ -45,11 +41,7 @@ def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple
 
 
 def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
-    """Return the surface as it passes under the tip while it drifts.
-
-    `drift`: along x, y and z during the whole image [m], as in `Realism`.
-    Returns the same one without drift.
-    """
+    """Return the surface as it passes under the tip while it drifts along x, y and z, by so much an image [m]."""
     if not any(drift):
         return surface
     (ny, nx), (dy, dx) = surface.shape, surface.pixel_size
@@ -90,9 +82,8 @@ def changes(realism: Realism) -> bool:
 def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
     """Add what comes after the scan: offsets of lines, then quantisation.
 
-    `image`: dims ("y", "x"), or ("direction", "y", "x").
-    Returns the same one if nothing is to be added. Each variable that changed says so in its attribute ``comment``,
-        and has the step of its quantisation in ``quantisation_step``, in its own unit.
+    Each variable that changed says so in its attribute ``comment``, and has the step of its quantisation in
+    ``quantisation_step``, in its own unit.
     """
     changed = {}
     for name in DIGITISED:

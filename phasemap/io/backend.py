@@ -40,16 +40,7 @@ class PhasemapBackend(BackendEntrypoint):
         phase: str | None = None,
         amplitude: str | None = None,
     ) -> xr.Dataset:
-        """Read an image into memory.
-
-        Parameters
-        ----------
-        filename_or_obj : path-like
-        drop_variables : str or iterable of str, optional
-            Variables to leave out.
-        height, phase, amplitude : str, optional
-            Names of channels, as in `phasemap.read_image`.
-        """
+        """Read an image into memory, with the channels of `phasemap.read_image`, without the variables to drop."""
         ds = read_image(filename_or_obj, height=height, phase=phase, amplitude=amplitude)
         dropped = [drop_variables] if isinstance(drop_variables, str) else list(drop_variables or [])
         return ds.drop_vars(dropped, errors="ignore")

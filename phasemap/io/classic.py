@@ -17,11 +17,7 @@ def is_classic(data: bytes) -> bool:
 
 
 def check_classic(data: bytes) -> None:
-    """Refuse a header of which a count does not fit.
-
-    `data`: the file, or as much of it as has the header.
-    Raises ValueError if it is damaged.
-    """
+    """Raise ValueError if a count of the header does not fit; `data` is the file, or as much as has the header."""
     walk = _Walk(data)
     walk.take(walk.wide)  # how many records
     for _ in range(walk.entries(DIMENSIONS)):

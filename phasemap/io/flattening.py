@@ -13,12 +13,10 @@ MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
 
 
 def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.ndarray:
-    """Take the tilt and the row offsets out of a height image.
+    """Take the tilt and the row offsets out of a height image [m]; the median of the reference pixels becomes 0.
 
-    `height` (shape (rows, columns)): [m].
     `reference`: pixels that are meant to be level (one material, no particles); None takes all. Rows that have none
         take their offset from their neighbours.
-    Returns an array of shape (rows, columns): [m]; the median of the reference pixels is 0.
     """
     import numpy as np
 
@@ -35,14 +33,10 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
 
 
 def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Take out the tilt along rows and the median of every row.
+    """Take out the tilt along rows and the median of every row, of a map that may hold NaN where pixels do not count.
 
     The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
-    the rows hold the tilt.
-
-    `height` (shape (rows, columns)): [m]; may hold NaN where pixels do not count.
-    `counts`: pixels that count, at least one; rows that have none take their offset from their neighbours.
-    Returns: [m].
+    the rows hold the tilt. Rows in which no pixel counts take their offset from their neighbours.
     """
     import numpy as np
 
@@ -56,12 +50,7 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Median of what counts in each row, as a column; rows without any take it from their neighbours.
-
-    `values` (shape (rows, columns)).
-    `counts`: pixels that count, at least one.
-    Returns an array of shape (rows, 1).
-    """
+    """Median of what counts in each row, as a column; rows without any take it from their neighbours."""
     import numpy as np
 
     rows = np.flatnonzero(counts.any(axis=1))
@@ -71,12 +60,10 @@ def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def on_one_turn(phase: np.ndarray) -> np.ndarray:
-    """Bring together a phase that ran over the end of its range, such as from 179 to -179 degrees.
+    """Bring together a phase [degree] that ran over the end of its range, such as from 179 to -179 degrees.
 
-    `phase`: [degree]; may hold NaN.
-    Returns: [degree]; as it was where it spans half a turn or less, which is all that a tapping lever does. Else
-        whole turns are added so that all lies within half a turn of the mean direction, on the turn where most of
-        it was.
+    It stays as it was where it spans half a turn or less, which is all that a tapping lever does. Else whole turns are
+    added so that all lies within half a turn of the mean direction, on the turn where most of it was.
     """
     import numpy as np
 

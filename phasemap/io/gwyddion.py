@@ -74,12 +74,7 @@ class Channel:
 
 
 def load_channels(path: Path) -> list[Channel]:
-    """Read every image of a file.
-
-    Returns: in the order of the file, without those of a second pass over the line (interleave).
-    Raises FileError if the file cannot be read, or holds no image.
-    Raises PhasemapError if the ``read`` extra is not installed.
-    """
+    """Read every image of a file, without those of a second pass over the line (interleave)."""
     if os.path.isdir(path):
         raise FileError(f"cannot read {path}: it is a folder.")
     if not os.path.isfile(path):  # nor is a name that is no name
@@ -142,12 +137,7 @@ def merged(channels: Iterable[Channel]) -> dict[str, str]:
 
 
 def extra(module: str, purpose: str, name: str) -> Any:
-    """Import an optional package, or say how to install it.
-
-    `purpose`: what needs it: ``"reading measured files"``.
-    `name`: the extra that brings it along.
-    Raises PhasemapError if it is not installed.
-    """
+    """Import an optional package, or say that ``purpose`` needs it and the extra that brings it along."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -25,12 +25,9 @@ NORMAL = 1.4826  # standard deviation of a normal distribution over its median a
 def one_scan(
     image: xr.Dataset, needed: Iterable[str] = ("height", "phase"), direction: str | None = None
 ) -> xr.Dataset:
-    """Take one direction of an image, and see that it has what is needed.
+    """Take one direction of an image, by default the first, and see that it has what is needed.
 
-    `image`: as `phasemap.read_image` gives it.
-    `direction`: "trace" or "retrace"; None takes the first there is.
-    Returns: over ("y", "x"), with the attribute ``direction`` where it is known.
-    Raises FileError if a variable is not there.
+    The attribute ``direction`` says which, where it is known.
     """
     for name in needed:
         if name not in image:
@@ -47,26 +44,18 @@ def one_scan(
 
 
 def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
-    """Tell `n` materials apart by their phase.
+    """Label each pixel with one of 2 to 4 materials by its phase [degree]: 0 where it is lowest, up to n - 1.
 
     Rows are aligned first, so that drift and a tip change between two rows do not count as material; then a 3 x 3
     median filter and multi-level Otsu thresholds.
-
-    `phase` (shape (rows, columns)): [degree].
-    `n`: how many materials, 2 to 4.
-    Returns an array of shape (rows, columns): 0 where the phase is lowest, up to n - 1.
     """
     return align_and_segment(phase, n)[1]
 
 
 def segment_height(height: np.ndarray, n: int) -> np.ndarray:
-    """Tell `n` materials apart by their height.
+    """Label each pixel with one of 2 to 4 materials by its height [m]: 0 where it is lowest, up to n - 1.
 
     The tilt along rows is the median step from pixel to pixel, which edges have no part in; then as `segment_phase`.
-
-    `height` (shape (rows, columns)): [m].
-    `n`: how many materials, 2 to 4.
-    Returns an array of shape (rows, columns): 0 where the surface is lowest, up to n - 1.
     """
     import numpy as np
 
@@ -87,11 +76,9 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
 def separation_of(values: np.ndarray, labels: np.ndarray) -> tuple[float, float]:
     """How far apart the populations of an image are: in its unit, and over the spread within them.
 
-    Rows are aligned by their populations and noise is smoothed away, as for the labels.
-
-    `values`, `labels` (shape (rows, columns)): a phase or levelled height, and populations counted from the lowest.
+    Rows are aligned by their populations and noise is smoothed away, as for the labels, which count from the lowest.
     Returns the least distance between medians of neighbours, and its ratio to the spread, which is 2.5 for the halves
-        of a normal distribution and 2.7 for those of an even one.
+    of a normal distribution and 2.7 for those of an even one.
     """
     import numpy as np
     from scipy.ndimage import median_filter
@@ -118,15 +105,11 @@ def _channels(image: xr.Dataset) -> list[str]:
 
 
 def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Remove what changes from row to row and is not material, and tell `n` materials apart.
+    """Remove what changes from row to row and is not material, and label the materials as `segment_phase` does.
 
     A row's own median is not its offset where the share of the materials changes from row to row. So a row's offset is
     the median distance of its pixels from the level of their own population, and populations and offsets are found in
-    turn, from the start that leaves the least spread within the populations.
-
-    `phase`, `n`: as in `segment_phase`.
-    Returns `aligned` (shape (rows, columns)): [degree]; the median of the whole image is kept.
-    Returns `labels` (shape (rows, columns)): as `segment_phase` gives them.
+    turn, from the start that leaves the least spread within the populations. The median of the whole image is kept.
     """
     import numpy as np
 

@@ -31,21 +31,7 @@ COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % small
 
 
 def check_dataset(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """Refuse, before any work is done, a place where no netCDF file can or should be written.
-
-    Parameters
-    ----------
-    path : path-like
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    InputError
-        If the suffix is that of a scene or a picture.
-    FileError
-        As in `check_target`.
-    """
+    """Refuse, before any work is done, a place where no netCDF file can or should be written."""
     suffix = Path(path).suffix.lower()
     if suffix in OTHERS:
         raise InputError("the output's suffix", suffix, ".nc, for it becomes a netCDF file", OTHERS[suffix])
@@ -56,26 +42,7 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
     """Write `ds` as compressed netCDF-4.
 
     The file is written under a temporary name in the same folder, flushed to disk and renamed, so that a crash, a full
-    disk or an interrupt never leaves half a file under `path`.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        What `phasemap.simulate` returned.
-    path : path-like
-        The file to write.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-        Where the file lies.
-
-    Raises
-    ------
-    FileError
-        If it cannot be written; nothing is left behind, and an existing file is as it was.
+    disk or an interrupt never leaves half a file under `path`, and an existing file is as it was.
     """
     compressed = {
         name: {"zlib": True, "complevel": COMPRESSION_LEVEL}
@@ -88,48 +55,12 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read a netCDF file, or a zarr store, into memory.
-
-    Parameters
-    ----------
-    path : path-like
-        A netCDF file, or a folder whose name ends in .zarr.
-
-    Returns
-    -------
-    xarray.Dataset
-        In memory; the file is closed.
-
-    Raises
-    ------
-    FileError
-        If there is no such file, or it is not a whole netCDF file or store.
-    """
+    """Read a netCDF file, or a zarr store (a folder whose name ends in .zarr), into memory; the file is closed."""
     return _read(path, None)
 
 
 def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
-    """Read one sample of an ensemble's file into memory.
-
-    Parameters
-    ----------
-    path : path-like
-        A netCDF file or zarr store with a dimension "sample".
-    sample : int
-        From 0.
-
-    Returns
-    -------
-    xarray.Dataset
-        In memory, without that dimension.
-
-    Raises
-    ------
-    InputError
-        If there is no such sample.
-    FileError
-        As in `load`.
-    """
+    """Read one sample of an ensemble's file or store into memory, counted from 0, without the dimension "sample"."""
     return _read(path, sample)
 
 
@@ -160,13 +91,7 @@ def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
 
 
 def opened(path: Path) -> netCDF4.Dataset:
-    """Open a netCDF file that may be damaged: of some thousands of such, HDF5 searches one for ever.
-
-    Raises
-    ------
-    FileError
-        If that is so.
-    """
+    """Open a netCDF file that may be damaged: of some thousands of such, HDF5 searches one for ever."""
     import netCDF4
 
     try:

@@ -23,9 +23,7 @@ NETCDF = (".nc", ".nc4", ".cdf")
 def read_netcdf(path: Path) -> xr.Dataset:
     """Read an image; what is known about the scan is taken from the configuration of a simulation.
 
-    Returns: as in the file; recorded channels and coordinates in the units of `phasemap.read_image`, y falling
-        and x rising.
-    Raises FileError if the file cannot be read, holds no image, or has no coordinates or other units.
+    Recorded channels and coordinates come in the units of `phasemap.read_image`, y falling and x rising.
     """
     ds = load(path)
     images = [name for name in KINDS if name in ds and set(ds[name].dims) - {"direction"} == {"y", "x"}]

@@ -17,21 +17,7 @@ LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in
 
 
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """Return `path` if a file can be written there, before hours are spent on what to write.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be written.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    FileError
-        If the folder is missing or not writable, `path` is neither a file nor a zarr store, or it exists and
-        `overwrite` is False.
-    """
+    """Return `path` if a file can be written there, before hours are spent on what to write."""
     path = Path(path)
     if os.path.exists(path) and not path.is_file() and not _is_store(path):
         raise FileError(f"cannot write {path}: it is a folder or a device, not a file.")
@@ -54,22 +40,7 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator[Path]:
     """Give a temporary name in the folder of `path`; what was written there becomes `path` if all went well.
 
-    Parameters
-    ----------
-    path : path-like
-        The file to write.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Yields
-    ------
-    Path
-        The temporary name, with the suffix of `path`.
-
-    Raises
-    ------
-    FileError
-        If it cannot be written; the temporary file is removed in any case.
+    The temporary name has the suffix of `path`, and its file is removed in any case.
     """
     path = check_target(path, overwrite)
     _clear(path)

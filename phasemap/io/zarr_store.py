@@ -20,22 +20,13 @@ FORMAT = 2  # which every reader knows; text in version 3 has no agreed form yet
 
 
 def check_store(path: Path, overwrite: bool = False) -> Path:
-    """Return `path` if a store can be written there, before hours are spent on what to write.
-
-    Raises FileError as in `phasemap.io.whole_files.check_target`; a folder that is no store is never replaced.
-    Raises PhasemapError if zarr is not installed.
-    """
+    """As `check_target`, for a store, which needs zarr; a folder that is no store is never replaced."""
     extra("zarr", "writing zarr stores", "dask")
     return check_target(path, overwrite)
 
 
 def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
-    """Copy a netCDF file with a dimension "sample" into a zarr store, a chunk a sample.
-
-    `source`: of which some samples at a time are in memory.
-    `path`: the store, a folder; it is there whole or not at all.
-    `overwrite`: whether an existing store may be replaced.
-    """
+    """Copy a netCDF file with a dimension "sample" into a zarr store, a chunk a sample, some in memory at a time."""
     import xarray as xr
 
     with xr.open_dataset(source, engine="netcdf4") as ds, replacing(path, overwrite) as temporary:
@@ -52,11 +43,7 @@ def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
 
 @contextmanager
 def opened_store(path: Path) -> Iterator[xr.Dataset]:
-    """Open a zarr store; values are read where they are needed.
-
-    Raises FileError if it is no store, or is damaged.
-    Raises PhasemapError if zarr is not installed.
-    """
+    """Open a zarr store; values are read where they are needed."""
     extra("zarr", "reading zarr stores", "dask")
     import xarray as xr
 

@@ -99,12 +99,9 @@ class Scale:
 
 
 def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:
-    """Check limits and colour maps that were asked for.
+    """Check limits, in SI units or with a unit, and names of colour maps of matplotlib, for what is drawn in its units.
 
-    `vmin`, `vmax`: in SI units or with a unit. One alone is of the phase, or of the first variable where there is
-        no phase.
-    `cmap`: likewise, names of colour maps of matplotlib.
-    `variables`: what is drawn, with its units.
+    One alone is of the phase, or of the first variable where there is no phase.
     """
     import matplotlib
 

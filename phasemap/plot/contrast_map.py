@@ -35,12 +35,10 @@ SMALL_STAR = {**STAR, "markersize": 10}
 def draw_map(
     axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[float, float], norm: Any, cmap: str | None = None
 ) -> Any:
-    """Draw one map.
+    """Draw one map of `phasemap.contrast`, at one frequency if `y_name` is not the frequency.
 
-    `ds`: what `phasemap.contrast` returned, at one frequency if `y_name` is not the frequency.
     `y_name`: what is up: "free_amplitude" or "frequency".
     `size`: width and height of the axes on the page [inch].
-    `norm`: of `colours_of`.
     Returns what a colour bar shows.
     """
     x, y = ds["setpoint"].values, ds[y_name].values / unit.size
@@ -70,10 +68,9 @@ def draw_map(
 
 
 def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
-    """Choose a scale that is symmetric about 0, compressed at its ends where a few contrasts are far larger.
+    """Choose a scale for contrasts [degree], symmetric about 0, compressed at its ends where a few are far larger.
 
-    `values`: contrasts [degree].
-    `asked`: limits that were asked for; one alone stands for both sides of 0.
+    A limit that was asked for stands for both sides of 0.
     """
     from matplotlib.colors import AsinhNorm, Normalize
 
@@ -103,11 +100,7 @@ def ticks_of(norm: Any) -> list[float] | None:
 
 
 def edges_of(centres: np.ndarray) -> np.ndarray:
-    """Find the edges of cells around values.
-
-    `centres` (shape (n,)).
-    Returns an array of shape (n + 1,).
-    """
+    """Edges of cells around n values, one more than these."""
     middle = (centres[1:] + centres[:-1]) / 2
     return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
 

@@ -35,20 +35,11 @@ class Page(Figure):
 
     It is a matplotlib Figure with a canvas of its own, so nothing global is touched, and a notebook shows it.
 
-    Parameters
-    ----------
-    width, body : float
-        Width of the page, and height of what is between legend and notes [inch].
-    head : sequence of str
-        Lines above, of which the first is the title.
-    keys : sequence of sequences of Artist
-        Rows of the legend.
-    notes : iterable of str or (str, str)
-        Lines below, with their colour if it is not grey; they are wrapped.
-    left : float
-        Where titles and legend begin [inch].
-    titles : int
-        How many of the lines above are the title.
+    `body`: height of what is between legend and notes [inch].
+    `head`: lines above, of which the first `titles` are the title.
+    `keys`: rows of the legend.
+    `notes`: lines below, with their colour if it is not grey; they are wrapped.
+    `left`: where titles and legend begin [inch].
     """
 
     def __init__(

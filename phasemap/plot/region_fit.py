@@ -24,13 +24,9 @@ SIDE, GAP, LEFT, MARGIN, TITLE, AXIS, SMALL = 2.6, 0.75, 0.6, 0.35, 0.3, 0.6, 1.
 
 @asked_as()
 def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: bool = False) -> Figure:
-    """Draw a fit by regions: map, data beside the fit, and materials with intervals of 95 %.
+    """Draw `phasemap.fit_regions`: map, data beside the fit, and materials with intervals of 95 %.
 
     Open symbols are properties that the data do not determine, squares those that were given.
-
-    `ds`: what `phasemap.fit_regions` returned.
-    `path`, `overwrite`: as of `phasemap.plot.inversion`.
-    Raises FileError if `path` cannot be written.
     """
     from phasemap.plot.page import Page
 

@@ -33,11 +33,7 @@ def titles(ds: xr.Dataset) -> list[str]:
 
 
 def microscope_in_words(scope: dict[str, Any], swept: str = "") -> list[str]:
-    """Lever, tip and drive in words, as far as they are known.
-
-    `scope`: the microscope of a ``configuration``.
-    `swept`: what is left out.
-    """
+    """Lever, tip and drive of a ``configuration`` in words, as far as they are known, without what is swept."""
     lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
     return [
         *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),

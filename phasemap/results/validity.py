@@ -30,11 +30,7 @@ AVERAGING = 0  # among the flags of `solver`
 
 
 def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
-    """Say how many results are outside the validity of the model, and what cures them.
-
-    `ds`: an image, a sweep or a map of contrast, with its configuration.
-    Returns one line for each way to be outside; empty if nothing is, or if the dataset does not say.
-    """
+    """Say how many results are outside the validity of the model, and what cures them, in a line for each cause."""
     configuration = json.loads(ds.attrs.get("configuration", "{}"))
     if "microscope" not in configuration:
         return []

@@ -26,20 +26,7 @@ NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phas
 
 @asked_as()
 def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
-    """Say how many pixels have no solution, why, and what helps.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        An image or a sweep.
-    what : str
-        What there are many of.
-
-    Returns
-    -------
-    list of str
-        One line for each way a pixel failed; empty if none did.
-    """
+    """Say how many pixels have no solution, why, and what helps: a line for each way a pixel failed."""
     import numpy as np
 
     if "status" not in ds:
@@ -97,17 +84,7 @@ def describe_solvers(solver: xr.DataArray) -> str:
 
 @asked_as()
 def describe_flags(flags: xr.DataArray) -> str:
-    """Say which flags occur and how often, most frequent first.
-
-    Parameters
-    ----------
-    flags : xarray.DataArray
-        Integers with the CF attributes ``flag_values`` and ``flag_meanings``.
-
-    Returns
-    -------
-    str
-    """
+    """Say which flags of a CF variable occur and how often, most frequent first."""
     return _shares(flags, flags.attrs["flag_meanings"].split())
 
 

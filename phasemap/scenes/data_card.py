@@ -31,12 +31,7 @@ def card_beside(path: Path) -> Path:
 
 
 def data_card(path: Path, ds: xr.Dataset, tables: Table, samples: Sequence[Table], first: Scene) -> str:
-    """Describe the images of an ensemble, in Markdown.
-
-    `path`: the file that they are in.
-    `tables`: the tables of the scene, ``[ensemble]`` included.
-    `samples`: the values of the varied keys.
-    """
+    """Describe the images of an ensemble in Markdown: its scene, [ensemble] included, and the varied values."""
     ensemble = tables["ensemble"]
     (ny, nx), (dy, dx) = first.surface.shape, first.surface.pixel_size
     source = f"`{ensemble['table']}`" if "table" in ensemble else f"drawn with the seed {ensemble.get('seed', 0)}"

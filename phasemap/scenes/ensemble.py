@@ -254,13 +254,7 @@ class Ensemble:
 
 
 def is_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> bool:
-    """Whether a scene file has a table ``[ensemble]``.
-
-    Raises
-    ------
-    InputError, FileError
-        As in `phasemap.scenes.tables.read_tables`.
-    """
+    """Whether a scene file has a table ``[ensemble]``."""
     return "ensemble" in read_tables(path, overrides)
 
 

@@ -41,22 +41,9 @@ class Parts:
     """The folder ``OUT.nc.parts`` with one netCDF file for each sample that is done.
 
     The name of a file is the SHA-256 of all that its image depends on: the sample's scene, the files that the scene
-    names, and the version of phasemap. So an image of another scene is never taken for it, and a sample that was done
-    is not done again after others were changed or added.
-
-    Parameters
-    ----------
-    output : Path
-        The file that the ensemble becomes. ``whole`` is where all samples may be put together before they become it.
-    scenes : iterable of dict
-        The tables of each sample's scene.
-    folder : Path
-        Where files that the scenes name are relative to.
-
-    Raises
-    ------
-    FileError
-        If there is no such folder and none can be made.
+    names, relative to `folder`, and the version of phasemap. So an image of another scene is never taken for it, and a
+    sample that was done is not done again after others were changed or added. ``whole`` is where all samples may be put
+    together before they become the output.
     """
 
     def __init__(self, output: Path, scenes: Iterable[Table], folder: Path) -> None:
@@ -131,12 +118,9 @@ def _words(thing: Any) -> Iterator[str]:
 
 
 def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes: Table, overwrite: bool) -> None:
-    """Write the images of all samples into one file, one after the other.
+    """Write the images of all samples, whose attributes are numbers, into one file, one after the other.
 
-    `files`: the file of each sample; its attributes are numbers.
     `keys`: what is varied: name of the variable, its attributes, and a value for each sample.
-    `overwrite`: whether an existing file may be replaced.
-    Raises FileError if the file cannot be written.
     """
     import netCDF4
 

@@ -27,12 +27,7 @@ DEEPEST = 8  # tables in tables of ``vary``; the longest key of a scene has four
 
 
 def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
-    """Draw or read what the table ``[ensemble]`` of a scene asks for.
-
-    `table`: the table: ``count``, ``seed`` and ``vary``, or ``table``; and ``licence``, which the data card states.
-    Returns, for each sample, the value of each key.
-    Raises FileError if the CSV file cannot be used.
-    """
+    """Draw or read the value of each varied key for each sample, as the table ``[ensemble]`` of a scene asks for."""
     check_keys("[ensemble]", table, ("count", "seed", "vary", "table", "licence"))
     licence = table.get("licence", "")
     if not isinstance(licence, str):
@@ -59,13 +54,7 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers drawn uniformly from `low` to `high`.
-
-    Raises
-    ------
-    InputError
-        If the range is empty, not finite, or reaches 0 on a logarithmic scale.
-    """
+    """Numbers drawn uniformly from `low` to `high`, or uniformly on a logarithmic scale, which does not reach 0."""
 
     # low, high: in the SI unit of the key
     low: float

@@ -177,18 +177,7 @@ class Setup:
 
 
 def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Setup:
-    """Read microscope, materials and setpoint of a scene file; its surface is neither made nor read.
-
-    Parameters
-    ----------
-    path, overrides
-        As in `load_scene`.
-
-    Raises
-    ------
-    InputError, FileError
-        As in `load_scene`.
-    """
+    """Read microscope, materials and setpoint of a scene file; its surface is neither made nor read."""
     tables = read_tables(path, overrides)
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
     scan, complaints = table_of(tables, "scan"), Complaints()
@@ -237,20 +226,9 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
 
 
 def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = None) -> Scene:
-    """Check the tables of a scene, and make what they describe.
+    """Check the tables of a scene, as `read_tables` gives them, and make what they describe.
 
-    Parameters
-    ----------
-    tables : dict
-        As `read_tables` gives them.
-    surface : Surface, optional
-        Taken instead of the one that ``[surface]`` describes, which is neither made nor checked then: all else is
-        checked at once.
-
-    Raises
-    ------
-    InputError, FileError
-        As in `load_scene`.
+    `surface`: taken instead of the one that ``[surface]`` describes, which is neither made nor checked then.
     """
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     with _asking(table_of(tables, "scan")):
@@ -310,15 +288,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
 def scene_from_json(text: str, folder: Path) -> Scene:
     """Make a scene again from its `Scene.to_json`, such as an image has in its attribute ``scene``.
 
-    Parameters
-    ----------
-    folder : Path
-        Where relative names of files start.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be read, or is not the one that was read then.
+    Raises FileError if a file, relative to `folder`, cannot be read, or is not the one that was read then.
     """
     try:
         tables = dict(json.loads(text))

@@ -54,11 +54,7 @@ class Complaints:
 
 
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
-    """Refuse a table that has unknown keys or lacks required ones.
-
-    `name`: the table, as the user writes it: ``"[drive]"``.
-    `table`: what the file has under that name.
-    """
+    """Refuse a table, named as the user writes it ("[drive]"), that has unknown keys or lacks required ones."""
     allowed = list(allowed)
     if not isinstance(table, dict):
         raise InputError(name, table, "a table of keys " + ", ".join(allowed))
@@ -89,11 +85,7 @@ def construct(name: str, table: Table, make: Callable[..., T], **more: Any) -> T
 
 
 def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
-    """Read the tables of a scene file, with keys set from outside; nothing is checked yet.
-
-    `path`, `overrides`: as in `load_scene`.
-    Raises FileError if the file cannot be read.
-    """
+    """Read the tables of a scene file, with keys set from outside as in `load_scene`; nothing is checked yet."""
     written = tables = _read_toml(Path(path))
     if isinstance(tables.get("realism"), str):
         tables = {**tables, "realism": {"preset": tables["realism"]}}
@@ -162,10 +154,10 @@ def with_override(tables: Table, override: str) -> Table:
 
 
 def with_value(tables: Table, name: str, value: Any) -> Table:
-    """Return the tables with one key set; those that are given stay as they are.
+    """Return the tables with one key set, "table.key"; those that are given stay as they are.
 
-    `name`: ``"table.key"``; tables on the way are made where there are none. A preset takes the place of the numbers
-    that it states, for what is said last holds.
+    Tables on the way are made where there are none. A preset takes the place of the numbers that it states, for what is
+    said last holds.
     """
     *path, key = name.split(".")
     changed = table = dict(tables)

@@ -21,12 +21,7 @@ UNITS = {
 
 
 def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iterable[str] = ()) -> str:
-    """Write the tables of a scene as TOML, with a comment on where a value comes from.
-
-    `tables`: as `phasemap.scenes.tables.read_tables` gives them.
-    `notes`: what to say of a table or a key, by its name: ``"tip"``, ``"tip.radius"``.
-    `heading`: lines of the comment above it all.
-    """
+    """Write the tables of a scene as TOML below a heading, with notes on tables and keys ("tip.radius") as comments."""
     notes = {} if notes is None else notes
     lines = [f"# {part}".rstrip() for line in heading for part in textwrap.wrap(line, 116) or [""]]
     for name, table in tables.items():

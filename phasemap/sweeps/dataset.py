@@ -64,11 +64,7 @@ def dataset(
     scope: Microscope,
     held: dict[str, Any],
 ) -> xr.Dataset:
-    """Make the Dataset of a sweep.
-
-    `value`: from the column of the axis to values of the axis.
-    `held`: what is held, for the provenance.
-    """
+    """Make the Dataset of a sweep; `value` makes values of the axis from its column, `held` is for the provenance."""
     import xarray as xr
 
     order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order

@@ -24,14 +24,9 @@ if TYPE_CHECKING:
 
 
 class Passage:
-    """A tip that is moved slowly over a surface that remembers or is wet, begun far above it.
+    """A tip that is moved slowly over a surface that remembers or is wet, begun far above it, `farthest` [m] at least.
 
-    Parameters
-    ----------
-    work : Work
-        Of the first value.
-    farthest : float
-        Where it begins at least [m].
+    `work`: of the first value.
     """
 
     def __init__(self, work: Work, farthest: float) -> None:

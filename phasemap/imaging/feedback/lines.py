@@ -78,22 +78,10 @@ class TipState:
 
 
 class Lines:
-    """Some lines of an image under one control and one tip.
+    """Some lines of an image under one control, whose gains are known, and one tip.
 
-    Parameters
-    ----------
-    control : Feedback
-        With gains.
-    work : Work
-        The distinct materials.
-    numbers : ndarray of int, shape (ny, nx)
-        Which of them each pixel has.
-    engine : int
-        Code of the solver that moves the tip.
-    lifts : Lifts or None
-        For the averaged lever.
-    canvas : Canvas
-        To be filled.
+    `numbers` (shape (ny, nx)): which of the distinct materials of `work` each pixel has.
+    `engine`: code of the solver that moves the tip; `lifts` are for the averaged lever.
     """
 
     def __init__(

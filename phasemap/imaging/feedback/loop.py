@@ -67,8 +67,7 @@ def loop_of(
     """The loop's numbers; gains that are to be tuned are 0.
 
     `amplitude`: at the setpoint [m].
-    `temperature`: of the lever's own noise [K].
-    `detector_noise`: One-sided density of the deflection signal's noise [m/sqrt(Hz)].
+    `temperature`: of the lever's own noise [K]; `detector_noise`: its one-sided density [m/sqrt(Hz)].
     `periods`: of the drive, after which an approach is given up.
     """
     tau = tau_per_second(scope)

@@ -13,10 +13,9 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     """Segments of trace and retrace, with the half turns before and after and the turn between.
 
     The ground is linear between the centres of pixels, and goes on level beyond the outermost; the material is that of
-    the pixel. A turn at constant acceleration that runs on by a part o of the line takes as long as 4 o of the line.
+    the pixel, -1 for none. A turn at constant acceleration that runs on by a part o of the line takes as long as 4 o of
+    the line.
 
-    `materials` (shape (nx,)): numbers of the pixels' materials; -1 for none.
-    `ground` (shape (nx,)): topography [m].
     `dwell`: time over a pixel [tau].
     `overscan`: o [1].
     Returns segments: pixel i of the trace has the number i, of the retrace nx + i.

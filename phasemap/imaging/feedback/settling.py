@@ -26,9 +26,7 @@ HALVINGS = 6
 def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
     """Halve the gains until the feedback comes to rest on the softest and the stiffest material, as an operator does.
 
-    `work`: the scene's materials at the setpoint.
-    `engine`: code of the solver that moves the tip.
-    Returns the same, if its gains are quiet. Where they never are, those halved six times.
+    Gains that never are quiet are those halved six times.
     """
     valid = np.flatnonzero(work.refused() == col.GOOD)
     if not len(valid):

@@ -44,11 +44,8 @@ def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
     """Find gains, where the control leaves them open.
 
     The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
-    proportional to integral gain.
-
-    `work`: the scene's materials at the setpoint.
-    Returns: with both gains. Where averaging has no stable orbit to start from, they are such that the amplitude of
-        the free lever, which follows the scanner with a lag, settles without overshoot.
+    proportional to integral gain. Where averaging has no stable orbit to start from, gains are such that the amplitude
+    of the free lever, which follows the scanner with a lag, settles without overshoot.
     """
     return LinearLoop(control, scope, work).tuned()
 

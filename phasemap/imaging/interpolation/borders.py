@@ -51,12 +51,8 @@ class Border:
 class Undecided(Exception):
     """The borders over this box do not form whole layers, or are not worth it.
 
-    Parameters
-    ----------
-    below : float, optional
-        Adhesion up to which there are none.
-    worth : bool
-        Whether there are enough materials to look again in the halves of the box.
+    `below`: adhesion up to which there are none.
+    `worth`: whether there are enough materials to look again in the halves of the box.
     """
 
     def __init__(self, below: float | None = None, worth: bool = True) -> None:

@@ -26,11 +26,9 @@ DEEPEST = 14  # cuts one after another
 
 
 def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> Atlas:
-    """Make an atlas for the materials of an image.
+    """Make an atlas for the `count` distinct materials of an image, with tolerances of each function.
 
     `sample` (shape (n, 3)): points drawn from the image, each once; without any, the atlas is empty.
-    `count`: how many distinct ones the image has.
-    `tolerances` (shape (functions,)).
     """
     if not len(sample):
         return Atlas.of([[LEAF, NO_PIECE, -1, -1]], [0.0], [], [])

@@ -207,11 +207,7 @@ class Fit:
 
 
 def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
-    """Interpolate in a cell, with at most `budget` exact orbits.
-
-    `tolerances` (shape (functions,)).
-    `materials` (shape (n, 3)): points of the image in this cell, on some of which the interpolant is tried.
-    """
+    """Interpolate in a cell, with at most `budget` exact orbits, and try the interpolant on some of its `materials`."""
     asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:
         return Rough(0, hopeless=True)

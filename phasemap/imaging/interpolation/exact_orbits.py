@@ -29,18 +29,9 @@ CHUNK = 400  # orbits that a thread takes at a time
 class ExactOrbits:
     """Exact orbits at points of the coordinates, and how many were asked for.
 
-    Parameters
-    ----------
-    amplitude : float
-        At the setpoint [m].
-    workers : int
-        Threads.
-    accuracy : Accuracy, optional
-        Of the orbits.
-    names : tuple of str
-        Image variables; of those in `phasemap.results.variables.OF_ORBITS` the columns are functions, too.
-    film : ndarray, shape (1, 2), optional
-        Poisson's ratio [1] and thickness [m] of the film on a rigid base that all materials are.
+    `amplitude`: at the setpoint [m].
+    `names`: image variables; of those in `phasemap.results.variables.OF_ORBITS` the columns are functions, too.
+    `film` (shape (1, 2)): Poisson's ratio [1] and thickness [m] of the film on a rigid base that all materials are.
     """
 
     def __init__(
@@ -68,27 +59,17 @@ class ExactOrbits:
         return None if self.film is None else np.broadcast_to(self.film, (count, 2))
 
     def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
-        """Functions after engagement.
+        """Functions after engagement at n points, shape (n, functions): NaN where no orbit is held.
 
-        `points` (shape (n, 3)).
         `amplitude`: in place of that at the setpoint [m].
         `in_time`: whether time is asked where no curve of orbits tells, which is a thousand times slower.
-        Returns an array of shape (n, functions): NaN where no orbit is held.
         """
         work = self._work(points, amplitude)
         rows, status, used = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
         return self._functions(work, points, rows, status, used)
 
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
-        """Functions of the orbits next to guesses, without engagement, which is cheaper near a jump.
-
-        `points` (shape (n, 3)).
-        `guesses` (shape (n, functions)): as from exact orbits; tip offset, phase and mean deflection are used.
-        `away` (shape (n,)): how far off the tip offset may be [m].
-        `amplitude`: in place of that at the setpoint [m].
-        `group`: so many points, one after another, are close to each other.
-        Returns an array of shape (n, functions): NaN where there is no stable orbit so near.
-        """
+        """Functions of the orbits next to guesses, NaN without one: no engagement is needed, which is cheaper near a jump."""
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
 

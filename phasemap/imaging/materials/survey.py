@@ -90,12 +90,7 @@ class Survey:
 
 
 def survey(surface: Surface, most: int, place: Place | None = None, workers: int = 1) -> Survey:
-    """Look at the materials of a surface, or of a part of one.
-
-    `most`: distinct materials up to which all of them are wanted.
-    `place`: where the part lies; without it the surface is the whole.
-    `workers`: threads.
-    """
+    """Look at the materials of a surface, or of the part of one that lies in `place`, at all of them up to `most`."""
     materials = _all_of_few(surface, most, workers)
     smallest = _smallest_of(surface, workers) if materials is None else np.empty(0, np.uint64)
     if place is None and materials is not None:

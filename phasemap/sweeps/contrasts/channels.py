@@ -22,11 +22,7 @@ Array = NDArray[np.float64]
 def derived(
     names: tuple[str, ...], pair: Pair, labels: tuple[str, str], axes: Axes, engaged: Engaged
 ) -> dict[str, xr.Variable]:
-    """Channels of each material, and of the second less the first under the name with ``_contrast``.
-
-    `names`: of `phasemap.results.quantities.CHANNELS`.
-    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    """
+    """Channels of each material, and of the second less the first under the name with ``_contrast``."""
     import xarray as xr
 
     values = {name: np.full(engaged.rows.shape[:-1], np.nan) for name in names}

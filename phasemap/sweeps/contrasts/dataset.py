@@ -32,11 +32,9 @@ def record(
     jumps: Sequence[Jump],
     inversions: Sequence[Inversion],
 ) -> xr.Dataset:
-    """Make the Dataset of a map, with all its dimensions.
+    """Make the Dataset of a map as `phasemap.contrast` describes it, with all its dimensions, without attributes.
 
-    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    `regime` (shape (2, frequencies, free amplitudes, setpoints)).
-    Returns: as `phasemap.contrast` describes it, without attributes.
+    `engaged`, `regime`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     """
     import xarray as xr
 

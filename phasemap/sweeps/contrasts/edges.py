@@ -75,7 +75,6 @@ def borders(
 ) -> tuple[list[Jump], list[Inversion]]:
     """Find every jump and inversion between neighbours of a map; none of a contrast of one sign that is seen.
 
-    `axes`: frequencies, free amplitudes and setpoints, each rising.
     `phases`, `branch` (shape (2, frequencies, free amplitudes, setpoints)): of both materials [degree, code].
     `progress`: called in lines between neighbours that are looked into.
     """

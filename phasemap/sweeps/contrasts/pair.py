@@ -78,8 +78,7 @@ class Pair:
         """Both materials at each setpoint: n rows of the first, then n of the second.
 
         `frequency`: of the drive [Hz].
-        `free_amplitude`: at resonance [m].
-        `setpoints` (shape (n,)): amplitudes over the free amplitude at the drive frequency.
+        `free_amplitude`: at resonance [m]; the setpoints are over that at the drive frequency.
         """
         scope = self.at(frequency, free_amplitude)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
@@ -117,12 +116,10 @@ class Pair:
 
 
 def regimes(work: Work, periods: int = MOST_PERIODS) -> Array:
-    """In which regimes a stable orbit holds each setpoint, whether or not engaging leads to it.
+    """In which regimes (NONE, ATTRACTIVE, REPULSIVE, BISTABLE) a stable orbit holds each setpoint, engaged or not.
 
-    None is known of contacts that remember: there only what engaging leads to is.
-
-    `periods`: of the drive, that may be integrated for each.
-    Returns an array of shape (n,): NONE, ATTRACTIVE, REPULSIVE or BISTABLE.
+    None is known of contacts that remember: there only what engaging leads to is. `periods` of the drive may be
+    integrated for each.
     """
     if work.in_time:
         return np.full(len(work), NONE, np.int8)

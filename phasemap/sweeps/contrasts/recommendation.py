@@ -45,12 +45,7 @@ class Choice(NamedTuple):
 
 
 def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, jumps: Sequence[Jump]) -> Choice:
-    """Choose the point to work at.
-
-    `axes`: frequencies [Hz], free amplitudes [m] and setpoints [1], each rising.
-    `engaged`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    `regime` (shape (2, frequencies, free amplitudes, setpoints)).
-    """
+    """Choose the point to work at, from arrays of shape (2, frequencies, free amplitudes, setpoints, ...)."""
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
     found, size = np.isfinite(contrast), np.abs(contrast)

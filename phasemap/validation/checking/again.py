@@ -61,7 +61,6 @@ def image_again(picture: Picture, surface: Surface, threads: int | None, progres
     """Simulate the whole image again as it was made, with what the file has and what it takes to compare that.
 
     `surface`: as it passed under the tip.
-    `threads`, `progress`: as in `phasemap.simulate`.
     """
     claims = picture.claims
     still = replace(claims.realism, drift=(0.0, 0.0, 0.0), line_offset=0.0, phase_offset=0.0, bits=None)
@@ -78,12 +77,7 @@ def image_again(picture: Picture, surface: Surface, threads: int | None, progres
 def solve_again(
     picture: Picture, surface: Surface, pixels: Pixels, solver: Solver, threads: int | None, progress: Progress | None
 ) -> Again:
-    """Solve pixels again.
-
-    `surface`: as it passed under the tip.
-    `pixels` (shape (n,)): flat.
-    `threads`, `progress`: as in `phasemap.simulate`.
-    """
+    """Solve some pixels again, given flat, of the surface as it passed under the tip."""
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
     values = {name: np.zeros(len(pixels), np.float64 if name in FLOATS else np.int8) for name in NAMES}
     materials = done = 0
@@ -144,11 +138,10 @@ def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: 
 
 
 def carried(picture: Picture) -> tuple[NDArray[np.int8], Array]:
-    """Branch on which the tip comes to each pixel, and its tip offset [m]: of the last pixel before that has an orbit.
+    """Branch on which the tip of a `Raster` comes to each pixel, and its tip offset [m], shape (2, ny, nx).
 
-    `picture`: of `Raster`.
-    Returns `branch` (shape (2, ny, nx)): NOWHERE where the tip is engaged.
-    Returns `offset` (shape (2, ny, nx)): NaN where the image does not say it.
+    They are those of the last pixel before that has an orbit: NOWHERE where the tip is engaged, NaN where the image
+    does not say it.
     """
     control, change = picture.claims.control, picture.claims.realism.tip_change
     assert isinstance(control, Raster)

@@ -76,11 +76,7 @@ class Claims:
 
 
 def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
-    """Read what an image says it is.
-
-    `image`: what `phasemap.simulate` returned.
-    `scope`: needed where its contact law is a user's own.
-    """
+    """Read what an image of `phasemap.simulate` says it is; `scope` is needed where its contact law is a user's own."""
     if "sample" in image.dims:
         raise InputError(
             "image", "an ensemble", "one image", "Simulate a sample of it as a scene of its own, and check that."
@@ -160,13 +156,9 @@ def _object(stored: Any) -> Any:
 
 
 def scene_of(image: xr.Dataset, folders: Iterable[str | os.PathLike[str]], shape: tuple[int, int]) -> Scene:
-    """Make the scene again that an image carries.
+    """Make the scene again that an image carries, from files that may be in any of the folders.
 
-    `image`: written by ``phasemap run``, or returned by `phasemap.scenes.scene.Scene.simulate`.
-    `folders`: where files that the scene names may be.
-    `shape`: rows and columns of the image; a scene that says others is not made.
-    Raises PhasemapError if the image has no scene.
-    Raises FileError if a file that the scene names is in none of the folders, or has changed.
+    A scene that says another shape is not made. Raises FileError if a file is in none of the folders, or has changed.
     """
     if "scene" not in image.attrs:
         raise PhasemapError(

@@ -38,13 +38,10 @@ ABOUT = "some lines scanned with the other engine"
 def scan_again(
     picture: Picture, surface: Surface, count: int, seed: int, threads: int | None, progress: Progress | None
 ) -> list[Claim]:
-    """Judge a few whole lines, there and back.
+    """Judge a few whole lines of a `Feedback`, there and back, of the surface as it passed under the tip.
 
-    `picture`: of a `Feedback`.
-    `surface`: as it passed under the tip.
     `count`: how many lines: the first ones where the tip was engaged once, or else some with most changes of
         branch, and any others.
-    `threads`, `progress`: as in `phasemap.simulate`; progress is in lines.
     """
     claims = picture.claims
     job = Job(

@@ -9,11 +9,7 @@ from phasemap.validation.checking.picture import Picture
 
 
 def sample(picture: Picture, pixels: int, seed: int) -> NDArray[np.intp]:
-    """Draw pixels, as many of each kind as there is room for, and then any.
-
-    `pixels`: how many; all if there are no more.
-    Returns an array of shape (n,): flat, in the order of the picture, each once.
-    """
+    """Draw so many pixels, as many of each kind as there is room for, and then any; flat, in order, each once."""
     kind, random = kinds(picture), np.random.default_rng(seed)
     if kind.size <= pixels:
         return np.arange(kind.size)
