@@ -69,7 +69,13 @@ class ExactOrbits:
         return self._functions(work, points, rows, status, used)
 
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
-        """Functions of the orbits next to guesses, NaN without one: no engagement is needed, which is cheaper near a jump."""
+        """Functions of the orbits next to guesses, NaN without one: without engagement, which is cheaper near a jump.
+
+        `guesses` (shape (n, functions)): as from exact orbits; tip offset, phase and mean deflection are used.
+        `away` (shape (n,)): how far off the tip offset may be [m].
+        `amplitude`: in place of that at the setpoint [m].
+        `group`: so many points, one after another, are close to each other.
+        """
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
 
