@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phasemap.explorer.limits import compiling, far_off
 from phasemap.explorer.offered import Offered, presets
 from phasemap.explorer.setting import Setting
@@ -25,7 +27,6 @@ Answer = tuple[str, bytes]
 def start(offered: Offered) -> Answer:
     """What the page begins with: the samples, the presets, and colours."""
     import matplotlib
-    import numpy as np
 
     colours = {
         name: np.round(255 * matplotlib.colormaps[cmap](np.linspace(0, 1, 256))[:, :3]).astype(int).ravel().tolist()
@@ -36,8 +37,6 @@ def start(offered: Offered) -> Answer:
 
 def sample(offered: Offered, name: object) -> Answer:
     """What the page needs to know of a sample, and which material is where."""
-    import numpy as np
-
     subject = offered[name]
     labels = np.ascontiguousarray(subject.sample.labels[:: subject.step, :: subject.step].astype(np.uint8))
     pixel = [subject.step * side for side in subject.pixel_size]

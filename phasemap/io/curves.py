@@ -10,6 +10,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError
@@ -21,7 +23,6 @@ from phasemap.io.netcdf_image import NETCDF
 from phasemap.io.vendors import scan_data
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 DIRECTIONS = ("approach", "retract")
@@ -127,8 +128,6 @@ Parts = dict[tuple[str, str | None], tuple["np.ndarray", str]]  # values and uni
 
 def _of_text(path: Path, columns: Sequence[str | None] | None, number: int) -> Parts:
     """The columns of a text."""
-    import numpy as np
-
     try:
         with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
             lines = [line.strip() for line in file if line.strip()]
@@ -203,8 +202,6 @@ def _parts(columns: Sequence[Column | None], table: np.ndarray) -> Parts:
 
 def _of_wave(path: Path) -> tuple[Parts, ScanData]:
     """The columns of an Igor wave, which its labels name, and what its note says; all is in SI units and degrees."""
-    import numpy as np
-
     igor = extra("igor2.binarywave", "reading curves of Igor", "read")
     try:
         wave = igor.load(str(path))["wave"]
@@ -226,8 +223,6 @@ def _unit_of(label: str) -> str:
 
 def _of_sweep(path: Path) -> Parts:
     """A distance sweep as a curve."""
-    import numpy as np
-
     from phasemap.io.netcdf import load
 
     ds = load(path)
@@ -243,7 +238,6 @@ def _of_sweep(path: Path) -> Parts:
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:
     """One Dataset, the distance larger where the tip is farther away."""
-    import numpy as np
     import xarray as xr
 
     held = ", ".join(sorted({quantity for quantity, _ in parts})) or "nothing"
@@ -275,8 +269,6 @@ def _assembled(path: Path, parts: Parts) -> xr.Dataset:
 
 def _split(parts: Parts) -> Parts:
     """Approach and withdrawal of columns that hold one below the other: the turn is where the amplitude is least."""
-    import numpy as np
-
     z, amplitude = (parts[name, None][0] for name in ("distance", "amplitude"))
     way = np.sign(np.cov(z, amplitude)[0, 1]) or 1.0
     turn = int(np.argmin(way * z))
@@ -287,8 +279,6 @@ def _split(parts: Parts) -> Parts:
 
 def _say_more(ds: xr.Dataset, scan: ScanData) -> None:
     """Free amplitude, zero, sign and sensitivity that the curve itself shows, and sentences on what it does not."""
-    import numpy as np
-
     z, amplitude = ds["distance"].values, ds["amplitude"].values
     volts = ds["amplitude"].attrs["units"] == "V"
     far = z >= np.nanquantile(z, 1 - FAR, axis=1, keepdims=True)
@@ -325,8 +315,6 @@ def _say_more(ds: xr.Dataset, scan: ScanData) -> None:
 
 def _say_sensitivity(scan: ScanData, z: np.ndarray, amplitude: np.ndarray, free: float) -> None:
     """The sensitivity that the steepest part of the curve allows."""
-    import numpy as np
-
     near = float(z[amplitude < (1 - FREE) * free].max(initial=0.0))  # below it, something acts on the tip
     edges = np.linspace(0.0, near, round(1 / WINDOW) + 1)
     parts = [(own >= low) & (own <= high) for own in z for low, high in pairwise(edges)]

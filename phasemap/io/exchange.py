@@ -9,6 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates, downwards
@@ -59,8 +61,6 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
     ...
     phasemap.InputError: image is 'image.nc'; allowed: an xarray.Dataset. The order is to_sidpy(image).
     """
-    import numpy as np
-
     for dim in ("y", "x"):
         if dim not in image.coords:
             raise InputError(f"coordinate {dim} of the image", None, "places of the pixels in m")
@@ -173,8 +173,6 @@ def _found_in(dataset: Any) -> dict[tuple[str, str], tuple[Any, Any]]:
 
 def _map_of(kind: str, channel: Any, places: tuple[Any, Any], wanted: tuple[Any, Any]) -> Any:
     """Values of a channel over (y, x), in the unit of their kind; refused where pixels are not at the wanted places."""
-    import numpy as np
-
     factor, _ = _unit(kind, str(channel.units))
     values = np.asarray(channel.compute(), float) * factor
     shape = (len(wanted[1]), len(wanted[0]))
@@ -198,8 +196,6 @@ def _unit(kind: str, written: str) -> tuple[float, str]:
 
 def _places(one: Any) -> tuple[Any, Any]:
     """Centres of the pixels along y and x [m]; x is the first dimension."""
-    import numpy as np
-
     found = []
     for axis in (1, 0):
         dimension = getattr(one, f"dim_{axis}")

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
@@ -18,7 +20,6 @@ from phasemap.io.metadata import CANONICAL
 from phasemap.io.whole_files import replacing
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
@@ -134,8 +135,6 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     ...     write_gwy(ds, f"{folder}/image.gwy").name
     'image.gwy'
     """
-    import numpy as np
-
     gwyfile = extra("gwyfile", "writing .gwy files", "gwy")
     objects = gwyfile.objects
     ds = _checked(ds)
@@ -210,8 +209,6 @@ def write_gsf(
     ...     write_gsf(ds, f"{folder}/height.gsf").name
     'height.gsf'
     """
-    import numpy as np
-
     if Path(path).suffix != ".gsf":  # gsffile knows no other
         raise InputError("the suffix", Path(path).suffix, ".gsf")
     gsffile = extra("gsffile", "writing .gsf files", "gwy")
@@ -231,8 +228,6 @@ def write_gsf(
 
 def _fields(ds: xr.Dataset) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
     """Name, title, values and bad pixels of each real variable and direction."""
-    import numpy as np
-
     found = _real(ds)
     if not found:
         raise InputError("variables of the image", ", ".join(map(str, ds.data_vars)), "a real one over ('y', 'x')")

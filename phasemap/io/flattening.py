@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import numpy as np
 
 from phasemap._shared.errors import InputError
-
-if TYPE_CHECKING:
-    import numpy as np
 
 MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
 
@@ -18,8 +15,6 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
     `reference`: pixels that are meant to be level (one material, no particles); None takes all. Rows that have none
         take their offset from their neighbours.
     """
-    import numpy as np
-
     height = finite_map("height", height)
     if reference is None:
         reference = np.ones(height.shape, bool)
@@ -38,8 +33,6 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
     The slope along rows is fitted within rows, so that their offsets have no part in it; along columns the medians of
     the rows hold the tilt. Rows in which no pixel counts take their offset from their neighbours.
     """
-    import numpy as np
-
     x = np.indices(height.shape, float)[1]
     share = np.maximum(counts.sum(axis=1, keepdims=True), 1)
     along = np.where(counts, x - (x * counts).sum(axis=1, keepdims=True) / share, 0.0)
@@ -51,8 +44,6 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Median of what counts in each row, as a column; rows without any take it from their neighbours."""
-    import numpy as np
-
     rows = np.flatnonzero(counts.any(axis=1))
     medians = [np.median(values[row, counts[row]]) for row in rows]
     column: np.ndarray = np.interp(np.arange(len(values)), rows, medians)[:, None]
@@ -65,8 +56,6 @@ def on_one_turn(phase: np.ndarray) -> np.ndarray:
     It stays as it was where it spans half a turn or less, which is all that a tapping lever does. Else whole turns are
     added so that all lies within half a turn of the mean direction, on the turn where most of it was.
     """
-    import numpy as np
-
     finite = np.isfinite(phase)
     known = phase[finite]
     if not known.size or abs(known).max() > MOST_DEGREES or np.ptp(known) <= 180:
@@ -81,8 +70,6 @@ def on_one_turn(phase: np.ndarray) -> np.ndarray:
 
 def finite_map(name: str, values: np.ndarray) -> np.ndarray:
     """Return `values` as a finite 2-D float array."""
-    import numpy as np
-
     array = np.asarray(values, float)
     if array.ndim != 2 or array.size == 0:
         raise InputError(f"shape of {name}", array.shape, "(rows, columns) of a 2-D map")

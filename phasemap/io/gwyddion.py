@@ -13,14 +13,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from phasemap._shared.errors import FileError, PhasemapError
 from phasemap._shared.memory import check_fits
 from phasemap.io.container import check_container
-
-if TYPE_CHECKING:
-    import numpy as np
 
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
 HEAD = 1 << 18  # bytes of a file that say what it is
@@ -81,8 +80,6 @@ def load_channels(path: Path) -> list[Channel]:
         raise FileError(f"cannot read {path}: there is no such file.")
     if not path.stat().st_size:
         raise FileError(f"cannot read {path}: it is empty.")
-    import numpy as np
-
     reader = extra("gwyddionpy", "reading measured files", "read")
     with path.open("rb") as file:
         head = file.read(8)
@@ -195,8 +192,6 @@ def _masks(path: Path, native: bool) -> list[Any]:
 
 def _without(data: np.ndarray, mask: Any) -> np.ndarray:
     """A copy of the data with NaN under the mask."""
-    import numpy as np
-
     own = np.array(data, float)
     if mask is not None:
         own[np.asarray(mask.data) > 0] = np.nan

@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
@@ -72,8 +74,6 @@ def check_places(path: Path, ds: xr.Dataset) -> None:
 
 def implausible(ds: xr.Dataset) -> list[str]:
     """Sentences on pixels and heights that no microscope reaches: the file is damaged, or in another unit."""
-    import numpy as np
-
     lengths = {f"a pixel along {dim}": coordinate_step(ds, dim) for dim in ("y", "x") if ds.sizes[dim] > 1}
     if "height" in ds and np.isfinite(ds["height"].values).any():
         with np.errstate(over="ignore"):

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phasemap._shared.errors import FileError, InputError
 from phasemap.io.flattening import finite_map
 from phasemap.io.gwyddion import extra
@@ -15,7 +17,6 @@ from phasemap.io.gwyddion import extra
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    import numpy as np
     import xarray as xr
 
 APART = 3.0  # ratio of `separation_of` from which populations are of several materials
@@ -57,8 +58,6 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
 
     The tilt along rows is the median step from pixel to pixel, which edges have no part in; then as `segment_phase`.
     """
-    import numpy as np
-
     height = finite_map("height", height)
     x = np.arange(height.shape[1])
     steps = np.median(np.diff(height, axis=1)) if len(x) > 1 else 0.0
@@ -80,7 +79,6 @@ def separation_of(values: np.ndarray, labels: np.ndarray) -> tuple[float, float]
     Returns the least distance between medians of neighbours, and its ratio to the spread, which is 2.5 for the halves
     of a normal distribution and 2.7 for those of an even one.
     """
-    import numpy as np
     from scipy.ndimage import median_filter
 
     parts = [labels == label for label in np.unique(labels)]
@@ -111,8 +109,6 @@ def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray
     the median distance of its pixels from the level of their own population, and populations and offsets are found in
     turn, from the start that leaves the least spread within the populations. The median of the whole image is kept.
     """
-    import numpy as np
-
     phase = finite_map("phase", phase)
     if isinstance(n, bool) or not isinstance(n, int) or not 2 <= n <= 4:
         raise InputError("number of materials", n, "2 to 4")
@@ -128,7 +124,6 @@ def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray
 
 def _settle(aligned: np.ndarray, n: int, otsu: Callable[..., np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
     """Label populations and align rows to their levels, each from the other, until the labels stay."""
-    import numpy as np
     from scipy.ndimage import median_filter
 
     labels = np.full(aligned.shape, -1)
@@ -145,8 +140,6 @@ def _settle(aligned: np.ndarray, n: int, otsu: Callable[..., np.ndarray]) -> tup
 
 def _thresholds(otsu: Callable[..., np.ndarray], phase: np.ndarray, n: int) -> np.ndarray:
     """Otsu's thresholds between `n` populations, from all but the most extreme pixels."""
-    import numpy as np
-
     low, high = np.percentile(phase, [0.2, 99.8])  # else a few spikes take most of the histogram's bins
     clipped = np.clip(phase, low, high)
     try:
@@ -160,8 +153,6 @@ def _thresholds(otsu: Callable[..., np.ndarray], phase: np.ndarray, n: int) -> n
 
 def _between(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
     """Thresholds in the middle of the gap that follows; Otsu's are in the last bin of the population below."""
-    import numpy as np
-
     counts, edges = np.histogram(values, 256)  # as scikit-image bins them
     moved = []
     for threshold in thresholds:

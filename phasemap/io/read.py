@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import tell
@@ -181,7 +183,6 @@ def _assemble(
     path: Path, chosen: dict[str, Group], directions: tuple[str, ...], size: tuple[float, float] | None
 ) -> xr.Dataset:
     """The channels as variables."""
-    import numpy as np
     import xarray as xr
 
     first, *others = [one for group in chosen.values() for one in group.values()]

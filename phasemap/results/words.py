@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.sentences import counted
 from phasemap._shared.units import say
@@ -27,8 +29,6 @@ NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phas
 @asked_as()
 def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many pixels have no solution, why, and what helps: a line for each way a pixel failed."""
-    import numpy as np
-
     if "status" not in ds:
         return []
     status = ds["status"].values
@@ -44,8 +44,6 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 
     Returns one line; empty if there are none, or if the dataset does not say.
     """
-    import numpy as np
-
     count = int(np.count_nonzero(ds["motion"].values == 1)) if "motion" in ds else 0
     if not count:
         return []
@@ -63,8 +61,6 @@ def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
 
     Returns one line, or none, as where a pixel has no solution and so no phase to be told by.
     """
-    import numpy as np
-
     if materials < 2 or "phase" not in ds or not np.isfinite(ds["phase"].values).all():
         return []
     apart = float(np.ptp(ds["phase"].values))
@@ -90,8 +86,6 @@ def describe_flags(flags: xr.DataArray) -> str:
 
 def _shares(flags: xr.DataArray, meanings: list[str]) -> str:
     """The meanings that occur, with the share of each where there are several."""
-    import numpy as np
-
     names: dict[int, str] = dict(zip(np.atleast_1d(flags.attrs["flag_values"]).tolist(), meanings, strict=True))
     shares: Counter[str] = Counter()
     for value, count in zip(*np.unique(flags.values, return_counts=True), strict=True):

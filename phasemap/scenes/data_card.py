@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.units import UDUNITS, WRITTEN, say
 from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import Choice, Law, Range, laws_of
@@ -68,8 +70,6 @@ def _variables(ds: xr.Dataset) -> Iterator[str]:
 
 def _list_of(values: Any) -> list[Any]:
     """Codes of flags; a single one comes back from a file as a number."""
-    import numpy as np
-
     return list(np.atleast_1d(values))
 
 

@@ -13,6 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
@@ -33,7 +35,6 @@ from phasemap.scenes.tables import Table, construct, with_override
 from phasemap.scenes.writing import toml_of
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 
@@ -130,8 +131,6 @@ def scene_from(
     ...
     phasemap.FileError: cannot read nowhere.nid: there is no such file.
     """
-    import numpy as np
-
     if phases is not None:
         whole("phases", phases, 1, 4)
     check_choice("by", by, WAYS)
@@ -274,8 +273,6 @@ def _off_resonance(tables: Table) -> float | None:
 
 def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, str]:
     """Labels of the materials, and a sentence where there is one only that was not asked for."""
-    import numpy as np
-
     values = scan["height" if phases == 1 else by].values
     one = np.zeros(values.shape, int)
     if phases == 1:
@@ -299,7 +296,6 @@ def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, 
 
 def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
     """Labels of the materials, and the topography."""
-    import numpy as np
     import xarray as xr
 
     topography = level_height(scan["height"].values, labels == np.bincount(labels.ravel()).argmax())
@@ -315,8 +311,6 @@ def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
 
 def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
     """How much of the image each material covers, and its recorded phase."""
-    import numpy as np
-
     told = []
     for label in range(int(labels.max()) + 1):
         part = labels == label

@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.notices import untold
 from phasemap.experiment.material import Material
 from phasemap.experiment.properties import damping_of
@@ -13,8 +15,6 @@ from phasemap.experiment.surface import Surface
 from phasemap.scenes.tables import Table
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from phasemap.experiment.microscope import Microscope
     from phasemap.scenes.scene import Scene
 
@@ -45,8 +45,6 @@ def placeholder_with(preset: str, given: Any) -> Any:
 
 def with_own_damping(table: Any, given: Any, scope: Microscope) -> Any:
     """The placeholder with the damping that its viscosity is under this lever, which is what one turns to fit."""
-    import numpy as np
-
     kept = "viscosity" not in table or "viscosity" in given or "preset" in table
     if kept or scope.interaction.damping_exponent != scope.interaction.law.spread:
         return table
@@ -61,8 +59,6 @@ def starts_of_contrast(materials: Table, names: list[str], levels: np.ndarray, s
 
     `levels`: median phases of the materials, positive repulsive, whatever their zero [degree].
     """
-    import numpy as np
-
     from phasemap.imaging.simulation import simulate
 
     reference = max(names, key=lambda name: float(materials[name]["modulus"]))

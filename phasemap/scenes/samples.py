@@ -7,7 +7,9 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import FileError, InputError
@@ -15,9 +17,6 @@ from phasemap._shared.files import size_of
 from phasemap._shared.memory import check_fits
 from phasemap.scenes.keys import plain
 from phasemap.scenes.tables import check_choice, check_keys, construct, stated_in, value_of
-
-if TYPE_CHECKING:
-    import numpy as np
 
 Table = dict[str, Any]
 
@@ -100,8 +99,6 @@ class Choice:
 
 def _drawn(table: Table) -> tuple[Table, ...]:
     """The samples of ``count``, ``seed`` and ``vary``."""
-    import numpy as np
-
     check_keys("[ensemble]", table, ("count", "seed", "vary"), ("count", "vary"))
     count, seed = whole("[ensemble] count", table["count"], 1), whole("[ensemble] seed", table.get("seed", 0), 0)
     whole("[ensemble] count", count, 1, MOST)

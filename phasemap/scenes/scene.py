@@ -23,6 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
 from phasemap._shared.plausible import strict_units, unquestioned
@@ -153,8 +155,6 @@ class Scene:
         >>> truth.label.attrs["flag_meanings"], truth.label.values[0, [0, -1]].tolist()
         ('compliant stiff', [0, 1])
         """
-        import numpy as np
-
         truth = (self.built.surface if self.built is not None else self.surface).to_dataset()
         if self.built is None or self.built.labels is None:
             return truth

@@ -31,6 +31,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
@@ -42,8 +44,6 @@ from phasemap.experiment.surface_variables import QUANTITIES
 from phasemap.scenes.surface_files import SUFFIXES, Files, read_array
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from phasemap.experiment.microscope import Microscope, Tip
     from phasemap.experiment.surface import Surface
     from phasemap.experiment.variation import Variation
@@ -180,8 +180,6 @@ def _from_maps(table: dict[str, Any], files: Files) -> Surface:
 
 def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: Files) -> tuple[Surface, Labels]:
     """The height of a measured image as topography, and its phase populations as materials."""
-    import numpy as np
-
     from phasemap.experiment.surface import Surface
     from phasemap.io.flattening import level_height
     from phasemap.io.measured import one_scan, segment_phase
@@ -254,8 +252,6 @@ def _map(key: str, value: object, files: Files, surface: Mapping[str, Any]) -> A
 
 def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndarray:
     """The height of each pixel from that of its label; labels without a material are left to `Surface`."""
-    import numpy as np
-
     if not isinstance(given, list) or len(given) != len(labels):
         raise InputError("[surface] heights", given, f"a list of {len(labels)} heights in m, one for each material")
     heights = np.zeros(of_pixels.shape)
@@ -268,8 +264,6 @@ def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndar
 
 def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
     """A topography to which the heights of labels can be added."""
-    import numpy as np
-
     from phasemap._shared.arrays import as_array
 
     with suppress(NotThatUnit):  # which leaves text, and that is refused below

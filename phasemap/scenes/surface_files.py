@@ -8,6 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
@@ -15,7 +17,6 @@ from phasemap._shared.memory import check_fits
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
 
-    import numpy as np
 
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
@@ -55,8 +56,6 @@ def _installed(package: str) -> ModuleSpec | None:
 
 def read_array(key: str, path: Path, variable: object) -> np.ndarray:
     """The array in a .npy, .csv, .txt or netCDF file."""
-    import numpy as np
-
     readers: dict[str, Callable[[], np.ndarray]] = {
         ".npy": lambda: _read_npy(path),
         ".csv": lambda: np.loadtxt(path, delimiter=",", ndmin=2),
@@ -81,8 +80,6 @@ def read_array(key: str, path: Path, variable: object) -> np.ndarray:
 
 def _read_npy(path: Path) -> np.ndarray:
     """The array in a .npy file, not an archive, which `numpy.load` reads too and which may unpack to gigabytes."""
-    import numpy as np
-
     values = np.load(path, allow_pickle=False)  # takes no memory for what is declared and not there
     if not isinstance(values, np.ndarray):
         values.close()
