@@ -87,11 +87,6 @@ class Cantilever(Shown):
             The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two. The
             numbers were not verified against the makers' data sheets.
 
-        Raises
-        ------
-        InputError
-            If there is no such preset, or a change is out of range.
-
         Examples
         --------
         >>> Cantilever.preset("PPP-NCHR", resonance_frequency="312 kHz")
@@ -161,11 +156,6 @@ class Cantilever(Shown):
         Cantilever
             Its resonance frequency, its quality factor and its higher modes are those in the liquid. This one has to be
             the lever in air, and to have `length` and `width`.
-
-        Raises
-        ------
-        InputError
-            If length or width are not known, or the lever would not oscillate.
 
         Notes
         -----

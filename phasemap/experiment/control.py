@@ -69,11 +69,6 @@ class Raster(Shown):
     engage : {"line", "image"}
         Whether the tip is engaged anew, from far, before each line, or once before the first.
 
-    Raises
-    ------
-    InputError
-        If `engage` is neither.
-
     Examples
     --------
     >>> Raster().engage
@@ -131,11 +126,6 @@ class Feedback(Shown):
         Part of the line by which the tip runs on at both ends, where it turns at constant acceleration.
     engage : {"line", "image"}
         Whether the tip is engaged anew, from far, before each line, or once before the first.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
 
     Examples
     --------

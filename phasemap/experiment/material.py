@@ -96,11 +96,6 @@ class Material(Shown):
             the tip, the humidity and the frequency: begin with them, and fit. The loss is a `viscosity`, which is the
             same under every lever, as a `damping` is not; a `damping` among the changes takes its place.
 
-        Raises
-        ------
-        InputError
-            If there is no such preset, or a change is out of range.
-
         Examples
         --------
         >>> Material.preset("PS").modulus, Material.preset("PS", adhesion="30 mJ/m^2").adhesion

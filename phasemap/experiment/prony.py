@@ -106,11 +106,6 @@ class Prony(Shown):
         error : float
             Largest error there, over its size [1].
 
-        Raises
-        ------
-        InputError
-            If a value is out of range.
-
         Examples
         --------
         >>> cell = Prony.power_law(1e4, 1e-3, 0.2, (1e3, 1e6))
@@ -162,11 +157,6 @@ class Prony(Shown):
         Prony
             Its `residual` is the largest error of the complex modulus over its size. What it is beyond the band is a
             guess.
-
-        Raises
-        ------
-        InputError
-            If the columns are not of one length, a number is not above 0, or the fit leaves no modulus in the end.
 
         Examples
         --------

@@ -43,11 +43,6 @@ class TipChange(Shown):
     radius : float
         Its radius [m], > 0; all else about the tip stays.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     Notes
     -----
     A surface's `damping` (alpha1) holds for both tips as it is; give `viscosity` where the same material is meant. The
@@ -96,11 +91,6 @@ class Realism(Shown):
     seed : int
         Of everything random, >= 0.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     Notes
     -----
     Drift comes first, for it changes what lies under the tip; topography is interpolated linearly, materials are those
@@ -147,11 +137,6 @@ class Realism(Shown):
         Returns
         -------
         Realism
-
-        Raises
-        ------
-        InputError
-            If there is no such preset, or a change is out of range.
 
         Examples
         --------

@@ -232,11 +232,6 @@ class Surface(Maps):
             Its coordinates start anew at the bottom left corner. The size of a single row or column is read as twice
             its coordinate.
 
-        Raises
-        ------
-        InputError
-            If a variable or coordinate is missing, has other dims or another kind of unit, or a value is out of range.
-
         Examples
         --------
         >>> surface = Surface(modulus=[[1e9, 3e9]], adhesion=0.05, pixel_size=4e-9)
@@ -270,11 +265,6 @@ class Surface(Maps):
         -------
         Surface
 
-        Raises
-        ------
-        InputError
-            As `Surface`.
-
         Examples
         --------
         >>> Surface(modulus=1e9, pixel_size=4e-9, shape=(2, 3)).compute().lazy
@@ -302,11 +292,6 @@ class Surface(Maps):
         Surface
             Its topography is the height of the apex, its materials are those of the points touched. See
             `phasemap.experiment.dilation.dilated`.
-
-        Raises
-        ------
-        InputError
-            If `half_angle` is not above 0 and below 90.
         """
         from phasemap.experiment.dilation import HALF_ANGLE, dilated
 
@@ -333,11 +318,6 @@ class Surface(Maps):
             Its plane-strain modulus and Poisson's ratio are means over the contact's disc of radius sqrt(R d) under the
             pressure of Hertz, its damping that over the disc, its adhesion that over the disc and the reach of the
             long-range force beyond. See `phasemap.experiment.footprint`. The topography stays.
-
-        Raises
-        ------
-        InputError
-            If `setpoint` is not between 0 and 1, `depth` has another shape, or the maps are Dask arrays.
 
         Examples
         --------

@@ -39,11 +39,6 @@ class Variation(Shown):
     seed : int
         Of what is random, >= 0.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     Examples
     --------
     >>> Variation(modulus=0.2, correlation_length="30 nm")

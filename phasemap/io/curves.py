@@ -84,13 +84,6 @@ def read_curve(
         is 1 of a hard surface and less of a soft one: the largest that there may be; phase_sign. ``warnings`` are
         sentences on all that is not recorded, a line each.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be read, or does not hold distance with amplitude or phase.
-    InputError
-        If a column is called what no quantity is.
-
     Examples
     --------
     >>> read_curve("curve.txt")

@@ -46,13 +46,6 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
         are m, deg, V ...; ``quantity`` is such as "Height", "Phase", or "PhaseRetrace"; ``original_metadata`` are the
         attributes of the image.
 
-    Raises
-    ------
-    InputError
-        If it holds no map, or no places of its pixels.
-    PhasemapError
-        If sidpy is not installed.
-
     Examples
     --------
     >>> import phasemap as pm
@@ -112,11 +105,6 @@ def from_sidpy(dataset: Any) -> xr.Dataset:
     xarray.Dataset
         As `phasemap.read_image`: ``height`` [m], ``phase`` [degree], ``amplitude`` over ("y", "x"), or over
         ("direction", "y", "x") where there are retraces. Attributes are those of the metadata that are text or numbers.
-
-    Raises
-    ------
-    InputError
-        If no channel is a height, a phase or an amplitude, units are unknown, or channels do not fit together.
 
     Examples
     --------

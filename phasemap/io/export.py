@@ -65,15 +65,6 @@ def export(
     -------
     Path
 
-    Raises
-    ------
-    InputError
-        If the suffix, the variable or the direction is not allowed.
-    FileError
-        If the file cannot be written.
-    PhasemapError
-        If the ``gwy`` extra is not installed.
-
     Examples
     --------
     >>> import xarray as xr
@@ -111,15 +102,6 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     Returns
     -------
     Path
-
-    Raises
-    ------
-    InputError
-        If there is nothing to write, or pixels are not evenly spaced.
-    FileError
-        If the file cannot be written.
-    PhasemapError
-        If the ``gwy`` extra is not installed.
 
     Notes
     -----
@@ -191,15 +173,6 @@ def write_gsf(
     Returns
     -------
     Path
-
-    Raises
-    ------
-    InputError
-        If there is no such variable or direction, or pixels are not evenly spaced.
-    FileError
-        If the file cannot be written.
-    PhasemapError
-        If the ``gwy`` extra is not installed.
 
     Examples
     --------

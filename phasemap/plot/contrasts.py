@@ -73,10 +73,8 @@ def contrast(
     ----------
     ds : xarray.Dataset
         What `phasemap.contrast` returned.
-    path : path-like, optional
-        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
     vmin, vmax : float, optional
         Limits of the colours of a map [degree]; one alone is that of a scale that is symmetric about 0.
     cmap : str, optional
@@ -85,13 +83,6 @@ def contrast(
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` is no map of a contrast, or the format is unknown.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------

@@ -102,14 +102,6 @@ def plot(
     matplotlib.figure.Figure
         A notebook shows it. With `ax`, the figure of these axes.
 
-    Raises
-    ------
-    InputError
-        If `ds` holds nothing of these, or not the variables to be drawn, the format is unknown, a limit or colour map
-        is not valid, or irregular pixels are to be marked in an image that does not have the variable ``motion``.
-    FileError
-        If `path` cannot be written.
-
     Examples
     --------
     >>> import numpy as np, xarray as xr

@@ -38,21 +38,12 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     ----------
     ds : xarray.Dataset
         What `phasemap.invert` or `phasemap.fit_regions` returned.
-    path : path-like, optional
-        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` is no inversion, or the format is unknown.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------

@@ -32,21 +32,12 @@ def fit(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: b
     ----------
     ds : xarray.Dataset
         What `phasemap.read_curve` returned, or ``to_dataset()`` of a `phasemap.Fit`.
-    path : path-like, optional
-        Where to save the picture.
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` holds neither.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------

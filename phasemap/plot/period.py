@@ -35,21 +35,12 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
         What a sweep with ``samples=`` returned.
     at : float
         Value of the axis that is swept, in its SI unit or with a unit; the nearest one is taken.
-    path : path-like, optional
-        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` has no traces, or `at` is outside the sweep.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------
@@ -120,23 +111,14 @@ def force(
     ----------
     ds : xarray.Dataset
         What `phasemap.force_curve` returned.
-    path : path-like, optional
-        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
     ax : matplotlib.axes.Axes, optional
         Axes of your own figure to draw in.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` is no force curve.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------

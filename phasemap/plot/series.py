@@ -38,21 +38,12 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     ----------
     ds : xarray.Dataset
         What `phasemap.series` returned.
-    path : path-like, optional
-        Picture to write (.png, .pdf, .svg).
-    overwrite : bool
-        Whether it may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` is no series, or the format is unknown.
-    FileError
-        If `path` cannot be written.
     """
     from phasemap.plot.page import Page
 

@@ -59,10 +59,8 @@ def comparison(
     ----------
     ds : xarray.Dataset
         What `phasemap.compare` returned.
-    path : path-like, optional
-        Where to save the page; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
     row : int, optional
         Along which row lines are drawn, from 0 at the top; default: the middle, or the nearest with compared pixels.
     vmin, vmax : float, optional
@@ -73,13 +71,6 @@ def comparison(
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` is no comparison, there is no such row, or the format is unknown.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------

@@ -62,10 +62,8 @@ def curve(
     ----------
     ds : xarray.Dataset
         What `phasemap.sweep_distance` or another sweep returned.
-    path : path-like, optional
-        Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
-    overwrite : bool
-        Whether an existing file may be replaced.
+    path, overwrite
+        As in `phasemap.plot.plot`.
     quantities : str or sequence of str, optional
         Names of variables, such as "dissipation" or "peak_force". By default amplitude and phase, and where a feedback
         holds the amplitude, tip offset and phase. As third argument, where they stood, they go on for a release.
@@ -77,13 +75,6 @@ def curve(
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `ds` is no sweep, has not these quantities, or the format is unknown.
-    FileError
-        If `path` cannot be written.
 
     Examples
     --------

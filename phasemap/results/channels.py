@@ -93,11 +93,6 @@ def channels(
         amplitude and phase (of the first harmonic alone); the attribute ``derived_from`` of each says which. With
         ``error_`` before its name the standard deviation of each, where any is known. And ``status``, if there.
 
-    Raises
-    ------
-    InputError
-        If a channel is unknown or cannot be had of this image, or something is missing that the formulas need.
-
     Notes
     -----
     At resonance, with p the phase and a the amplitude over the free one, tan d = (cos p - a) / sin p (Proksch and

@@ -100,11 +100,6 @@ class Ensemble:
         ----------
         sample : int
             From 0.
-
-        Raises
-        ------
-        InputError, FileError
-            As in `phasemap.load_scene`, with the number of the sample.
         """
         whole("sample", sample, 0, len(self) - 1)
         with _named(sample):
@@ -118,11 +113,6 @@ class Ensemble:
         every_surface : bool
             Make the surface of every sample, and not only of the first. Where surfaces are generated or read, that may
             take as long as to simulate their images.
-
-        Raises
-        ------
-        InputError, FileError
-            As in `phasemap.load_scene`, with the number of the sample; or if the images of two samples differ in size.
         """
         with once():
             self._check(every_surface)
@@ -277,13 +267,6 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
     Returns
     -------
     Ensemble
-
-    Raises
-    ------
-    InputError
-        If a table, key or value is not allowed, in the scene or in ``[ensemble]``.
-    FileError
-        If a file cannot be read.
 
     Examples
     --------

@@ -205,13 +205,6 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     -------
     Scene
 
-    Raises
-    ------
-    InputError
-        If a table or key is unknown, missing, or has a value that is not allowed.
-    FileError
-        If the scene or a file that it names cannot be read.
-
     Examples
     --------
     >>> load_scene("samples/step.toml", ["tip.radus=20e-9"])

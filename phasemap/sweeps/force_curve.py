@@ -39,11 +39,6 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
         Dims ("direction", "depth"), approach and retract: force [N], positive repulsive. The two differ where a law of
         contact draws out a neck, and where one of liquid forms. Damping, which needs a velocity, is not in it.
 
-    Raises
-    ------
-    InputError
-        If the depths are not an axis, or the laws of interaction cannot have the material.
-
     Examples
     --------
     >>> import phasemap as pm

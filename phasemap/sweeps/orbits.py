@@ -51,11 +51,6 @@ def orbits(
         dissipation, virial [J], floquet, feedback_slope, energy_closure [1], branch and stable (flags). The attribute
         `complete` is 1 if the curve of orbits was followed to its end.
 
-    Raises
-    ------
-    InputError
-        If both or none of `setpoint` and `tip_offset` are given, or a value is out of range.
-
     Examples
     --------
     >>> import phasemap as pm

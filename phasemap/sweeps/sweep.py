@@ -46,11 +46,6 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
         have the dim "fold", jumps of the sweep the dim "jump". Where contacts remember, the sweep is marched in time:
         there is no curve, and so neither folds nor jumps.
 
-    Raises
-    ------
-    InputError
-        If the axis is empty, not monotone or not finite.
-
     Examples
     --------
     >>> import numpy as np, phasemap as pm
@@ -82,11 +77,6 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
     -------
     xarray.Dataset
         As of `sweep_distance`, with dims ("direction", "setpoint") and the directions "down" and "up".
-
-    Raises
-    ------
-    InputError
-        If the axis is empty, not monotone or leaves the range.
 
     Examples
     --------
@@ -126,11 +116,6 @@ def sweep_frequency(
     -------
     xarray.Dataset
         As of `sweep_distance`, with dims ("direction", "frequency") and the directions "up" and "down".
-
-    Raises
-    ------
-    InputError
-        If the axis is empty, not monotone or not positive.
 
     Examples
     --------
@@ -182,11 +167,6 @@ def sweep_parameter(
     -------
     xarray.Dataset
         As of `sweep_distance`, with dims ("direction", name) and the directions "up" and "down".
-
-    Raises
-    ------
-    InputError
-        If both or none of `setpoint` and `tip_offset` are given, or a value is out of range.
 
     Examples
     --------

@@ -58,11 +58,6 @@ def particles(
     ndarray of uint8, shape (ny, nx)
         0 in the matrix, 1 in the particles.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range, or the discs do not fit into the image.
-
     Examples
     --------
     >>> labels = particles((128, 128), 1e-9, radius=6e-9, area_fraction=0.25)

@@ -41,11 +41,6 @@ def stripes(
     ndarray of uint8, shape (ny, nx)
         Labels 0 and 1; the top left corner starts a stripe of label 1.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     Examples
     --------
     >>> stripes((2, 8), 1e-9, period=4e-9)
@@ -78,11 +73,6 @@ def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: Scalar) -
     -------
     ndarray of uint8, shape (ny, nx)
         Labels 0 and 1, 0 in the top left corner.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
 
     Examples
     --------
@@ -121,11 +111,6 @@ def step(
     ndarray of uint8, shape (ny, nx)
         0 before the edge, 1 behind it.
 
-    Raises
-    ------
-    InputError
-        If the edge is not inside the image.
-
     Examples
     --------
     >>> step((1, 4), 1e-9, position=1e-9)
@@ -155,11 +140,6 @@ def gradient(shape: Sequence[int], *, start: Scalar, stop: Scalar, axis: Literal
     -------
     ndarray, shape (ny, nx)
         The field [the same unit].
-
-    Raises
-    ------
-    InputError
-        If a value is not finite, or the axis is neither x nor y.
 
     Examples
     --------

@@ -57,11 +57,6 @@ def lamellae(
     ndarray of uint8, shape (ny, nx)
         Labels 0 and 1.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     References
     ----------
     .. [1] J. Swift, P. C. Hohenberg, Phys. Rev. A 15, 319 (1977).
@@ -114,11 +109,6 @@ def blend(
     -------
     ndarray of uint8, shape (ny, nx)
         Labels 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
 
     References
     ----------
@@ -182,11 +172,6 @@ def roughness(
     -------
     ndarray, shape (ny, nx)
         Heights [m] with mean 0.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
 
     References
     ----------

@@ -99,11 +99,6 @@ class Interaction(Shown):
         "solvation", beside it; or "lennard-jones", whose gap at contact is the decay length. An object, `DLVO`,
         `Hydration` or `Solvation`, has other parameters than the usual ones.
 
-    Raises
-    ------
-    InputError
-        If the contact law is unknown or a value is out of range.
-
     Examples
     --------
     >>> Interaction(contact="hertz", decay_length=None).law.name

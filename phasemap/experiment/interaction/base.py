@@ -113,13 +113,7 @@ class ContactLaw(ABC):
     def columns_on(
         self, contact_stiffness: Array, adhesion: Array, radius: float, film: Array | None
     ) -> tuple[Array | float, ...]:
-        """The same on films, of Poisson's ratio [1] and thickness [m], shape (n, 2); by default these are refused.
-
-        Raises
-        ------
-        InputError
-            If there is a film, and the law does not know it.
-        """
+        """The same on films, of Poisson's ratio [1] and thickness [m], shape (n, 2); by default these are refused."""
         if film is not None:
             allowed = f"nothing where the contact is {self.name!r}, which is that of a half-space"
             raise InputError("thickness", Word("given"), allowed, "The contact 'film' takes it.")

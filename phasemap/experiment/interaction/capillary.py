@@ -75,11 +75,6 @@ class Capillary(SphereLaw):
     model : {"constant volume", "constant force", "linear"}
         How the force depends on the gap: as above; not at all; or falling as a line to 0 where the neck breaks.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-
     Examples
     --------
     >>> import numpy as np

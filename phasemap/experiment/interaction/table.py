@@ -50,11 +50,6 @@ class Table(ContactLaw):
         Damping in contact [N s/m] of a material with a viscosity of 1 Pa s; one of another viscosity has so many times
         that. By default that of a sphere.
 
-    Raises
-    ------
-    InputError
-        If these are not numbers for at least four depths that rise from 0 or below to above 0.
-
     Examples
     --------
     >>> law = Table((-2e-9, -1e-9, 0.0, 1e-9, 2e-9), (0.0, -1e-9, -4e-9, 10e-9, 30e-9))
@@ -92,11 +87,6 @@ class Table(ContactLaw):
 
         Columns are called depth (or gap, its opposite), force and damping: ``gap [nm], force [nN]``. Arrays of .npz
         have these names too, and SI units.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be read or lacks a column.
         """
         import numpy as np
 

@@ -112,11 +112,6 @@ def contrast(
         `best_free_amplitude`, `best_frequency` and `best_contrast`: the point to work at (see Notes),
         NaN if no point holds both materials.
 
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-
     Notes
     -----
     Recommended is a point where each material has a single regime, with no jump, second regime or failure within 0.03
