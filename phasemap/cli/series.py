@@ -114,7 +114,7 @@ def summary(found: xr.Dataset) -> list[str]:
 
     `found`: what `phasemap.series` returned.
     """
-    from phasemap.plot.series import of_file
+    from phasemap.results.titles import of_file
 
     said = []
     for i, name in enumerate(found["file"].values):

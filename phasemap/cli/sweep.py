@@ -223,7 +223,7 @@ def summary(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap._shared.units import readable
-    from phasemap.plot.titles import titles
+    from phasemap.results.titles import titles
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs

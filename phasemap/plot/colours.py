@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
+from matplotlib.colors import Colormap, Normalize
 
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
@@ -16,7 +18,6 @@ from phasemap._shared.units import Unit, readable
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.colors import Colormap, Normalize
 
     from phasemap._shared.quantities import Scalar
 
@@ -81,15 +82,11 @@ class Scale:
     @property
     def cmap(self) -> Colormap:
         """Green where there is no value."""
-        import matplotlib
-
         return matplotlib.colormaps[self.name].with_extremes(bad=FAILED)
 
     @property
     def norm(self) -> Normalize:
         """From values that are shown to colours."""
-        from matplotlib.colors import Normalize
-
         return Normalize(self.low, self.high)
 
     def shown(self, values: np.ndarray) -> np.ndarray:
@@ -103,8 +100,6 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
 
     One alone is of the phase, or of the first variable where there is no phase.
     """
-    import matplotlib
-
     asked: dict[str, dict[str, Any]] = {name: {} for name in variables}
     first = "phase" if "phase" in variables else next(iter(variables))
     for what, given in (("vmin", vmin), ("vmax", vmax), ("cmap", cmap)):

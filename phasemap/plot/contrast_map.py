@@ -6,13 +6,18 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import AsinhNorm, Normalize
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from phasemap._shared.units import Unit
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
 
 BISTABLE = 3
 HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable
@@ -72,8 +77,6 @@ def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
 
     A limit that was asked for stands for both sides of 0.
     """
-    from matplotlib.colors import AsinhNorm, Normalize
-
     ends = [abs(end) for end in (asked.vmin, asked.vmax) if end is not None]
     if ends:
         return Normalize(-ends[0] if asked.vmin is None else asked.vmin, ends[0] if asked.vmax is None else asked.vmax)
@@ -90,8 +93,6 @@ def ticks_of(norm: Any) -> list[float] | None:
 
     `norm`: of `colours_of`.
     """
-    from matplotlib.colors import AsinhNorm
-
     if not isinstance(norm, AsinhNorm):
         return None
     steps = [digit * 10.0**decade for decade in range(-6, 4) for digit in (1, 3)]
@@ -107,9 +108,6 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
 
 def keys_of(ds: xr.Dataset, names: list[str]) -> list[Any]:
     """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     regime = ds["regime"].values
     there = {"inversion": ds.sizes["inversion"], "jump": ds.sizes["jump"], "regime": _turns(regime).any()}
     words = {"regime": "border of regimes"}
@@ -147,8 +145,6 @@ def _draw_turns(axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray) -> Non
 
 def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, hatch: str) -> None:
     """Hatch the cells of a map that are marked."""
-    from matplotlib.collections import PolyCollection
-
     x, y = edges
     cells = [
         [(x[i + a], y[k + b]) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))] for k, i in np.argwhere(where)
@@ -160,8 +156,6 @@ def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, 
 
 def _draw_border(axes: Axes, points: np.ndarray, x: np.ndarray, y: np.ndarray, style: dict[str, Any]) -> None:
     """Join points that are on the lines between neighbours of a map: each to the nearest within a cell."""
-    from matplotlib.collections import LineCollection
-
     cells: dict[tuple[int, int], list[int]] = defaultdict(list)
     scale = np.array([np.ptp(x), np.ptp(y)])
     columns, rows = np.sort(x), np.sort(y)
@@ -200,7 +194,6 @@ def _label_regions(
     axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray, size: tuple[float, float], star: tuple[int, int] | None
 ) -> None:
     """Say the regimes of both materials where each has one, in the widest part of each region, clear of the star."""
-    from matplotlib.patheffects import withStroke
     from scipy.ndimage import distance_transform_edt, label
 
     names = [str(name) for name in ds["material"].values]

@@ -8,6 +8,10 @@ import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
@@ -25,16 +29,14 @@ from phasemap.plot.contrast_map import (
     ticks_of,
 )
 from phasemap.plot.figure import shortened
-from phasemap.plot.titles import titles
+from phasemap.plot.page import Page
+from phasemap.results.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from phasemap._shared.quantities import Scalar
-    from phasemap.plot.page import Page
 
 COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4
@@ -147,11 +149,6 @@ def _head(ds: xr.Dataset) -> list[str]:
 
 def _draw_lines(ds: xr.Dataset) -> Page:
     """Phases, regimes and contrast against the setpoint."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    from phasemap.plot.page import Page
-
     names = [str(name) for name in ds["material"].values]
     ds = ds.sortby("setpoint")
     keys = [Line2D([], [], color=colour, linewidth=1.6, label=n) for n, colour in zip(names, COLOURS, strict=True)]
@@ -228,8 +225,6 @@ def _broken(x: np.ndarray, y: np.ndarray, ds: xr.Dataset, name: str) -> tuple[np
 
 def _draw_maps(ds: xr.Dataset, colours: Colours) -> Page:
     """A panel for each frequency shown, with one colour bar for all."""
-    from phasemap.plot.page import Page
-
     shown = _shown(ds)
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)

@@ -8,22 +8,23 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
 
 RESOLUTION = 200  # of a saved picture [dots per inch]
 
 
 def check_format(path: str | os.PathLike[str]) -> None:
     """Refuse a suffix that is no format of pictures."""
-    from matplotlib.backend_bases import FigureCanvasBase
-
     suffix, formats = os.path.splitext(path)[1], sorted(FigureCanvasBase.get_supported_filetypes())
     if suffix.lstrip(".").lower() not in formats:
         raise InputError("the picture's suffix", suffix, "one of " + ", ".join(f".{name}" for name in formats))
@@ -46,8 +47,6 @@ def draw_scale_bar(axes: Axes) -> None:
 
     `axes`: of an image, x in metres from 0.
     """
-    from matplotlib.patheffects import withStroke
-
     width, place = axes.get_xlim()[1], axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
     decade = 10.0 ** math.floor(math.log10(width / 3))
     length = max(step * decade for step in (1, 2, 5) if step * decade <= width / 3 * (1 + 1e-9))
@@ -65,8 +64,6 @@ def draw_scale_bar(axes: Axes) -> None:
 
 def round_numbers(axis: Axis, digits: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
     """Let a logarithmic axis have numbers at these digits of every power of ten, without exponents."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     axis.set_major_locator(LogLocator(subs=digits))
     axis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.set_minor_formatter(NullFormatter())

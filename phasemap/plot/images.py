@@ -8,6 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
@@ -16,22 +19,20 @@ from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.materials import inversion, is_inversion
 from phasemap.plot.measured_curve import fit, is_measured_curve
+from phasemap.plot.page import Page
 from phasemap.plot.period import force, is_force_curve
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
-from phasemap.plot.titles import microscope_in_words
+from phasemap.results.titles import microscope_in_words
 from phasemap.results.validity import describe_validity
 from phasemap.results.variables import phase_lag
 from phasemap.results.words import describe_failures, describe_irregular, describe_solvers
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from phasemap.plot.colours import Given
-    from phasemap.plot.page import Page
 
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
@@ -169,8 +170,6 @@ def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes]) -> F
 
 def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Page:
     """All maps of an image."""
-    from phasemap.plot.page import Page
-
     rows = list(_rows(ds))
     length = side_lengths(ds)
     tall = WIDE * min(max(length[1] / length[0], 0.2), 2.0)
@@ -252,7 +251,6 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
 
 def _draw_image(axes: Axes, ds: xr.Dataset, name: str, scale: Scale) -> Any:
     """One channel with its scale bar and the pixels that failed."""
-    from matplotlib.colors import ListedColormap
     from scipy.ndimage import maximum_filter
 
     width, height = side_lengths(ds)

@@ -6,17 +6,19 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import FAILED, MAPS
 from phasemap.plot.figure import draw_scale_bar, round_numbers, side_lengths
+from phasemap.plot.page import Page
 from phasemap.plot.region_fit import SHOWN, regions
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LIMITS = (1, 99)  # percentiles shown
 UNSURE = "0.85"
@@ -54,10 +56,6 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     >>> [axes.get_title(loc="left") for axes in inversion(ds).axes if axes.get_title(loc="left")][:2]
     ['modulus (GPa)', 'standard error of its logarithm']
     """
-    from matplotlib.colors import LogNorm, Normalize
-
-    from phasemap.plot.page import Page
-
     if not is_inversion(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.invert returned")
     if "region" in ds["flag"].dims:
@@ -112,8 +110,6 @@ def _meanings(ds: xr.Dataset) -> list[str]:
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray, extent: tuple[float, float, float, float]) -> None:
     """Show one set of pixels grey and hatched, and another green."""
-    from matplotlib.colors import ListedColormap
-
     for pixels, color in ((hatched, UNSURE), (lost, FAILED)):
         if pixels.any():
             overlay = np.ma.masked_where(~pixels, np.ones(pixels.shape))

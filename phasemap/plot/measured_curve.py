@@ -6,16 +6,17 @@ import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 from phasemap.plot.colours import PALETTE
+from phasemap.plot.page import Page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 QUANTITIES = ("amplitude", "phase")
 DOT: dict[str, Any] = {"marker": "o", "markersize": 2.5, "linestyle": "", "elinewidth": 0.6}
@@ -46,8 +47,6 @@ def fit(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: b
     >>> len(fit(xr.Dataset({"distance": z, "amplitude": z}, {"direction": ["approach"]})).axes)
     1
     """
-    from phasemap.plot.page import Page
-
     if not is_measured_curve(ds):
         raise InputError("what is to be drawn", ", ".join(map(str, ds.data_vars)), "a measured curve, or a fit to one")
     fitted = is_fit(ds)

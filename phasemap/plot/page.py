@@ -1,7 +1,4 @@
-"""The page that every picture is drawn on: lines of title above, notes below, a legend, panels and colour bars between.
-
-Needs matplotlib when it is imported, so pictures import it when they are drawn.
-"""
+"""The page of every picture: lines of title above, notes below, a legend, panels and colour bars between."""
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import numbers
@@ -13,13 +15,13 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable, say
 from phasemap.plot.figure import own_axes
+from phasemap.plot.page import Page
 from phasemap.plot.sweep import COLOURS, is_sweep
-from phasemap.plot.titles import titles
 from phasemap.results.status import Status
+from phasemap.results.titles import titles
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
 WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.55  # [inch]
@@ -51,10 +53,6 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
     >>> [axes.get_ylabel() for axes in trace(ds, at=11e-9).axes]
     ['deflection to surface (nm)', 'force (nN)']
     """
-    from matplotlib.lines import Line2D
-
-    from phasemap.plot.page import Page
-
     if not is_sweep(ds) or "trace_force" not in ds:
         raise InputError("the dataset", "without traces", "a sweep with samples=256 (--samples 256)")
     axis = str(ds["status"].dims[1])
@@ -127,8 +125,6 @@ def force(
     >>> force(pm.force_curve(pm.Material.preset("PS"), scope)).axes[0].get_xlabel()
     'depth of the tip in the surface (nm)'
     """
-    from phasemap.plot.page import Page
-
     if not is_force_curve(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.force_curve returned")
     page = None

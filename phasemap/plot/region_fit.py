@@ -6,15 +6,17 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar, round_numbers, side_lengths
+from phasemap.plot.page import Page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
 
@@ -28,8 +30,6 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
     Open symbols are properties that the data do not determine, squares those that were given.
     """
-    from phasemap.plot.page import Page
-
     lines = [line for word in ("verdict", "advice") for line in str(ds.attrs.get(word, "")).splitlines()]
     curves = [name for name in ("phase", "height") if f"measured_{name}" in ds]
     title = f"{ds.sizes['region']} regions in {ds.sizes['image']} images   ·   95 % intervals (zeros uncertain)"
@@ -47,8 +47,6 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
 def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
     """Where the regions are, in their colours."""
-    from matplotlib.colors import ListedColormap
-
     labels = ds["label"].values
     shown = np.full(labels.shape, np.nan)
     for i, name in enumerate(ds["region"].values):

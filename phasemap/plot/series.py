@@ -6,16 +6,18 @@ import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
+from phasemap.plot.page import Page
+from phasemap.results.titles import of_file
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOST = 6  # files that are shown
 COLOURED = (2, 98)  # percentiles of an image between which colours differ
@@ -45,8 +47,6 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     -------
     matplotlib.figure.Figure
     """
-    from phasemap.plot.page import Page
-
     if not is_series(ds):
         raise InputError("the series", sorted(map(str, ds.data_vars))[:3], "what phasemap.series returned")
     shown = _shown(ds)
@@ -93,15 +93,6 @@ def _title(ds: xr.Dataset, i: int, wide: float) -> str:
     short = name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}"
     level, size = of_file(ds, "setpoint", i), of_file(ds, "free_amplitude", i, 1e9)
     return f"{short}\nsetpoint {level}\nA₀ {size} nm"
-
-
-def of_file(ds: xr.Dataset, name: str, i: int, scale: float = 1.0) -> str:
-    """The setpoint or free amplitude of a file as recorded, else from where to where it may be."""
-    recorded = scale * float(ds[f"recorded_{name}"][i])
-    if np.isfinite(recorded):
-        return f"{recorded:.3g}"
-    ends = [scale * float(ds[f"{name}_{end}"][i]) for end in ("low", "high")]
-    return " to ".join(f"{end:.0f}" if end >= 100 else f"{end:.2g}" for end in ends)
 
 
 def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:

@@ -6,7 +6,11 @@ import os
 import textwrap
 from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
@@ -15,14 +19,12 @@ from phasemap._shared.units import readable
 from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
 from phasemap.plot.figure import draw_scale_bar, shortened, side_lengths
+from phasemap.plot.page import LINE, Page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from phasemap._shared.quantities import Scalar
-    from phasemap.plot.page import Page
 
 COLOURS = ("0.15", PALETTE[1])  # of the two images
 LEAST_SPAN = 0.1  # degrees
@@ -81,8 +83,6 @@ def comparison(
     >>> [axes.get_title(loc="left") for axes in comparison(pm.compare(image, image)).axes[:3]]
     ['measured phase', 'simulated phase', 'residual: measured minus simulated']
     """
-    from phasemap.plot.page import LINE, Page
-
     if not is_comparison(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.compare returned")
     if row is None:
@@ -137,9 +137,6 @@ def _limits(ds: xr.Dataset, asked: Colours = CHOSEN) -> tuple[float, float]:
 
 def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked: Colours) -> None:
     """Both phases and the residual, with a colour bar for the former and one for the latter."""
-    import matplotlib
-    from matplotlib.colors import Normalize
-
     width, tall = side_lengths(ds)
     low, high = _limits(ds, asked)
     middle = apart(ds)

@@ -9,22 +9,23 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
 from phasemap.plot.colours import PALETTE, words_of
 from phasemap.plot.figure import own_axes, round_numbers
+from phasemap.plot.page import Page
 from phasemap.plot.sweep_axis import Sweep
-from phasemap.plot.titles import titles
+from phasemap.results.titles import titles
 from phasemap.results.variables import phase_lag
 from phasemap.results.words import describe_failures, describe_irregular
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 COLOURS = PALETTE[:2]  # of the two directions
 WIDTHS = (5.0, 2.2)  # the second direction is drawn over the first, and must not hide it [points]
@@ -84,8 +85,6 @@ def curve(
     >>> [axes.get_ylabel() for axes in curve(ds, quantities=["phase", "peak_force"]).axes]
     ['phase (degrees)', 'peak force (nN)']
     """
-    from phasemap.plot.page import Page
-
     if not isinstance(overwrite, bool):
         warnings.warn(
             "`curve` takes overwrite as its third argument, as other pictures do: give quantities by name.",
@@ -271,8 +270,6 @@ def _notes(sweep: Sweep) -> list[str]:
 
 def _keys(sweep: Sweep) -> list[Line2D]:
     """Keys of the legend, of what the picture has."""
-    from matplotlib.lines import Line2D
-
     jumping = sweep.ds["jump_direction"].values[sweep.shown(sweep.jumps[:, 0])]
     stable = [stable for part, stable in sweep.runs() if sweep.shown(sweep.points[part]).any()]
     keys = [

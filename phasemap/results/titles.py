@@ -1,8 +1,9 @@
-"""What a picture of a sweep says above it: which material, under which microscope."""
+"""What pictures and summaries say a result is of: which material, under which microscope, at which setpoint."""
 
 from __future__ import annotations
 
 import json
+import math
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.units import say
@@ -59,3 +60,12 @@ def _said(table: dict[str, Any], swept: str, **words: tuple[str, str]) -> list[s
         for name, (phrase, units) in words.items()
         if table.get(name) is not None and name != swept
     ]
+
+
+def of_file(ds: xr.Dataset, name: str, i: int, scale: float = 1.0) -> str:
+    """The setpoint or free amplitude of a file as recorded, else from where to where it may be."""
+    recorded = scale * float(ds[f"recorded_{name}"][i])
+    if math.isfinite(recorded):
+        return f"{recorded:.3g}"
+    ends = [scale * float(ds[f"{name}_{end}"][i]) for end in ("low", "high")]
+    return " to ".join(f"{end:.0f}" if end >= 100 else f"{end:.2g}" for end in ends)
