@@ -1,4 +1,4 @@
-"""Least squares of many problems at once, each with few data and fewer unknowns: theory, Eq. (inversion-5)."""
+"""Least squares of many problems at once, each with few data and fewer unknowns: theory, Eq. (inversion-4)."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.sentences import listed
 from phasemap.experiment.material import Material
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -56,6 +59,13 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int], pr
     if len(known) == len(names):
         raise InputError("known", "every region", "fewer: one that is to be found, at least")
     return known
+
+
+def put(
+    ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, said: str, units: str = "1", **more: Any
+) -> None:
+    """Add a variable to a Dataset, with what it is and its units."""
+    ds[name] = (dims, values, {"long_name": said, "units": units, **more})
 
 
 def chance(chi2: Any, degrees: Any) -> Any:

@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,9 +6,8 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
+from phasemap.inference.images.answer import FLAGS
 from phasemap.inference.images.model import make_model
-from phasemap.inference.images.stack import make_stack
-from phasemap.inference.images.verdict import FLAGS
 from phasemap.inference.verdict import PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -99,26 +97,20 @@ class Softening(pm.ContactLaw):
         return p[0] * d * np.sqrt(p[2] * d) / (1.0 + p[0] / 1e9)
 
 
-def test_tables_give_the_integrals_and_only_affine_laws_have_them():
-    q = np.random.default_rng(1).normal(0.0, (1.5, 0.5, 1.0), (300, 3))
+def test_derivatives_of_averaged_orbits_are_those_of_differences():
+    q = np.random.default_rng(1).normal(0.0, (1.5, 0.5, 1.0), (40, 3))  # logarithms
     for contact, decay_length in (("dmt", 0.3e-9), ("hertz", None), (Softening(), None)):
         scope = pm.Microscope(LEVER, TIP, pm.Drive(40e-9), pm.Interaction(contact, decay_length))
-        stack = make_stack(measure_nothing(), scope, SETPOINTS, (0.4, 0.0, 0.0), (1e-10, 0.0, 0.0))
-        model = make_model(stack, PRIOR, 10.0)
-        if isinstance(contact, Softening):
-            assert model.tables is None
-            continue
-        sides, places = np.ones((300, 4), np.int8), np.full((300, 4), np.nan)
-        integrated = replace(model, tables=None).averaged(q, sides, places, search=True)
-        found = model.averaged(q, sides, places)
-        assert integrated.good.sum() > 200
-        assert (found.good == integrated.good).all()
-        np.testing.assert_allclose(found.values[found.good], integrated.values[found.good], rtol=1e-6)
+        model = make_model((scope,) * len(SETPOINTS), SETPOINTS, PRIOR, 10.0)
+        sides, places = np.ones((len(q), 4), np.int8), np.full((len(q), 4), np.nan)
+        found = model.averaged(q, sides, places, search=True)
+        assert found.good.sum() > 20
         for k, step in enumerate(1e-4 * np.eye(3)):
             ahead, behind = (model.averaged(q + sign * step, sides, places.copy()) for sign in (1, -1))
             good = found.good & ahead.good & behind.good
             slopes, central = found.slopes[good][..., k], (ahead.values - behind.values)[good] / 2e-4
-            assert (np.abs(slopes - central) < 1e-4 * np.abs(central).max(axis=0) + 1e-15).all(), (contact, k)
+            # One-sided differences by the place of contact, over 1e-4 of their scale, leave 5e-4.
+            assert (np.abs(slopes - central) < 1e-3 * np.abs(central).max(axis=0) + 1e-15).all(), (contact, k)
 
 
 def test_uncertain_zeros_make_errors_larger():

@@ -20,17 +20,16 @@ from phasemap.sweeps.sweep import check_axis
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}
-MATERIAL = ("modulus", "adhesion", "damping", "viscosity")
-FILM, NECK = ("thickness", "liquid_film"), ("neck_length",)
-SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")
-READING = ("amplitude_scale", "sensitivity", "phase_offset")
 OFFSETS = {"frequency": "tip_offset", "tip_offset": "offset"}  # what the height is called, by the axis
-OTHER_UNITS = {
+OF_SAMPLE = ("modulus", "adhesion", "damping", "viscosity", "thickness", "liquid_film")
+OF_SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")
+READING = ("amplitude_scale", "sensitivity", "phase_offset")
+ALL_UNITS = UNITS | {
     "resonance_frequency": "Hz", "tip_offset": "m", "offset": "m", "amplitude_scale": "1", "phase_offset": "degree",
     "sensitivity": "1", "neck_length": "m",
 }  # fmt: skip
 REACH = 3.0  # standard deviations of the prior that are searched
-FACTOR, KNOWN = 10.0, 1.44  # within which a property of the material, and of the microscope, is known beforehand
+FACTOR, KNOWN = 10.0, 1.44  # within which a property of the sample, and of the microscope, is known beforehand
 WIDTHS = 3.3  # the same of the resonance frequency, in its half widths
 TURN = 60.0  # the same of a phase [degree]
 
@@ -48,7 +47,7 @@ class Data:
 
     @property
     def size(self) -> int:
-        """How many numbers were measured."""
+        """Number of measured numbers."""
         return sum(part.size for part in self.measured.values())
 
     @property
@@ -57,20 +56,20 @@ class Data:
         return float(np.ptp(self.values)) / (len(self.values) - 1)
 
 
-def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[str, tuple[Any, Any]]) -> Data:
+def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[Any, Any]]) -> Data:
     """What was measured, as arrays.
 
-    `name`: what the user calls its values.
     `given`: measured values and their errors of each of `QUANTITIES`, as given.
     """
-    unit = "Hz" if axis == "frequency" else "m"
-    along = check_axis(name, values, unit, above=0 if axis == "frequency" else -np.inf)
+    frequency = axis == "frequency"
+    name = "frequencies" if frequency else "tip_offsets"
+    along = check_axis(name, values, "Hz" if frequency else "m", above=0 if frequency else -np.inf)
     allowed = DIRECTIONS[axis]
     directions = (direction,) if isinstance(direction, str) else direction
     if not isinstance(directions, (list, tuple)) or tuple(directions) not in ((allowed[0],), (allowed[1],), allowed):
         raise InputError("direction", direction, f'"{allowed[0]}", "{allowed[1]}" or {allowed}')
-    one = isinstance(direction, str)
-    shape = (len(along),) if one else (len(directions), len(along))
+    full = (len(directions), len(along))
+    shape = full[1:] if isinstance(direction, str) else full
     measured, errors = {}, {}
     for quantity, (numbers, error) in given.items():
         if numbers is None:
@@ -83,9 +82,7 @@ def check_data(axis: str, name: str, values: Any, direction: Any, given: dict[st
             raise InputError(f"{quantity}_error", f"an array of shape {spread.shape}", f"a number or shape {shape}")
         if not (spread > 0).all():
             raise InputError(f"{quantity}_error", float(spread.min()), f"numbers above 0 {QUANTITIES[quantity]}")
-        full = (len(directions), len(along))
-        measured[quantity] = found.reshape(full)
-        errors[quantity] = np.broadcast_to(spread.reshape(full) if spread.shape else spread, full)
+        measured[quantity], errors[quantity] = found.reshape(full), np.broadcast_to(spread, shape).reshape(full)
     if not measured:
         raise InputError("amplitude, phase", (None, None), "at least one of the two")
     return Data(axis, along, tuple(directions), measured, errors)
@@ -116,28 +113,26 @@ class Setup:
             return replace(self, phase_offset=value)
         if name == "amplitude_scale":
             return replace(self, amplitude_scale=value)
+        if name in OFFSETS.values():
+            return replace(self, height=value)
         if name == "sensitivity":  # the free amplitude read is known, so that the true one changes
             free = self.scope.drive.free_amplitude * self.amplitude_scale * value
             return replace(self.at("free_amplitude", free), amplitude_scale=1 / value)
-        if name == "neck_length":
-            with unquestioned():
-                interaction = replace(self.scope.interaction, contact=Neck(value))
-            return replace(self, scope=replace(self.scope, interaction=interaction))
-        if name in OFFSETS.values():
-            return replace(self, height=value)
-        if name == "resonance_frequency":
-            with unquestioned():
-                lever = replace(self.scope.cantilever, resonance_frequency=value)
-            return replace(self, scope=replace(self.scope, cantilever=lever))
-        changed = Question(self.material, self.scope).at(name, value)
+        scope = self.scope
+        with unquestioned():
+            if name == "neck_length":
+                return replace(self, scope=replace(scope, interaction=replace(scope.interaction, contact=Neck(value))))
+            if name == "resonance_frequency":
+                lever = replace(scope.cantilever, resonance_frequency=value)
+                return replace(self, scope=replace(scope, cantilever=lever))
+        changed = Question(self.material, scope).at(name, value)
         return replace(self, material=changed.material, scope=changed.scope)
 
     def value(self, name: str) -> float | None:
         """A parameter's value; None if it has none."""
-        if name in OFFSETS.values():
-            return self.height
-        if name == "sensitivity":
-            return 1 / self.amplitude_scale
+        special = {"sensitivity": 1 / self.amplitude_scale, **dict.fromkeys(OFFSETS.values(), self.height)}
+        if name in special:
+            return special[name]
         if name == "neck_length":
             return getattr(self.scope.interaction.contact, "length", None)
         parts = (self, self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, self.scope.interaction)
@@ -172,7 +167,7 @@ def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter,
     loss, other = ("damping", "viscosity") if setup.material.viscosity is None else ("viscosity", "damping")
     if names is None:
         names = ("modulus", "adhesion", loss)
-    known = (*MATERIAL, *FILM, *NECK, *SCOPE, OFFSETS[axis], *READING)
+    known = (*OF_SAMPLE, "neck_length", *OF_SCOPE, OFFSETS[axis], *READING)
     if not isinstance(names, Sequence | Mapping) or isinstance(names, str) or not names:
         raise InputError("parameters", names, "a sequence of names out of " + ", ".join(known))
     found = []
@@ -189,15 +184,17 @@ def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter,
 
 def _parameter(name: str, setup: Setup, spread: float | None) -> Parameter:
     """A parameter that is known within `spread`, by default as well as such a one mostly is."""
-    start, units = setup.value(name), {**UNITS, **OTHER_UNITS}[name]
+    start, units = setup.value(name), ALL_UNITS[name]
     if name in (*OFFSETS.values(), "phase_offset"):
         usual = TURN if name == "phase_offset" else setup.scope.drive.free_amplitude / REACH
         size = usual if spread is None else number(f"error of {name}", spread, units, above=0)
         return Parameter(name, float(start or 0.0), units, False, size)
     if start is None or start <= 0:
         raise InputError(f"{name} to start from", start, f"a number above 0 {units}".removesuffix(" 1"))
-    if name == "resonance_frequency" and spread is None:
-        return Parameter(name, start, units, True, WIDTHS * setup.scope.cantilever.damping_ratio)
-    usual = FACTOR if name in MATERIAL + FILM + NECK else KNOWN
-    factor = usual if spread is None else number(f"factor of {name}", spread, "1", above=1, maximum=FACTOR**2)
-    return Parameter(name, start, units, True, float(np.log(factor)))
+    if spread is not None:
+        size = np.log(number(f"factor of {name}", spread, "1", above=1, maximum=FACTOR**2))
+    elif name == "resonance_frequency":
+        size = WIDTHS * setup.scope.cantilever.damping_ratio
+    else:
+        size = np.log(FACTOR if name in (*OF_SAMPLE, "neck_length") else KNOWN)
+    return Parameter(name, start, units, True, float(size))

@@ -17,8 +17,6 @@ from phasemap.inference.verdict import PRIOR
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]
 
-ARGUMENTS = {"frequency": "frequencies", "tip_offset": "tip_offsets"}  # what the axis of a fit is given as
-
 
 @asked_as()
 def fit_frequency(
@@ -193,7 +191,7 @@ def _fit(
     from phasemap.inference.curves.solve import search
     from phasemap.inference.curves.verdict import make_fit
 
-    data, setup = check_data(axis, ARGUMENTS[axis], values, direction, given), Setup(start, scope, height)
+    data, setup = check_data(axis, values, direction, given), Setup(start, scope, height)
     chosen = check_parameters(parameters, setup, axis)
     if data.size <= len(chosen):
         raise InputError(

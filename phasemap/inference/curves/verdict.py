@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap.inference.curves.data import DIRECTIONS, FILM, MATERIAL, REACH, Data, Setup
+from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, REACH, Data, Setup
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.curves.result import SHOWN, Fit
 from phasemap.inference.curves.solve import UNLIKELY, Solution
@@ -43,7 +43,7 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
         for p, at, error, code in zip(problem.parameters, q, own, codes, strict=True)
     }
     degrees = data.size - len(names)
-    of_material = np.array([name in MATERIAL + FILM for name in names])
+    of_material = np.array([name in OF_SAMPLE for name in names])
     said = say_codes([name.replace("_", " ") for name in names], codes, correlation)
     lost = bool((codes[of_material] != DETERMINED).any())
     wrong = [_unlikely(solution, degrees)] if chance(solution.chi2, degrees) < UNLIKELY else []

@@ -13,12 +13,12 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.images.answer import AVERAGED, FLAGS, NO_DATA, NO_ORBIT, POOR, Found, dataset_of
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.posterior import moments
 from phasemap.inference.images.problem import normal_equations, problem_of_pixels, refine
-from phasemap.inference.images.stack import Stack, coordinates_of, list_of_images, make_stack
+from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
-from phasemap.inference.images.verdict import AVERAGED, FLAGS, NO_DATA, NO_ORBIT, POOR, dataset_of
 from phasemap.inference.verdict import PRIOR, UNKNOWN, UNLIKELY, chance, check_prior
 from phasemap.results.variables import describe
 
@@ -117,26 +117,24 @@ def invert(
         given, scope, setpoints, (phase_error, phase_zero, phase_zero_error),
         (height_error, height_zero, height_zero_error),
     )  # fmt: skip
-    model, shape = make_model(stack, prior, factor), given[0]["phase"].shape
-    materials, errors, misfit, flags = _solve(model, stack, threads, progress)
-    found = dataset_of(
-        materials.reshape(*shape, 3), errors.reshape(*shape, 3), misfit.reshape(shape), flags.reshape(shape), stack,
-        ("y", "x"), FLAGS[:-1], {"prior": describe(prior), "prior_factor": factor}, "inverted",
-    )  # fmt: skip
-    found = found.assign_coords(coordinates_of(given[0]))
-    parts = [f"{name.replace('_', ' ')} {100 * np.mean(flags >> i & 1):.3g} %"
-             for i, name in enumerate(FLAGS) if (flags >> i & 1).any()]  # fmt: skip
-    found.attrs["verdict"] = f"Of {len(flags)}: {', '.join(parts) or 'everything is determined'}."
-    found.attrs["seconds"] = round(time.perf_counter() - started, 6)
-    return found
+    model, shape = make_model(stack.scopes, stack.setpoints, prior, factor), given[0]["phase"].shape
+    found = _solve(model, stack, threads, progress)
+    maps = Found(*(values.reshape(*shape, *values.shape[1:]) for values in found))
+    configuration = {"prior": describe(prior), "prior_factor": factor}
+    ds = dataset_of(maps, stack, given[0], ("y", "x"), configuration, "inverted")
+    parts = [f"{name.replace('_', ' ')} {100 * np.mean(found.flags >> i & 1):.3g} %"
+             for i, name in enumerate(FLAGS) if (found.flags >> i & 1).any()]  # fmt: skip
+    ds.attrs["verdict"] = f"Of {len(stack)}: {', '.join(parts) or 'everything is determined'}."
+    ds.attrs["seconds"] = round(time.perf_counter() - started, 6)
+    return ds
 
 
-def _solve(
-    model: Model, stack: Stack, threads: int | None, progress: Progress | None
-) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
-    """Materials and errors, shape (n, 3), misfits and flags of all pixels; those with the same errors at a time."""
+def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress | None) -> Found:
+    """Materials of all pixels; those with the same errors at a time."""
     grid, count, workers = make_grid(model), len(stack), workers_of(threads)
-    answer = np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count, np.uint8)
+    answer = Found(
+        np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count, np.uint8)
+    )
 
     def solve(first: int, last: int) -> None:
         kinds = np.unique(stack.errors[first:last].reshape(last - first, -1), axis=0, return_inverse=True)[1]
@@ -149,7 +147,7 @@ def _solve(
     return answer
 
 
-def _solve_alike(model: Model, grid: Grid, stack: Stack) -> tuple[Array, ...]:
+def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Found:
     """The same of pixels with the same errors."""
     problem = problem_of_pixels(model, stack)
     found = refine(problem, descend_from_grid(problem, grid))
@@ -164,4 +162,4 @@ def _solve_alike(model: Model, grid: Grid, stack: Stack) -> tuple[Array, ...]:
     flags |= POOR * ((degrees > 0.5) & (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY)) | AVERAGED * ~found.exact
     flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
     lost = np.where(found.good & (data > 0), 1.0, np.nan)
-    return model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags
+    return Found(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)

@@ -2,7 +2,7 @@
 
 Materials make up for zeros along valleys of chi2, so that the least squares alone would say too little: its errors come
 from solving it again for data and priors that are drawn within their errors (randomised maximum likelihood, theory,
-Eq. (inversion-7); Oliver, He and Reynolds 1996), which follows valleys however they bend.
+Eq. (inversion-6); Oliver, He and Reynolds 1996), which follows valleys however they bend.
 """
 
 from __future__ import annotations
@@ -82,6 +82,12 @@ def fit(problem: Problem, q: Array) -> Fitted:
         float((problem.rest(found.values, found.defect)[best] ** 2).sum()), float(data - learnt),
         list(found.q[modes[1:]]),
     )  # fmt: skip
+
+
+def moments_of_zeros(found: Fitted, drawn: Array) -> tuple[Array, Array]:
+    """Mean of zeros that were drawn around the best solution, and standard errors with all others."""
+    mean = drawn[: 2 * DRAWS].mean(axis=0)
+    return mean, np.sqrt(found.weights @ (drawn - mean) ** 2 / found.weights.sum())
 
 
 def _draw(problem: Problem, modes: int) -> Problem:

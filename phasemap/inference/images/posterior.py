@@ -92,7 +92,7 @@ def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> No
         inner = np.linalg.inv(to_plane @ matrix @ plane)
         cross = to_plane @ pull[..., None]
         step = inner @ cross
-        cost = (rest**2).sum(axis=1) + part.cost_of_prior(q[some]) - (cross * step).sum(axis=(1, 2))
+        cost = part.cost(rest, q[some]) - (cross * step).sum(axis=(1, 2))
         move = (plane @ step)[..., 0]
         move *= np.minimum(1.0, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
         logs[some, at] = -0.5 * cost + 0.5 * np.log(np.linalg.det(inner))

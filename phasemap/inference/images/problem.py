@@ -1,8 +1,8 @@
 """Least squares of materials: n problems, each of the same regions in the same images; a pixel is one region.
 
 Phase and height are those of averaged orbits and of a defect, the difference of exact and averaged orbits at the
-material found before (theory, Eq. (inversion-3)). A projection takes zeros out (theory, Eq. (inversion-6)). Many are
-solved at once by Levenberg-Marquardt steps: theory, Eq. (inversion-5).
+material found before (theory, Eq. (inversion-2)). A projection takes zeros out (theory, Eq. (inversion-5)). Many are
+solved at once by Levenberg-Marquardt steps: theory, Eq. (inversion-4).
 """
 
 from __future__ import annotations
@@ -91,15 +91,10 @@ class Problem:
         """Weighted residuals without what zeros explain."""
         return self.projection.without(self.residuals(values, defect)[..., None])[..., 0]
 
-    def cost(self, values: Array, defect: Array, q: Array) -> Array:
-        """chi2 of data and priors, shape (n,)."""
-        cost: Array = (self.rest(values, defect) ** 2).sum(axis=1) + self.cost_of_prior(q)
-        return cost
-
-    def cost_of_prior(self, q: Array) -> Array:
-        """chi2 of the priors, shape (n,)."""
+    def cost(self, rest: Array, q: Array) -> Array:
+        """chi2 of data, of which these residuals are left, and priors, shape (n,)."""
         apart = q - self.centre
-        cost: Array = ((apart @ self.prior) * apart).sum(axis=1)
+        cost: Array = (rest**2).sum(axis=1) + ((apart @ self.prior) * apart).sum(axis=1)
         return cost
 
     def zeros(self, values: Array, defect: Array) -> Array:
@@ -124,8 +119,8 @@ def problem_of(
     weights = np.where(np.isfinite(stack.errors), 1.0 / stack.errors, 0.0)
     return Problem(
         model, unknown, np.repeat(stack.values[None], count, axis=0), weights, sides, known, zeros.weighted(weights),
-        np.zeros((count, len(zeros.widths))), np.tile(model.centre, (count, len(unknown))),
-        np.diag(np.tile(model.widths**-2, len(unknown))),
+        np.zeros((count, len(zeros.widths))), np.zeros((count, 3 * len(unknown))),
+        model.width**-2 * np.eye(3 * len(unknown)),
     )  # fmt: skip
 
 
@@ -174,33 +169,38 @@ def normal_equations(problem: Problem, slopes: Array, rest: Array, q: Array) -> 
 
 def descend(problem: Problem, q: Array, places: Array, defect: Array) -> Solution:
     """Go downhill from these materials and places of their orbits, with this difference of exact and averaged ones."""
-    q, places, reach = q.copy(), places.copy(), problem.model.reach
+    q, places = q.copy(), places.copy()
     found = problem.orbits(q, places, search=True)
-    cost = np.where(found.good, problem.cost(found.values, defect, q), np.inf)
+    exact = np.zeros(len(q), bool)
+    return _descend(problem, Solution(q, places, defect.copy(), *found, exact, np.zeros(len(q))))
+
+
+def _descend(problem: Problem, found: Solution) -> Solution:
+    """Go downhill from what was found; its arrays are changed."""
+    q, cost, reach = found.q, found.cost, problem.model.reach
+    cost[:] = np.where(found.good, problem.cost(problem.rest(found.values, found.defect), q), np.inf)
     damping = np.full(len(q), 1e-2)
     active = found.good & (problem.sides != 0).any(axis=(1, 2))
     for _ in range(MOST_STEPS):
         some = np.flatnonzero(active)
         if not len(some):
             break
-        part = problem.part(some)
-        matrix, pull = normal_equations(
-            part, part.weigh(found.slopes[some]), part.rest(found.values[some], defect[some]), q[some]
-        )
+        part, last = problem.part(some), found.part(some)
+        rest = part.rest(last.values, last.defect)
+        matrix, pull = normal_equations(part, part.weigh(last.slopes), rest, last.q)
         steep = matrix * (1 + damping[some, None, None] * np.eye(q.shape[1]))
         step = np.linalg.solve(steep, pull[..., None])[..., 0]
         expected = (step * pull).sum(axis=1)
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-        trial, there = np.clip(q[some] + step, -reach, reach), places[some]
-        new = part.orbits(trial, there)
-        new_cost = np.where(new.good, part.cost(new.values, defect[some], trial), np.inf)
-        better = new_cost <= cost[some]
-        won = some[better]
-        q[won], places[won], cost[won] = trial[better], there[better], new_cost[better]
-        found.values[won], found.slopes[won] = new.values[better], new.slopes[better]
+        trial = np.clip(last.q + step, -reach, reach)
+        new = part.orbits(trial, last.places)
+        new_cost = np.where(new.good, part.cost(part.rest(new.values, last.defect), trial), np.inf)
+        better = new_cost <= last.cost
+        moved = last._replace(q=trial, values=new.values, slopes=new.slopes, cost=new_cost)
+        found.put(some[better], moved.part(better))
         damping[some] = np.where(better, 0.1 * damping[some], 6.0 * damping[some])
         active[some] = ~((better & (expected < CLOSE)) | (damping[some] > 1e8))
-    return Solution(q, places, defect.copy(), *found, np.zeros(len(q), bool), cost)
+    return found
 
 
 def refine(problem: Problem, found: Solution, times: int = DEFECTS) -> Solution:
@@ -209,8 +209,10 @@ def refine(problem: Problem, found: Solution, times: int = DEFECTS) -> Solution:
     for _ in range(times):
         part, last = problem.part(left), found.part(left)
         defect, known = _defect(part, last)
-        again = descend(part, last.q, last.places, np.where(known[:, None, None, None], defect, last.defect))
-        again = again._replace(exact=known)
+        start = last._replace(
+            q=last.q.copy(), defect=np.where(known[:, None, None, None], defect, last.defect), exact=known
+        )
+        again = _descend(part, start)
         found.put(left, again)
         moved = np.abs(again.q - last.q).max(axis=1)  # the defect changes by less than its share of that
         done = moved * np.abs(again.defect * problem.weights).max(axis=(1, 2, 3)) < ENOUGH

@@ -12,29 +12,15 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.joint import DRAWS, Fitted, advise, fit
+from phasemap.inference.images.answer import add_data, of_regions, tell
+from phasemap.inference.images.joint import fit
 from phasemap.inference.images.model import Model, make_model, sides_of
 from phasemap.inference.images.problem import Problem, problem_of
-from phasemap.inference.images.regions import medians, regions_of
-from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, coordinates_of, list_of_images, make_stack
-from phasemap.inference.images.starts import Grid, make_grid, make_starts
-from phasemap.inference.images.verdict import AMBIGUOUS, AVERAGED, FLAGS, POOR, dataset_of
-from phasemap.inference.images.zeros import FREE, SHARED, Plan, make_plan
-from phasemap.inference.verdict import (
-    CODES,
-    COMBINED,
-    GIVEN,
-    OPEN,
-    PARAMETERS,
-    PRIOR,
-    UNLIKELY,
-    chance,
-    check_known,
-    check_prior,
-    codes_of,
-    say_regions,
-)
-from phasemap.results.variables import coded, describe
+from phasemap.inference.images.stack import Stack, list_of_images, make_stack, regions_of
+from phasemap.inference.images.starts import grid_of_one, make_grid, make_starts
+from phasemap.inference.images.zeros import FREE, Plan, make_plan
+from phasemap.inference.verdict import PRIOR, check_known, check_prior, put
+from phasemap.results.variables import describe
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,11 +28,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 BRANCHES = ("attractive", "repulsive")
-DOUBT = (
-    "Believe no number here before the sign of the phase (positive where the tip is repulsive), lever, free amplitude "
-    "and setpoints are right, the regions are of one material each and on the branch fitted, and the errors of the "
-    "medians are not too small."
-)
 
 
 @asked_as()
@@ -145,155 +126,35 @@ def fit_regions(
     given = list_of_images(images)
     whole = make_stack(given, scope, setpoints, (phase_error, 0.0, 0.0), (height_error, 0.0, 0.0))
     plan = make_plan(given, (phase_zero, phase_zero_error), (height_zero, height_zero_error), topography_error)
-    shape = given[0]["phase"].shape
-    names, numbers = regions_of(labels, shape)
-    stack, pixels = medians(plan.taken_off(whole, numbers >= 0), numbers, len(names))
-    materials = {names.index(name): one for name, one in check_known(known, names, prior).items()}
-    model = make_model(stack, prior, factor)
-    problem, q = _prepare(model, stack, materials, plan, branch)
+    names, numbers = regions_of(labels, given[0]["phase"].shape)
+    stack = plan.taken_off(whole, numbers >= 0).medians(numbers, len(names))
+    fixed = {names.index(name): one for name, one in check_known(known, names, prior).items()}
+    problem, q = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan, branch)
     found = fit(problem, q)
     configuration = {
-        "known": {str(name): describe(one) for name, one in (known or {}).items()}, "prior": describe(prior),
+        "known": {str(names[r]): describe(one) for r, one in fixed.items()}, "prior": describe(prior),
         "prior_factor": factor, "phase_zero": plan.phase or "given", "height_zero": plan.height or "given",
     }  # fmt: skip
-    ds = _dataset(problem, found, stack, materials, names, configuration)
-    _add_data(ds, problem, found, stack, plan)
-    ds = ds.assign_coords(coordinates_of(given[0]))
-    ds["pixels"] = ("region", pixels, {"long_name": "pixels of the region", "units": "1"})
+    ds = of_regions(problem, found, stack, given[0], fixed, names, configuration)
+    add_data(ds, problem, found, stack, plan)
+    put(ds, "pixels", "region", np.bincount(numbers[numbers >= 0]), "pixels of the region")
     ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
-    _tell(ds, problem, found, plan, names)
+    tell(ds, problem, found, plan)
     return ds
 
 
 def _prepare(
     model: Model, stack: Stack, materials: dict[int, Material], plan: Plan, branch: str | None
 ) -> tuple[Problem, Array]:
-    """The problem, and the materials that it starts from."""
+    """The problem, and the materials that it starts from; some are known."""
     grid = make_grid(model)
-    grids = [_known(make_model(stack, materials[r], 10.0)) if r in materials else grid for r in range(len(stack))]
+    grids = [grid_of_one(model.around(materials[r])) if r in materials else grid for r in range(len(stack))]
     sides = sides_of(stack) if branch is not None or plan.phase is None else None
     if branch is not None and sides is not None:
         sides = np.abs(sides) * np.int8(1 if branch == "repulsive" else -1)
     q, both = make_starts(model, stack, grids, sorted(materials), plan, sides)
     fixed = {}
     for r in materials:
-        upper = (both[:, r] > 0).astype(int)
-        there = grids[r].values[upper, 0, np.arange(both.shape[2])]
+        there = grids[r].values[(both[:, r] > 0).astype(int), 0, np.arange(both.shape[2])]
         fixed[r] = np.where((both[:, r] == 0)[..., None], 0.0, there)
     return problem_of(model, stack, both, plan.zeros(len(stack)), fixed), q
-
-
-def _known(model: Model) -> Grid:
-    """The reference alone, with its exact orbits on both branches."""
-    count = len(model.amplitudes)
-    sides = np.array([[-1], [1]], np.int8) * np.ones((1, count), np.int8)
-    values, good = model.exact(np.zeros((2, 3)), sides, np.full((2, count), np.nan))
-    values = np.where(good[..., None], values, np.nan)[:, None]
-    return Grid(np.zeros((1, 3)), values, np.full(values.shape[:3], np.nan), np.zeros_like(values))
-
-
-def _dataset(
-    problem: Problem, found: Fitted, stack: Stack, materials: dict[int, Material], names: list[int],
-    configuration: dict[str, Any],
-) -> xr.Dataset:  # fmt: skip
-    """Variables over regions and parameters."""
-    regions, unknown = len(stack), problem.unknown
-    logs, errors = np.zeros((regions, 3)), np.zeros((regions, 3))
-    codes = np.full((regions, 3), GIVEN, np.int8)
-    logs[unknown] = found.q.reshape(-1, 3)
-    errors[unknown] = np.sqrt(np.diag(found.covariance)).reshape(-1, 3)
-    poor = found.degrees > 0.5 and chance(found.chi2, found.degrees) < UNLIKELY
-    codes[unknown] = (
-        OPEN if poor else codes_of(errors[unknown].ravel(), 1 / np.sqrt(np.diag(found.information))).reshape(-1, 3)
-    )
-    properties = problem.model.materials(logs)
-    for r, one in materials.items():
-        properties[r] = make_model(stack, one, 10.0).reference
-    flags = (np.isin(codes, (COMBINED, OPEN)) << np.arange(3)).sum(axis=1)
-    flags |= POOR * poor | AVERAGED * (not found.best.exact[0]) | AMBIGUOUS * bool(found.others)
-    misfit = np.array(found.chi2 / found.degrees if found.degrees > 0.5 else np.nan)
-    ds = dataset_of(
-        properties, errors, misfit, flags.astype(np.uint8), stack, ("region",), FLAGS, configuration,
-        "fitted by regions",
-    )  # fmt: skip
-    logarithms = [f"{name} {names[r]}" for r in unknown for name in PARAMETERS]
-    ds = ds.assign_coords(
-        region=("region", names, {"long_name": "label of the region"}), property=list(PARAMETERS),
-        parameter=logarithms, other=logarithms,
-    )  # fmt: skip
-    ds["determination"] = (("region", "property"), codes, coded("how far the data determine a property", *CODES))
-    about = {"long_name": "covariance of the natural logarithms, whatever the zeros", "units": "1"}
-    ds["covariance"] = (("parameter", "other"), found.covariance, about)
-    return ds
-
-
-def _add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan: Plan) -> None:
-    """Zeros, and what was measured beside what was fitted."""
-    columns = plan.zeros(len(problem.weights)).columns
-    moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
-    zero, error = _moments(found, np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T))
-    about = {"long_name": "what the instrument says where the phase is 0", "units": "degree"}
-    ds["phase_zero"] = ("image", (zero + 180) % 360 - 180, about)
-    ds["phase_zero_error"] = ("image", error, {"long_name": "its standard error", "units": "degree"})
-    if problem.weights[..., HEIGHT].any():
-        drawn = plan.height_given + found.drawn @ columns[0, :, HEIGHT].T
-        zero, error = _moments(found, drawn - drawn.mean(axis=1, keepdims=True))
-        about = {"long_name": "zero of the height, relative to its mean over the images", "units": "m"}
-        ds["height_zero"] = ("image", zero, about)
-        ds["height_zero_error"] = ("image", error, {"long_name": "its standard error", "units": "m"})
-    seen, free = np.isfinite(stack.errors), np.array(stack.setpoints) * [one.driven_amplitude for one in stack.scopes]
-    dims = ("region", "image")
-    for channel, name, unit, scale, below in (
-        (PHASE, "phase", "degree", 180 / np.pi, 0.0), (HEIGHT, "height", "m", 1.0, free)
-    ):  # fmt: skip
-        there = seen[:, :, channel]
-        if not there.any():
-            continue
-        measured = scale * (stack.values[:, :, channel] - moved[:, :, channel] - below)
-        fitted = scale * (orbits[:, :, channel] - below)
-        error = scale * stack.errors[:, :, channel]
-        for word, values, said in (
-            (f"measured_{name}", measured, f"median {name} relative to its zero"),
-            (f"fitted_{name}", fitted, f"{name} of the fit"),
-            (f"{name}_error", error, f"standard error of the median {name}"),
-        ):
-            ds[word] = (dims, np.where(there, values, np.nan), {"long_name": said, "units": unit})
-    about = coded("branch that was fitted", "attractive", "none", "repulsive", first=-1)
-    ds["branch"] = (dims, found.sides, about)
-
-
-def _moments(found: Fitted, zeros: Array) -> tuple[Array, Array]:
-    """Mean of the draws around the best solution, and standard errors with all others."""
-    mean = zeros[: 2 * DRAWS].mean(axis=0)
-    return mean, np.sqrt(found.weights @ (zeros - mean) ** 2 / found.weights.sum())
-
-
-def _tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: Plan, names: list[int]) -> None:
-    """The verdict, and what would help."""
-    flags = int(np.bitwise_or.reduce(ds["flag"].values))
-    if flags & POOR:
-        misfit = float(ds["misfit"])
-        ds.attrs["verdict"] = f"The model does not describe the data: chi2 is {misfit:.3g} a degree of freedom."
-        ds.attrs["advice"] = DOUBT
-        return
-    said = say_regions(names, ds["determination"].values, np.linalg.inv(found.information), problem.unknown)
-    words = {SHARED: "one unknown of all images", FREE: "one unknown in each image", None: "given"}
-    said.append(f"Zero of the phase: {words[plan.phase]}.")
-    if found.data < len(found.q):
-        said.append(
-            f"The {found.data} data that zeros leave are fewer than the {len(found.q)} properties sought: what they do "
-            "not say is the prior's."
-        )
-    if np.isnan(found.drawn).any():
-        said.append("The fit ended where a branch ends: no errors are known, and the zeros are not.")
-    if flags & AVERAGED:
-        said.append("Exact orbits were not found; the fit is that of averaged ones.")
-    if found.others:
-        listed = [
-            f"{name} {100 * np.expm1(apart):+.0f} % in region {names[region]}"
-            for region, row in zip(problem.unknown, (found.others[0] - found.q).reshape(-1, 3), strict=True)
-            for name, apart in zip(PARAMETERS, row, strict=True)
-        ]
-        said.append(f"Other materials fit as well, such as {', '.join(listed)}.")
-    ds.attrs["verdict"] = "\n".join(said)
-    ds.attrs["advice"] = "\n".join(advise(problem, found, plan, names))

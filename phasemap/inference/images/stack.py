@@ -1,10 +1,10 @@
-"""What was measured: phase and height at several settings."""
+"""What was measured: phase and height at several settings, of pixels, or of regions as if each were one pixel."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PHASE, HEIGHT = 0, 1
+SPREAD = 1.4826  # standard deviation over the median absolute deviation of normal numbers
+MEDIAN = 1.2533  # standard error of a median over that of a mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,40 @@ class Stack:
 
     def part(self, chosen: slice | NDArray[np.intp]) -> Stack:
         """The same for some of the pixels."""
-        return Stack(self.values[chosen], self.errors[chosen], self.scopes, self.setpoints)
+        return replace(self, values=self.values[chosen], errors=self.errors[chosen])
+
+    def medians(self, numbers: NDArray[np.intp], count: int) -> Stack:
+        """Medians of the pixels of each region, with their standard errors.
+
+        `numbers`: of each pixel the number of its region, of so many, -1 where it has none.
+        """
+        values = np.zeros((count, *self.values.shape[1:]))
+        errors = np.full(values.shape, np.inf)
+        for i, j, k in np.ndindex(values.shape):
+            own = self.errors[numbers == i, j, k]
+            some = self.values[numbers == i, j, k][np.isfinite(own)]
+            if len(some):
+                values[i, j, k] = np.median(some)
+                spread = SPREAD * np.median(np.abs(some - values[i, j, k]))
+                errors[i, j, k] = np.hypot(MEDIAN * spread / np.sqrt(len(some)), own.min())
+        return replace(self, values=values, errors=errors)
+
+
+def labels_of(labels: object, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Check a map of labels."""
+    given = as_array("labels", labels, f"whole numbers of shape {shape}")
+    if given.shape != shape or given.dtype.kind not in "iub":
+        raise InputError("labels", f"{given.dtype} of shape {given.shape}", f"whole numbers of shape {shape}")
+    return given
+
+
+def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArray[np.intp]]:
+    """Names of the regions, and of each pixel its number among them, -1 where it has none."""
+    names, numbers = np.unique(labels_of(labels, shape), return_inverse=True)
+    skipped = int((names < 0).sum())
+    if skipped == len(names):
+        raise InputError("labels", "all below 0", "one region at least")
+    return names[skipped:].tolist(), np.maximum(numbers.reshape(-1) - skipped, -1)
 
 
 def list_of_images(images: object) -> list[xr.Dataset]:
@@ -52,12 +87,9 @@ def list_of_images(images: object) -> list[xr.Dataset]:
 
     if isinstance(images, xr.Dataset):
         dim = next((name for name in ("setpoint", "image") if name in images.dims), None)
-        if dim is None:
-            found = [images]
-        else:
-            found = [images.isel({dim: i}) for i in range(images.sizes[dim])]
-            if dim == "setpoint" and dim in images.coords:
-                found = [one.assign_attrs(setpoint=float(one["setpoint"])) for one in found]
+        found = [images] if dim is None else [images.isel({dim: i}) for i in range(images.sizes[dim])]
+        if dim == "setpoint" and dim in images.coords:
+            found = [one.assign_attrs(setpoint=float(one["setpoint"])) for one in found]
     elif isinstance(images, Sequence) and images and all(isinstance(one, xr.Dataset) for one in images):
         found = list(images)
     else:
@@ -71,28 +103,22 @@ def list_of_images(images: object) -> list[xr.Dataset]:
     return found
 
 
-def coordinates_of(image: xr.Dataset) -> dict[str, Any]:
-    """The coordinates "y" and "x" as far as an image has them."""
-    return {dim: image["phase"].coords[dim] for dim in ("y", "x") if dim in image["phase"].coords}
-
-
 def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ...]:
     """Setpoint of each image: as given, or from its attributes."""
+    allowed = f"{len(images)} numbers, one an image"
     if setpoints is not None:
-        allowed = f"{len(images)} numbers, one an image"
-        given = as_list("setpoints", setpoints, allowed)
-        if len(given) != len(images):
+        found = as_list("setpoints", setpoints, allowed)
+        if len(found) != len(images):
             raise InputError("setpoints", setpoints, allowed)
-        return tuple(check_setpoint(one) for one in given)
-    found = []
-    for i, one in enumerate(images):
-        value = one.attrs.get("setpoint")
-        if value is None and "configuration" in one.attrs:
-            value = json.loads(one.attrs["configuration"]).get("setpoint")
-        if value is None:
-            raise InputError("setpoints", None, f"{len(images)} numbers, because image {i} has no attribute 'setpoint'")
-        found.append(check_setpoint(value))
-    return tuple(found)
+    else:
+        found = [
+            one.attrs.get("setpoint", json.loads(one.attrs.get("configuration", "{}")).get("setpoint"))
+            for one in images
+        ]
+        if None in found:
+            why = f"because image {found.index(None)} has no attribute 'setpoint'"
+            raise InputError("setpoints", None, f"{allowed}, {why}")
+    return tuple(check_setpoint(one) for one in found)
 
 
 def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
@@ -117,11 +143,10 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
 def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> Array:
     """Zero of a quantity in each image, as given or from the attribute of this name, shape (m,)."""
     if given is None:
-        recorded = [one.attrs.get(name) for one in images]
-        if None in recorded:
+        given = [one.attrs.get(name) for one in images]
+        if None in given:
             allowed = f"a number or {len(images)} [{unit}], because an image has no attribute {name!r}"
             raise InputError(name, None, allowed)
-        given = recorded
     return numbers_of(name, given, unit, len(images))
 
 
@@ -135,25 +160,24 @@ def numbers_of(name: str, value: object, unit: str, count: int, **bounds: float)
 
 
 def make_stack(
-    images: Any, scope: Any, setpoints: Any, phase: tuple[Any, Any, Any], height: tuple[Any, Any, Any]
+    images: list[xr.Dataset], scope: Any, setpoints: Any, phase: tuple[Any, Any, Any], height: tuple[Any, Any, Any]
 ) -> Stack:
     """Check everything that is given for pixels, row by row; phase and height: error, zero and error of the zero."""
-    found = list_of_images(images)
-    count = len(found)
-    scopes, ratios = scopes_of(scope, count), setpoints_of(found, setpoints)
-    heights = count > 1 and all("height" in one for one in found)
-    values = np.zeros((found[0]["phase"].size, count, 2))
+    count = len(images)
+    scopes, ratios = scopes_of(scope, count), setpoints_of(images, setpoints)
+    heights = count > 1 and all("height" in one for one in images)
+    values = np.zeros((images[0]["phase"].size, count, 2))
     errors = np.full(values.shape, np.inf)
     channels = (PHASE, "phase", "degree", *phase), (HEIGHT, "height", "m", *height)
     for channel, name, unit, error, zero, beside in channels:
         noise = numbers_of(f"{name}_error", error, unit, count, above=0)
         wrong = numbers_of(f"{name}_zero_error", beside, unit, count, minimum=0)
-        below = zeros_of(found, f"{name}_zero", zero, unit)
+        below = zeros_of(images, f"{name}_zero", zero, unit)
         if channel == HEIGHT and not heights:
             continue
         scale = np.radians(1.0) if channel == PHASE else 1.0
         errors[:, :, channel] = scale * np.hypot(noise, wrong)
-        for i, (one, microscope, ratio) in enumerate(zip(found, scopes, ratios, strict=True)):
+        for i, (one, microscope, ratio) in enumerate(zip(images, scopes, ratios, strict=True)):
             values[:, i, channel] = scale * (one[name].values.reshape(-1) - below[i])
             if channel == HEIGHT:  # the tip offset, up to topography
                 values[:, i, channel] += ratio * microscope.driven_amplitude

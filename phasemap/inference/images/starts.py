@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.model import Model
+from phasemap.inference.images.model import SIDES, Model
 from phasemap.inference.images.problem import Problem, Solution, descend, problem_of_pixels
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 from phasemap.inference.images.zeros import FREE, SHARED, Plan
@@ -51,8 +51,8 @@ def make_grid(model: Model) -> Grid:
     count = len(model.amplitudes)
     values, places = np.full((2, len(q), count, 2), np.nan), np.full((2, len(q), count), np.nan)
     defects = np.zeros_like(values)
-    for branch, side in enumerate((-1, 1)):
-        sides = np.full((len(q), 1), side, np.int8)
+    for branch, side in enumerate(SIDES):
+        sides = np.repeat(side[None], len(q), axis=0)
         for j in range(count):
             place, image = np.full((len(q), 1), np.nan), model.image(j)
             found = image.averaged(q, sides, place, search=True)
@@ -78,7 +78,7 @@ def nearest(problem: Problem, grid: Grid, count: int) -> tuple[NDArray[np.intp],
         data = problem.part(some).rest(nothing, nothing)
         weighed = np.pad((values * problem.weights[0]).reshape(len(usable), -1), ((0, 0), (0, problem.held.shape[1])))
         total = cdist(data, problem.projection.without(weighed[..., None])[..., 0], "sqeuclidean")
-        total += (((grid.q[usable] - problem.model.centre) / problem.model.widths) ** 2).sum(axis=1)
+        total += _prior(problem.model, grid)[usable]
         best = np.argsort(total, axis=1, kind="stable")[:, :count]
         which[some, : best.shape[1]] = usable[best]
         cost[some, : best.shape[1]] = np.take_along_axis(total, best, axis=1)
@@ -108,6 +108,15 @@ def _at(problem: Problem, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, A
     return q, places[:, None], defect[:, None]
 
 
+def grid_of_one(model: Model) -> Grid:
+    """The reference of the model alone, with its exact orbits on both branches."""
+    count = len(model.amplitudes)
+    places = np.full((2, count), np.nan)
+    values, good = model.exact(np.zeros((2, 3)), np.repeat(SIDES, count, axis=1), places)
+    values = np.where(good[..., None], values, np.nan)[:, None]
+    return Grid(np.zeros((1, 3)), values, places[:, None], np.zeros_like(values))
+
+
 def make_starts(
     model: Model, stack: Stack, grids: list[Grid], known: list[int], plan: Plan, sides: Codes | None
 ) -> tuple[Array, Codes]:
@@ -119,7 +128,7 @@ def make_starts(
     """
     regions, first = len(stack), known[0] if known else 0
     seen = np.isfinite(stack.errors)
-    coarse = Stack(stack.values, np.where(seen, COARSE, np.inf), stack.scopes, stack.setpoints)
+    coarse = replace(stack, errors=np.where(seen, COARSE, np.inf))
     some = _patterns(stack) if sides is None else sides[first : first + 1]
     parts = [grids[first].on(pattern) for pattern in some]
     which = {first: np.concatenate([usable for usable, _ in parts])}
@@ -157,7 +166,7 @@ def _patterns(stack: Stack) -> Codes:
 
 def _prior(model: Model, grid: Grid) -> Array:
     """chi2 of the prior, shape (g,)."""
-    cost: Array = (((grid.q - model.centre) / model.widths) ** 2).sum(axis=1)
+    cost: Array = ((grid.q / model.width) ** 2).sum(axis=1)
     return cost
 
 

@@ -1,12 +1,12 @@
 """Zeros of phase and height as unknowns of the least squares, beside the materials.
 
 Data depend on them linearly. So a projection takes out of the weighted residuals what zeros can explain, which is the
-least squares over both (theory, Eq. (inversion-6)); what zeros are then follows from the materials.
+least squares over both (theory, Eq. (inversion-5)); what zeros are then follows from the materials.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -114,7 +114,7 @@ class Plan:
             centre = np.angle((np.exp(1j * values[:, :, PHASE]) * there).sum(axis=0))
             centre = centre[0] + _within_half_a_turn(centre - centre[0])
         values[:, :, PHASE] = centre + _within_half_a_turn(values[:, :, PHASE] - centre)
-        return Stack(values, stack.errors, stack.scopes, stack.setpoints)
+        return replace(stack, values=values)
 
 
 def make_plan(

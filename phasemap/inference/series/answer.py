@@ -61,7 +61,7 @@ def dataset_of(
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)
     _add_pictures(ds, images, labels)
-    configuration = {"microscope": describe(problem.lever.scope), "files": list(problem.settings.names)}
+    configuration = {"microscope": describe(problem.model.scope), "files": list(problem.settings.names)}
     ds.attrs.update(provenance(configuration, "explained as a series"))
     ds.attrs |= {"amplitude": settings.amplitude, "setpoints": settings.setpoint, "zero": settings.zero}
     ds.attrs["sign"] = settings.sign or 0
@@ -105,7 +105,7 @@ def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explain
 def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     """Properties, and which of them the series determines."""
     regions, unknown = len(problem.values), problem.unknown
-    reference = problem.lever.model.reference
+    reference = problem.model.reference
     for i, name in enumerate(PARAMETERS):
         _add(ds, name, "region", reference[i] * np.exp(state.logs[:, :, i]), UNITS[name], name)
     codes = np.full((regions, 3), GIVEN, np.int8)
@@ -152,9 +152,8 @@ def _branches(problem: Problem, state: State, draw: int, amplitude: float) -> Ar
     regions, points = len(problem.values), len(CURVE)
     at = np.full((2, regions * points), np.nan)
     logs = np.repeat(state.logs[draw], points, axis=0)
-    sizes = np.full(regions * points, amplitude)
-    levels: Any = np.tile(CURVE, regions)
-    found = problem.lever.phases(logs, sizes, levels, at, search=True)
+    model = problem.model.at_settings(np.full(regions * points, amplitude), np.tile(CURVE, regions))
+    found = model.phases(logs, at, search=True)
     return np.degrees(found).reshape(2, regions, points)
 
 

@@ -13,7 +13,7 @@ from phasemap._shared.arrays import as_array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
-from phasemap.inference.images.regions import MEDIAN, SPREAD, labels_of
+from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
 from phasemap.io.flattening import level_height, on_one_turn
 from phasemap.io.measured import segment_height, segment_phase
 

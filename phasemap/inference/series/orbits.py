@@ -6,77 +6,19 @@ The table is interpolated to find the likely ones; these are then solved for, fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.plausible import unquestioned
-from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
-from phasemap.experiment.lever import lever_of
-from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.model import Model
 
 Array = NDArray[np.float64]
 
 COUNTS = (11, 6, 8)  # materials: modulus, adhesion, damping
 OF_AMPLITUDE = 0.25  # step of the logarithm of the free amplitude
-SIDES = (-1, 1)
 EVERY = 6  # settings of which all orbits are looked for; from there, orbits are followed to the others
-
-
-@dataclass(frozen=True, eq=False)
-class Lever:
-    """A model of materials under one lever, whose free amplitude may be any."""
-
-    model: Model  # of any settings
-    scope: Microscope
-
-    @cached_property
-    def driven(self) -> Array:
-        """What a free amplitude twice as large changes of the lever."""
-        drive = self.scope.drive
-        with unquestioned():
-            twice = replace(self.scope, drive=replace(drive, free_amplitude=2 * drive.free_amplitude))
-        change: Array = lever_of(twice) - lever_of(self.scope)
-        return change
-
-    def at(self, amplitudes: Array, ratios: Array) -> Model:
-        """The model of images with these free amplitudes at the drive frequency [m] and setpoints."""
-        ratio = amplitudes / self.scope.driven_amplitude
-        rows = lever_of(self.scope) + (ratio - 1)[:, None] * self.driven
-        return replace(self.model, levers=rows, amplitudes=amplitudes * ratios)
-
-    def phases(
-        self, logs: Array, amplitudes: Array, ratios: Array, places: Array,
-        asked: NDArray[np.bool_] | None = None, search: bool = False,
-    ) -> Array:  # fmt: skip
-        """Phases [rad] on both branches, shape (2, k), NaN without an orbit; `places` are moved.
-
-        `logs` (shape (k, 3)): of the material, for each setting.
-        `amplitudes`, `ratios` (shape (k,)).
-        `places` (shape (2, k)).
-        `asked` (shape (2, k)): where there may be an orbit at all.
-        `search`: whether to look for orbits everywhere where `places` lead nowhere.
-        """
-        from phasemap._kernels.rows.derivatives import Setpoints, averaged_phases
-
-        asked = np.ones(places.shape, bool) if asked is None else asked
-        model, phases = self.at(amplitudes, ratios), np.empty_like(places)
-        rows, sides = model.rows(logs), np.array(SIDES, np.int8)[:, np.newaxis] * asked
-
-        def solve(first: int, last: int) -> None:
-            some = slice(first, last)
-            levers, held = model.levers[some], model.amplitudes[some]
-            for side, place, phase in zip(sides, places, phases, strict=True):
-                setpoints = Setpoints(levers, held, side[some], place[some])
-                averaged_phases(model.law, rows[some], setpoints, search, phase[some])
-
-        cores = workers_of(None)
-        spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)
-        return phases
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +39,7 @@ class Table:
         return np.where(there, found[:2], np.nan), there
 
 
-def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
+def make_table(model: Model, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
     `reach` (shape (3,)): largest logarithms of the materials.
@@ -105,7 +47,7 @@ def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], leve
     `levels` (shape (k,)): setpoints, rising, two at least.
     """
     materials = [np.linspace(-most, most, count) for most, count in zip(reach, COUNTS, strict=True)]
-    grid = lever.model.centre + np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)
     first, last = np.log(amplitudes)
     logs = np.linspace(first, last, max(2, 1 + int(np.ceil((last - first) / OF_AMPLITUDE))))
     places = np.full((len(logs), len(levels), 2, len(grid)), np.nan)
@@ -117,7 +59,7 @@ def make_table(lever: Lever, reach: Array, amplitudes: tuple[float, float], leve
         if len(some):
             at = np.where(np.isnan(here[:, some]), near[:, some], here[:, some])
             sizes, ratios = np.full(len(some), np.exp(logs[node[0]])), np.full(len(some), levels[node[1]])
-            found = lever.phases(grid[some], sizes, ratios, at, search=search)
+            found = model.at_settings(sizes, ratios).phases(grid[some], at, search=search)
             here[:, some] = np.where(np.isnan(found), np.nan, at)
 
     every = list(product(range(len(logs)), range(len(levels))))

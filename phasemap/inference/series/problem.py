@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.inference.images.model import Model
 from phasemap.inference.sampling import REACH
-from phasemap.inference.series.orbits import Lever, Table
+from phasemap.inference.series.orbits import Table
 from phasemap.inference.series.settings import FREE, HELD, SHARED, Settings
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ class _Ways(NamedTuple):
 class Problem:
     """Unknowns, each normal with standard deviation 1 and cut off at `REACH`, and the data."""
 
-    lever: Lever
+    model: Model  # of any settings
     table: Table
     settings: Settings
     # values, errors: shape (r, m); median phases as recorded and their standard errors [degree]; infinite errors
@@ -101,7 +102,7 @@ class Problem:
         points[..., 3], points[..., 4] = np.log(state.amplitudes)[:, ALL], state.ratios[:, ALL]
         flat = points.reshape(-1, 5)
         places, there = self.table.look(flat)
-        found = self.lever.phases(flat[:, :3], np.exp(flat[:, 3]), flat[:, 4], places, there)
+        found = self.model.at_settings(np.exp(flat[:, 3]), flat[:, 4]).phases(flat[:, :3], places, there)
         return np.degrees(found.reshape(2, count, regions, files))
 
     def likelihood(self, x: Array) -> Array:

@@ -15,15 +15,12 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError, SolveError
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import properties
 from phasemap.inference.images.model import Model, make_model
-from phasemap.inference.images.stack import Stack
 from phasemap.inference.sampling import REACH, sample
 from phasemap.inference.series.answer import dataset_of
 from phasemap.inference.series.contrasts import Medians, drift_of, each_of, medians, regions_of
-from phasemap.inference.series.orbits import Lever, make_table
+from phasemap.inference.series.orbits import make_table
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.recorded import read_files
 from phasemap.inference.series.settings import FREE, Settings, scope_of, settings_of
@@ -154,7 +151,8 @@ def series(
     if drift > error:
         those = ", ".join(settings.names[i] for i in repeated)
         told.append(f"Repeats at one setting differ by {drift:.2g} degrees ({those}): all errors have that in them.")
-    problem = _problem(_lever(used, prior), settings, seen, max(drift, error), widths, (known, prior))
+    model = make_model((used,), (0.5,), prior, math.e)
+    problem = _problem(model, settings, seen, max(drift, error), widths, (known, prior))
     draws = sample(problem.likelihood, len(problem.names), seed)
     if draws is None:
         raise SolveError("No oscillation that the prior allows holds the setpoints: see to lever and amplitude.")
@@ -163,16 +161,16 @@ def series(
 
 
 def _problem(
-    lever: Lever, settings: Settings, seen: Medians, error: float, widths: Array,
+    model: Model, settings: Settings, seen: Medians, error: float, widths: Array,
     materials: tuple[Mapping[int, Material] | None, Material],
 ) -> Problem:  # fmt: skip
     """What is to be explained, with this error [degree] of each median; `materials`: those known, and the prior."""
     known, prior = materials
-    fixed = _known(known, lever.model, prior, len(seen.values))
+    fixed = _known(known, model, prior, len(seen.values))
     limits, levels = settings.ranges(REACH)
-    table, there = make_table(lever, REACH * widths, limits, levels), np.isfinite(seen.values)
+    table, there = make_table(model, REACH * widths, limits, levels), np.isfinite(seen.values)
     errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
-    return Problem(lever, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
+    return Problem(model, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
 
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:
@@ -194,19 +192,11 @@ def _widths(prior: Material, factors: Any) -> Array:
     return np.log([check_prior(prior, one) for one in given * (3 // len(given))])
 
 
-def _lever(scope: Microscope, prior: Material) -> Lever:
-    """The model of single materials under this lever."""
-    none = Stack(np.zeros((1, 1, 2)), np.ones((1, 1, 2)), (scope,), (0.5,))
-    return Lever(make_model(none, prior, math.e), scope)
-
-
 def _known(known: Mapping[int, Material] | None, model: Model, prior: Material, count: int) -> Array:
     """Logarithms of the materials that are given over those of the prior, NaN for others, shape (count, 3)."""
     logs = np.full((count, 3), np.nan)
     for region, one in check_known(known, range(count), prior).items():
-        row, viscous = rows_of([one])
-        _, adhesion, damping = properties(row, viscous, model.scope)
-        plane = one.modulus * (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know
-        values = np.array([plane, float(adhesion[0]), float(damping[0])])
+        values = model.around(one).reference
+        values[0] *= (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know
         logs[region] = np.log(np.maximum(values, 1e-9 * model.reference) / model.reference)
     return logs
