@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,10 +65,7 @@ def add_strict_units(parser: argparse.ArgumentParser) -> None:
 
 
 def check_files(arguments: argparse.Namespace) -> None:
-    """Refuse, before any work is done, what cannot or should not be written.
-
-    Raises FileError if a folder is missing or not writable, or a file exists and is not to be replaced.
-    """
+    """Refuse, before any work is done, what cannot or should not be written."""
     from phasemap.io.netcdf import check_dataset
     from phasemap.io.whole_files import check_target
 
@@ -82,10 +81,20 @@ def check_files(arguments: argparse.Namespace) -> None:
         check_format(plot)
 
 
-def write_files(arguments: argparse.Namespace, found: xr.Dataset, draw: str, **options: Any) -> None:
-    """Write what was found, and its picture, where the command names files for them.
+def conclude(
+    arguments: argparse.Namespace,
+    found: xr.Dataset,
+    draw: str,
+    summary: Iterable[str],
+    started: float | None = None,
+    width: int = 12,
+    **options: Any,
+) -> None:
+    """Write what was found, and its picture, where the command names files for them, and say what was found.
 
-    `draw`: the function of `phasemap.plot` that draws it.
+    `draw`: the function of `phasemap.plot` that draws it, with `options`.
+    `started`: when the work began [s]; without it no time is said.
+    `width`: of the column of words.
     """
     if arguments.output is not None:
         from phasemap.io.netcdf import save
@@ -95,6 +104,12 @@ def write_files(arguments: argparse.Namespace, found: xr.Dataset, draw: str, **o
         from phasemap import plot
 
         getattr(plot, draw)(found, arguments.plot, overwrite=arguments.overwrite, **options)
+    if arguments.quiet:
+        return
+    print("\n".join(summary))
+    if started is not None:
+        print(f"{'took':<{width}}{time.perf_counter() - started:.2f} s")
+    print_files(arguments, width)
 
 
 def print_files(arguments: argparse.Namespace, width: int = 12) -> None:

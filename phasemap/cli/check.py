@@ -31,14 +31,12 @@ Exit code: 0 if no claim fails, 1 if one does, 2 if there is nothing to check (a
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument("image", metavar="IMAGE.nc", type=Path, help="simulated image, as `phasemap run` wrote it")
-    parser.add_argument(
-        "--pixels", type=whole, default=64, metavar="N", help="pixels also integrated in time; default: 64"
-    )
+    about = "pixels also integrated in time; default: 64"
+    parser.add_argument("--pixels", type=whole, default=64, metavar="N", help=about)
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the choice of pixels; default: 0")
     surface = parser.add_mutually_exclusive_group()
-    surface.add_argument(
-        "--scene", metavar="SCENE.toml", type=Path, help="scene of the surface; default: the image's own"
-    )
+    about = "scene of the surface; default: the image's own"
+    surface.add_argument("--scene", metavar="SCENE.toml", type=Path, help=about)
     surface.add_argument("--surface", metavar="SURFACE.nc", type=Path, help="file whose surface is used")
     add_threads(parser)
     add_quiet(parser, "the verdict only")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_quiet, check_files, print_files, whole, write_files
+from phasemap.cli.arguments import add_files, add_quiet, check_files, conclude, whole
 from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import in_two_columns
 from phasemap.cli.words import number_in, numbers_in
@@ -38,26 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sign", default="recorded", choices=("recorded", "free", "1", "-1"),
         help="sign of the recorded phase; default: from the file, else the one that fits better",
     )  # fmt: skip
-    parser.add_argument(
-        "--regions",
-        type=whole,
-        default=2,
-        metavar="N",
-        help="number of materials to distinguish, at most 4; default: 2",
-    )
-    parser.add_argument(
-        "--limit",
-        type=number_in("--limit", "m"),
-        metavar="METRES",
-        help="longest shift to align the images; 0 for none; default: a tenth of the side",
-    )
-    parser.add_argument(
-        "--direction", metavar="NAME", help="trace (default) or retrace; or one for each, such as trace,retrace"
-    )
+    about = "number of materials to distinguish, at most 4; default: 2"
+    parser.add_argument("--regions", type=whole, default=2, metavar="N", help=about)
+    about = "longest shift to align the images; 0 for none; default: a tenth of the side"
+    parser.add_argument("--limit", type=number_in("--limit", "m"), metavar="METRES", help=about)
+    about = "trace (default) or retrace; or one for each, such as trace,retrace"
+    parser.add_argument("--direction", metavar="NAME", help=about)
     parser.add_argument("--names", metavar="A,B", help="names of the images in the answer; default: measured,simulated")
-    parser.add_argument(
-        "--row", type=int, metavar="N", help="row of the line profile, counted from 0; default: the middle"
-    )
+    about = "row of the line profile, counted from 0; default: the middle"
+    parser.add_argument("--row", type=int, metavar="N", help=about)
     add_files(parser, plot="page to draw (.png, .pdf, .svg)")
     add_colours(parser, "both phases on the page", "-30")
     add_quiet(parser, "no summary")
@@ -67,6 +56,8 @@ def compare(arguments: argparse.Namespace) -> None:
     """Compare two images, write what is asked for, and say what was found."""
     from phasemap.comparison.result import NAMES
     from phasemap.comparison.result import compare as compare_images
+    from phasemap.io.measured import one_scan
+    from phasemap.io.read import read_image
 
     check_files(arguments)
     if arguments.row is not None and arguments.plot is None:
@@ -80,12 +71,13 @@ def compare(arguments: argparse.Namespace) -> None:
         "direction": direction[0] if direction and len(direction) == 1 else direction,
         "names": _parts("--names", arguments.names, exactly=2) or NAMES,
     }
-    images = [_load(path) for path in (arguments.measured, arguments.simulated)]
+    images = [read_image(path) for path in (arguments.measured, arguments.simulated)]
+    for image in images:
+        if "channels" in image.attrs:
+            one_scan(image)  # which says what the file has if a channel is missing
     found = compare_images(*images, **options)
-    write_files(arguments, found, "comparison", row=arguments.row, **colours_of(arguments))
-    if not arguments.quiet:
-        print("\n".join(summary(found)))
-        print_files(arguments, 17)
+    options = {"row": arguments.row, **colours_of(arguments)}
+    conclude(arguments, found, "comparison", summary(found), width=17, **options)
 
 
 def summary(found: xr.Dataset) -> list[str]:
@@ -95,17 +87,6 @@ def summary(found: xr.Dataset) -> list[str]:
     size = f"{found.sizes['x']} x {found.sizes['y']} pixels"
     lines = [("compared", size), *lines_of(found), ("verdict", verdict_of(found))]
     return in_two_columns(lines, 17)
-
-
-def _load(path: Path) -> xr.Dataset:
-    """An image of a netCDF file, or of an instrument's, of which it is said what it has if a channel is missing."""
-    from phasemap.io.measured import one_scan
-    from phasemap.io.read import read_image
-
-    image = read_image(path)
-    if "channels" in image.attrs:
-        one_scan(image)
-    return image
 
 
 def _offset(text: str) -> str | float:

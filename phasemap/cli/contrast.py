@@ -15,8 +15,7 @@ from phasemap.cli.arguments import (
     add_strict_units,
     add_threads,
     check_files,
-    print_files,
-    write_files,
+    conclude,
 )  # fmt: skip
 from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import progress_bar, remarks
@@ -61,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def contrast(arguments: argparse.Namespace) -> None:
     """Map the contrast, write what is asked for, and say what was found."""
     from phasemap.scenes.scene import load_setup
+    from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
 
     started = time.perf_counter()
     setup = load_setup(arguments.scene, arguments.overrides)
@@ -72,13 +72,11 @@ def contrast(arguments: argparse.Namespace) -> None:
         "solver": arguments.solver, "names": names, "threads": arguments.threads,
     }  # fmt: skip
     check_files(arguments)
-    found = _map(setup, names, options, arguments.quiet)
+    first, second = (setup.materials[name] for name in names)
+    with progress_bar(" points", arguments.quiet) as progress:
+        found = map_contrast(first, second, setup.microscope, **options, progress=progress)
     found.attrs["title"] = f"{names[1]} minus {names[0]} of {arguments.scene.name}"
-    write_files(arguments, found, "contrast", **colours_of(arguments))
-    if not arguments.quiet:
-        print("\n".join(summary(found)))
-        print(f"took        {time.perf_counter() - started:.2f} s")
-        print_files(arguments)
+    conclude(arguments, found, "contrast", summary(found), started, **colours_of(arguments))
 
 
 def _names(setup: Setup, text: str | None) -> tuple[str, str]:
@@ -107,15 +105,6 @@ def _values(option: str, text: str | None) -> Any:
     allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
     found = numbers_in(option, text, VALUES[option], allowed)
     return found[0] if len(found) == 1 else np.linspace(found[0], found[1], int(found[2]))
-
-
-def _map(setup: Setup, names: tuple[str, str], options: dict[str, Any], quiet: bool) -> xr.Dataset:
-    """Map the contrast, with a bar on stderr."""
-    from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
-
-    first, second = (setup.materials[name] for name in names)
-    with progress_bar(" points", quiet) as progress:
-        return map_contrast(first, second, setup.microscope, **options, progress=progress)
 
 
 def summary(found: xr.Dataset) -> list[str]:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole, write_files
+from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, conclude, whole
 from phasemap.cli.console import in_two_columns
 from phasemap.cli.series import SAID, changed
 
@@ -31,17 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = "%(prog)s FILE [--law LIST] [options] [key=value ...]"
     parser.add_argument("file", metavar="FILE", type=Path, help="the measured curve")
-    parser.add_argument(
-        "overrides", metavar="key=value", nargs="*", help="set a part of the microscope, such as tip.radius=7nm"
-    )
+    about = "set a part of the microscope, such as tip.radius=7nm"
+    parser.add_argument("overrides", metavar="key=value", nargs="*", help=about)
     add_columns(parser)
-    parser.add_argument(
-        "--law", metavar="LIST", default="dmt",
-        help="contact laws to compare, with commas, or all; default: dmt",
-    )  # fmt: skip
-    parser.add_argument(
-        "--sample", metavar="PRESET", help="preset of the material that the sample should be, to start from"
-    )
+    about = "contact laws to compare, with commas, or all; default: dmt"
+    parser.add_argument("--law", metavar="LIST", default="dmt", help=about)
+    about = "preset of the material that the sample should be, to start from"
+    parser.add_argument("--sample", metavar="PRESET", help=about)
     parser.add_argument("--starts", type=whole, default=3, metavar="N", help="most starting points; default: 3")
     add_files(parser, plot="picture of data, fit and residuals (.png, .pdf, .svg)")
     add_quiet(parser)
@@ -50,9 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_columns(parser: argparse.ArgumentParser) -> None:
     """Declare what tells the columns of a text."""
-    parser.add_argument(
-        "--columns", metavar="LIST", help="names of the columns, with units: 'z approach [m],-,amplitude approach [V]'"
-    )
+    about = "names of the columns, with units: 'z approach [m],-,amplitude approach [V]'"
+    parser.add_argument("--columns", metavar="LIST", help=about)
     parser.add_argument("--number", type=int, default=0, metavar="N", help="which curve of the file; default: 0")
 
 
@@ -81,18 +76,13 @@ def fit(arguments: argparse.Namespace) -> None:
     laws = arguments.law if arguments.law == "all" else [one.strip() for one in arguments.law.split(",")]
     start = PRIOR if arguments.sample is None else Material.preset(arguments.sample)
     found = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)
-    write_files(arguments, found.to_dataset(), "fit")
-    if not arguments.quiet:
-        notes = [line for line in str(curve.attrs["warnings"]).splitlines() if not line.startswith("Not recorded")]
-        print("\n".join(in_two_columns([("note", line) for line in notes + told] + summary(found, curve.attrs), 14)))
-        print_files(arguments, 14)
+    notes = [line for line in str(curve.attrs["warnings"]).splitlines() if not line.startswith("Not recorded")]
+    said = in_two_columns([("note", line) for line in notes + told] + summary(found, curve.attrs), 14)
+    conclude(arguments, found.to_dataset(), "fit", said, width=14)
 
 
 def summary(found: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
-    """Say what a fit found, the likeliest law first.
-
-    `attrs`: those of the curve.
-    """
+    """Say what a fit to a curve of these attributes found, the likeliest law first."""
     from phasemap.inference.curves.result import shown
 
     said = [

@@ -18,8 +18,7 @@ from phasemap.cli.arguments import (
     add_strict_units,
     add_threads,
     check_files,
-    print_files,
-    write_files,
+    conclude,
 )  # fmt: skip
 from phasemap.cli.console import in_two_columns, progress_bar
 from phasemap.cli.words import labels_in, one_each
@@ -52,74 +51,41 @@ examples:
 """
 
 
+OPTIONS = (
+    ("--setpoints", "LIST", "setpoints of the images; default: as recorded"),
+    ("--free-amplitudes", "LIST", "free amplitudes at resonance [m]; default: as recorded, else the scene's"),
+    ("--regions", "N or LABELS.nc",
+     "fit one material per region: N regions found by the first phase, or those of a map"),
+    ("--zeros-from", "N or LABELS.nc", "fit every pixel, with the zeros that a fit by such regions finds first"),
+    ("--known", "LABEL=NAME", "region whose material is known, one of the scene's, such as 0=ps"),
+    ("--phase-zero", "LIST", "zero of the recorded phase [degree]; by regions also shared or free"),
+    ("--phase-zero-error", "LIST", "standard error of that zero [degree]; default: 0"),
+    ("--phase-error", "LIST", "standard error [degree]; default: 0.4 of a pixel, 0.1 of a region's median"),
+    ("--height-error", "LIST", "standard error [m]; default: 0.1e-9 of a pixel, 0.05e-9 of a region's median"),
+    ("--height-zero-error", "LIST",
+     "standard error of the height offset between images [m]; by pixel, heights count only if it is given"),
+    ("--prior", "NAME", "material of the scene as first guess; default: 1 GPa, 0.05 J/m2, damping 0.01"),
+    ("--direction", "NAME", "trace or retrace; default: the first in the file"),
+)  # fmt: skip
+"""Options that take a word: name, what it stands for, and what it is."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = "%(prog)s SCENE.toml IMAGE [IMAGE ...] [--regions N] [options] [key=value ...]"
     parser.set_defaults(overrides=[])
     add_scene(parser, SURFACE_UNUSED, overrides=False)
-    parser.add_argument(
-        "images",
-        metavar="IMAGE",
-        nargs="+",
-        help="an image; key=value sets a key of the scene, such as tip.radius=20e-9",
-    )
-    parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the images; default: as recorded")
-    parser.add_argument(
-        "--free-amplitudes",
-        metavar="LIST",
-        help="free amplitudes at resonance [m]; default: as recorded, else the scene's",
-    )
-    parser.add_argument(
-        "--regions",
-        metavar="N or LABELS.nc",
-        help="fit one material per region: N regions found by the first phase, or those of a map",
-    )
-    parser.add_argument(
-        "--zeros-from",
-        metavar="N or LABELS.nc",
-        help="fit every pixel, with the zeros that a fit by such regions finds first",
-    )
-    parser.add_argument(
-        "--known", metavar="LABEL=NAME", help="region whose material is known, one of the scene's, such as 0=ps"
-    )
-    parser.add_argument(
-        "--phase-zero", metavar="LIST", help="zero of the recorded phase [degree]; by regions also shared or free"
-    )
-    parser.add_argument("--phase-zero-error", metavar="LIST", help="standard error of that zero [degree]; default: 0")
-    parser.add_argument(
-        "--phase-error",
-        metavar="LIST",
-        help="standard error [degree]; default: 0.4 of a pixel, 0.1 of a region's median",
-    )
-    parser.add_argument(
-        "--height-error",
-        metavar="LIST",
-        help="standard error [m]; default: 0.1e-9 of a pixel, 0.05e-9 of a region's median",
-    )
-    parser.add_argument(
-        "--height-zero-error", metavar="LIST",
-        help="standard error of the height offset between images [m]; by pixel, heights count only if it is given",
-    )  # fmt: skip
-    parser.add_argument(
-        "--flat", action="store_true", help="the true surface is flat: heights of regions differ by indentation only"
-    )
-    parser.add_argument(
-        "--branch",
-        choices=("attractive", "repulsive"),
-        help="branch of all regions, where the zero of the phase is unknown",
-    )
+    about = "an image; key=value sets a key of the scene, such as tip.radius=20e-9"
+    parser.add_argument("images", metavar="IMAGE", nargs="+", help=about)
+    for option, metavar, about in OPTIONS:
+        parser.add_argument(option, metavar=metavar, help=about)
+    about = "the true surface is flat: heights of regions differ by indentation only"
+    parser.add_argument("--flat", action="store_true", help=about)
+    about = "branch of all regions, where the zero of the phase is unknown"
+    parser.add_argument("--branch", choices=("attractive", "repulsive"), help=about)
     parser.add_argument("--sign", default="1", choices=("1", "-1"), help="sign of the recorded phase; default: 1")
-    parser.add_argument(
-        "--prior", metavar="NAME", help="material of the scene as first guess; default: 1 GPa, 0.05 J/m2, damping 0.01"
-    )
-    parser.add_argument(
-        "--prior-factor",
-        type=float,
-        default=10.0,
-        metavar="F",
-        help="factor within which the first guess is right; default: 10",
-    )
-    parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
+    about = "factor within which the first guess is right; default: 10"
+    parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help=about)
     add_files(parser)
     add_quiet(parser)
     add_threads(parser)
@@ -152,11 +118,8 @@ def invert(arguments: argparse.Namespace) -> None:
     if arguments.prior is not None:
         options["prior"] = _material(setup, "--prior", arguments.prior)
     found, notes = _invert(given, setup, options, arguments)
-    write_files(arguments, found, "inversion")
-    if not arguments.quiet:
-        print("\n".join(in_two_columns(_said_images(given) + [("note", note) for note in notes] + summary(found))))
-        print(f"took        {time.perf_counter() - started:.2f} s")
-        print_files(arguments)
+    said = in_two_columns(_said_images(given) + [("note", note) for note in notes] + summary(found))
+    conclude(arguments, found, "inversion", said, started)
 
 
 def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
@@ -254,12 +217,12 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
 
     from phasemap.io.measured import segment_phase
 
-    if text.isdecimal() and text != "0":
-        phase = image["phase"].values
-        return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
-    if text.isdecimal():
+    if not text.isdecimal():
+        return labels_in(text)
+    if text == "0":
         raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
-    return labels_in(text)
+    phase = image["phase"].values
+    return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
 
 
 def _known(setup: Setup, text: str | None) -> dict[int, Material]:

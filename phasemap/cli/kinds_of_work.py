@@ -90,10 +90,7 @@ USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("
 Kinds that share kernels stand together, and last what needs most of those that the other process compiles meanwhile.
 """
 _STICKY = ("JKR pixel", "JKR sweep", "Maugis pixel")
-ALL = (
-    (*(kind for kind in KINDS if kind not in _IN_TIME + _STICKY), *_STICKY),
-    _IN_TIME,
-)
+ALL = ((*(kind for kind in KINDS if kind not in _IN_TIME + _STICKY), *_STICKY), _IN_TIME)
 
 
 @dataclass(frozen=True)

@@ -33,18 +33,10 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.usage = "%(prog)s IMAGE [-o SCENE.toml] [--phases N] [options] [key=value ...]"
     parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
     add_overrides(parser)
-    parser.add_argument(
-        "--phases",
-        type=whole,
-        metavar="N",
-        help="number of materials to distinguish; default: 2, or 1 if the image shows only one",
-    )
-    parser.add_argument(
-        "--by",
-        choices=("phase", "height"),
-        default="phase",
-        help="channel that distinguishes the materials; default: phase",
-    )
+    about = "number of materials to distinguish; default: 2, or 1 if the image shows only one"
+    parser.add_argument("--phases", type=whole, metavar="N", help=about)
+    about = "channel that distinguishes the materials; default: phase"
+    parser.add_argument("--by", choices=("phase", "height"), default="phase", help=about)
     parser.add_argument("--height", metavar="NAME", help="channel of the height; default: the first")
     parser.add_argument("--phase", metavar="NAME", help="channel of the phase; default: the first")
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
@@ -72,15 +64,8 @@ def scene(arguments: argparse.Namespace) -> None:
     with untold():  # it is printed below
         image = read_image(arguments.image, height=arguments.height, phase=arguments.phase)
     _print_warnings(image)  # what is missing may stand there
-    made = scene_from(
-        image,
-        output,
-        arguments.phases,
-        arguments.overrides,
-        direction=arguments.direction,
-        by=arguments.by,
-        overwrite=arguments.overwrite,
-    )
+    options = {"direction": arguments.direction, "by": arguments.by, "overwrite": arguments.overwrite}
+    made = scene_from(image, output, arguments.phases, arguments.overrides, **options)
     print(f"image       {image_size(made.surface.shape, made.surface.pixel_size)}")
     for line in output.read_text(encoding="utf-8").splitlines():
         if line.startswith("[materials."):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, print_files, whole, write_files
+from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, conclude, whole
 from phasemap.cli.console import in_two_columns
 from phasemap.cli.words import labels_in, one_each
 
@@ -40,38 +40,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = "%(prog)s FILE FILE [FILE ...] [--plot PAGE.png] [options] [key=value ...]"
     parser.set_defaults(overrides=[])
-    parser.add_argument(
-        "files", metavar="FILE", nargs="+", help="two or more measured images; key=value sets a part of the microscope"
-    )
+    about = "two or more measured images; key=value sets a part of the microscope"
+    parser.add_argument("files", metavar="FILE", nargs="+", help=about)
     parser.add_argument("--regions", type=whole, default=2, metavar="N", help="number of regions to find; default: 2")
-    parser.add_argument(
-        "--by",
-        choices=("phase", "height", "both"),
-        help="channel that distinguishes regions; default: phase, or height where it shows the same far more sharply",
-    )
-    parser.add_argument(
-        "--labels", metavar="LIST", help="netCDF files with maps of regions, as phasemap scene writes them"
-    )
+    about = "channel that distinguishes regions; default: phase, or height where it shows the same far more sharply"
+    parser.add_argument("--by", choices=("phase", "height", "both"), help=about)
+    about = "netCDF files with maps of regions, as phasemap scene writes them"
+    parser.add_argument("--labels", metavar="LIST", help=about)
     parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the files; default: as recorded")
-    parser.add_argument(
-        "--free-amplitudes",
-        metavar="LIST",
-        help="free amplitudes at the drive frequency [m], or shared or free; default: as recorded",
-    )
+    about = "free amplitudes at the drive frequency [m], or shared or free; default: as recorded"
+    parser.add_argument("--free-amplitudes", metavar="LIST", help=about)
     parser.add_argument("--phase-zero", metavar="LIST", help="phase of the free lever, or shared or free")
-    parser.add_argument(
-        "--phase-error",
-        type=float,
-        default=1.0,
-        metavar="DEGREES",
-        help="standard error of a region's median phase; default: 1",
-    )
-    parser.add_argument(
-        "--sign",
-        type=int,
-        choices=(1, -1),
-        help="sign of the recorded phase where the tip is repulsive; default: both are tried",
-    )
+    about = "standard error of a region's median phase; default: 1"
+    parser.add_argument("--phase-error", type=float, default=1.0, metavar="DEGREES", help=about)
+    about = "sign of the recorded phase where the tip is repulsive; default: both are tried"
+    parser.add_argument("--sign", type=int, choices=(1, -1), help=about)
     parser.add_argument("--scene", metavar="SCENE.toml", type=Path, help="scene file that describes the microscope")
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
     parser.add_argument("--seed", type=int, default=0, help="seed of the random draws; default: 0")
@@ -85,17 +68,21 @@ def series(arguments: argparse.Namespace) -> None:
     from phasemap.inference.series.recorded import read_files
     from phasemap.inference.series.series import series as explain
     from phasemap.inference.series.settings import scope_of
+    from phasemap.scenes.scene import load_setup
 
     check_files(arguments)
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
     given = [word.partition("=")[0].strip().removeprefix("cantilever.") for word in words]
-    scope, told = _microscope(images, arguments.scene) if arguments.scene else scope_of(images, None, given)
+    scene = load_setup(arguments.scene, []).microscope if arguments.scene else None
+    scope, told = scope_of(images, scene, () if scene else given)
     scope, names = changed(scope, words)
     options: dict[str, Any] = {}
     for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree")):
-        options[name] = _list(name, getattr(arguments, name), unit, len(paths))
+        text = getattr(arguments, name)
+        words_or_none = text in (None, "shared", "free")
+        options[name] = text if words_or_none else one_each(name, text, unit, len(paths), "a file")
     found = explain(
         images, scope,
         regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,
@@ -103,17 +90,11 @@ def series(arguments: argparse.Namespace) -> None:
     )  # fmt: skip
     told = [one for one in told if not any(SAID.get(name, "") in one for name in names if name in SAID)]
     found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
-    write_files(arguments, found, "series")
-    if not arguments.quiet:
-        print("\n".join(summary(found)))
-        print_files(arguments)
+    conclude(arguments, found, "series", summary(found))
 
 
 def summary(found: xr.Dataset) -> list[str]:
-    """What was found, a line a file and a line a sentence.
-
-    `found`: what `phasemap.series` returned.
-    """
+    """What `phasemap.series` found, a line a file and a line a sentence."""
     from phasemap.results.titles import of_file
 
     said = []
@@ -128,14 +109,6 @@ def summary(found: xr.Dataset) -> list[str]:
     for word, label in (("notes", "note"), ("verdict", "verdict"), ("advice", "advice")):
         said += [(label, line) for line in found.attrs[word].splitlines()]
     return in_two_columns(said)
-
-
-def _microscope(images: list[xr.Dataset], path: Path) -> tuple[Microscope, list[str]]:
-    """The one of a scene, after a look at the drive frequencies of the files."""
-    from phasemap.inference.series.settings import scope_of
-    from phasemap.scenes.scene import load_setup
-
-    return scope_of(images, load_setup(path, []).microscope)
 
 
 def changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
@@ -155,13 +128,6 @@ def changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
         scope = replace(scope, **{part: replace(getattr(scope, part), **{name: value})})
         names.add(name)
     return scope, names
-
-
-def _list(name: str, text: str | None, unit: str, count: int) -> Any:
-    """Numbers, one a file, or a word."""
-    if text is None or text in ("shared", "free"):
-        return text
-    return one_each(name, text, unit, count, "a file")
 
 
 def _labels(text: str | None, count: int) -> Any:

@@ -17,9 +17,8 @@ from phasemap.cli.arguments import (
     add_scene,
     add_strict_units,
     check_files,
-    print_files,
+    conclude,
     whole,
-    write_files,
 )  # fmt: skip
 from phasemap.cli.console import remarks
 from phasemap.cli.words import number_in, numbers_in
@@ -100,11 +99,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     found = _sweep(arguments, values, material, setup)
     found.attrs["title"] = f"{name} of {arguments.scene.name}"
-    write_files(arguments, found, "curve")
-    if not arguments.quiet:
-        print("\n".join(summary(found)))
-        print(f"took        {time.perf_counter() - started:.2f} s")
-        print_files(arguments)
+    conclude(arguments, found, "curve", summary(found), started)
 
 
 def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
