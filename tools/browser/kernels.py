@@ -170,6 +170,7 @@ def object_file(modules: list[str], symbols: set[str]) -> bytes:
         text = re.sub(r"^target datalayout.*$", f'target datalayout = "{machine.target_data}"', text, flags=re.M)
         text = re.sub(r"^target triple.*$", f'target triple = "{TRIPLE}"', text, flags=re.M)
         text = re.sub(r'"target-(cpu|features)"="[^"]*"', "", text)
+        text = re.sub("^define private ", "define linkonce_odr ", text, flags=re.M)  # shared functions, once for all
         text = re.sub(rf"^declare i8 @{re.escape(COUNT)}.*$", COUNTED, text, flags=re.M)
         whole.link_in(llvm.parse_assembly(text.replace(f"@{COUNT}", "@count_down")))
     for one in [*whole.functions, *whole.global_variables]:
