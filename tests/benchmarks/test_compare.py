@@ -14,9 +14,6 @@ from benchmarks.answers import Answer, solve
 from benchmarks.corpus import Block, regime_tasks
 
 
-@pytest.mark.xfail(
-    strict=True, reason="two irregular materials of the box (task 1 [14], task 3 [7]) change with the march's rounding"
-)
 def test_the_package_gives_the_recorded_answers() -> None:
     # Recorded by `python -m benchmarks.compare --record`; a change that is wanted is recorded anew, beside its reason.
     with warnings.catch_warnings():
