@@ -115,9 +115,8 @@ CREATES_ENERGY = 8
 OUT_OF_RANGE = 9
 DIVERGED = 10
 NOT_ENGAGED = 11
-PENDING, KNOWN, PRESSED = -1, -2, -3
-"""Between two kernels only. KNOWN: an averaged orbit is known, passes do not lead on from it; PRESSED: engaging in time
-ended on an orbit that never leaves the surface, above the setpoint still."""
+PENDING, KNOWN = -1, -2
+"""Between two kernels only. KNOWN: an averaged orbit is known, passes do not lead on from it."""
 
 # Solver codes.
 AVERAGING = 0

@@ -15,6 +15,7 @@ from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip, sees_tip
+from phasemap.solvers.continuation.complete import orbits_of_amplitude
 from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.energy import close
 from phasemap.solvers.in_time import ETA
@@ -190,14 +191,15 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
 
 def _search(work: Work, first: int, last: int, answers: Answers) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
-    from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
+    from phasemap._kernels.continuation.path import fixed_path
+    from phasemap._kernels.law import Oscillator, parameters
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.every_orbit import every_orbit
 
     rows, status, used = answers
     waiting = status[:ENGAGED, first:last] == col.PENDING
     for i in first + np.flatnonzero(waiting.any(axis=0)):
-        _, found = every_orbit(work.law, work.rows[i], work.lever, TABLES, HOLD_AMPLITUDE, work.amplitudes[i])
+        path = fixed_path(Oscillator(work.law, parameters(work.rows[i]), work.lever), TABLES)
+        found = orbits_of_amplitude(path, work.amplitudes[i])[0][:, : col.COLUMNS]
         found = found[(found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)]
         for slot in np.flatnonzero(waiting[:, i - first]):
             on = found[(found[:, col.STIFFENING] > 0) == (slot == REPELLING)]

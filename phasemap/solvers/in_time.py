@@ -36,22 +36,20 @@ class InTime:
     def __init__(self, eta: float = ETA) -> None:
         self.eta = eta
 
-    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> np.ndarray:
-        """March the chosen rows, an array of numbers, from far; returns as `settle`."""
+    def engage(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
+        """March the chosen rows, an array of numbers, from far."""
         answers.status[chosen] = col.PENDING  # for `settle`: there is no orbit to begin with
-        return self.settle(work, chosen, answers, periods)
+        self.settle(work, chosen, answers, periods)
 
-    def settle(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int = MOST_PERIODS) -> np.ndarray:
-        """March the chosen rows, an array of numbers: from the orbits there, or from far where none is GOOD.
-
-        Returns the numbers of those that nothing holds as far as a tip is lowered, where it is pressed in for good.
-        """
+    def settle(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int = MOST_PERIODS) -> None:
+        """March the chosen rows, an array of numbers: from the orbits there, or from far where none is GOOD."""
         from phasemap._kernels.rows.marched import march_rows
 
-        return self._march(march_rows, work, chosen, answers, periods) if len(chosen) else chosen
+        if len(chosen):
+            self._march(march_rows, work, chosen, answers, periods)
 
-    def _march(self, rows_of: Any, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> np.ndarray:
-        """Let a kernel of `rows.marched` fill the chosen rows; returns as `settle`."""
+    def _march(self, rows_of: Any, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
+        """Let a kernel of `rows.marched` fill the chosen rows."""
         from phasemap._kernels.lever import slowest_decay
 
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
@@ -69,10 +67,7 @@ class InTime:
         some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
         if work.law.memory:
             self._state_closure(some, periodic)
-        pressed = codes == col.PRESSED
-        codes[pressed] = col.NO_STABLE_ORBIT
         answers.put(chosen, Answers(some, codes, np.full(len(chosen), col.MARCH, np.int8)))
-        return np.asarray(chosen[pressed])
 
     @staticmethod
     def _state_closure(rows: np.ndarray, periodic: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.averaging import engage_averaged
 from phasemap.solvers.in_time import ERROR_HEIGHT, ERROR_PHASE, ETA, InTime
-from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly, solve_from_far
+from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.solvers.problem import Work
 
 if TYPE_CHECKING:
@@ -44,14 +44,9 @@ class March(InTime):
         from phasemap._kernels.engagement.resonance import near_resonance
         from phasemap._kernels.lever import low_q
 
-        if (
-            work.lever[col.MODES] > 1
-        ):  # averaging knows no harmonics of the higher modes, which may decide on the branch
+        # Averaging knows no harmonics of the higher modes, which may decide on the branch.
+        if work.lever[col.MODES] > 1 or not near_resonance(work.lever):
             self.engage(work, np.arange(first, last), answers, accuracy.periods)
-            return
-        if not near_resonance(work.lever):
-            pressed = solve_from_far(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers, self)
-            self.settle(work, pressed, answers, accuracy.periods)
             return
         if low_q(work.lever):  # an averaged orbit is far from that which holds the setpoint
             solve_exactly(work, (PHASE, LENGTH), False, accuracy.periods, first, last, answers)

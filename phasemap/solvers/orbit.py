@@ -74,29 +74,8 @@ def solve_exactly(
     if near_resonance(work.lever):
         solve_on_curves(work, limits, average, first, last, answers)
         engage_lost(work, periods, first, last, answers)
-        return
-    solve_from_far(work, limits, average, periods, first, last, answers, InTime())
-
-
-def solve_from_far(
-    work: Work, limits: tuple[float, float], average: bool, periods: int, first: int, last: int, answers: Answers,
-    march: InTime,
-) -> np.ndarray:  # fmt: skip
-    """Engage every pixel in time; returns the numbers of those that are on curves instead.
-
-    What time does not decide no curve does: it may have left the curve for motion that is not periodic. But a tip that
-    was followed along its orbits until it never left the surface, deeper than time lowers it, stays on them.
-    """
-    from phasemap._kernels.engagement.lowering import deepest_offset
-
-    pressed = march.engage(work, np.arange(first, last), answers, periods)
-    if not len(pressed):
-        return pressed
-    some = answers.of(pressed)
-    solve_on_curves(work.part(pressed), limits, average, 0, len(pressed), some)
-    held = (some.status == col.GOOD) & (some.rows[:, col.TIP_OFFSET] < deepest_offset(work.lever))
-    answers.put(pressed[held], some.of(held))
-    return np.asarray(pressed[held])
+    else:
+        InTime().engage(work, np.arange(first, last), answers, periods)
 
 
 def solve_on_curves(

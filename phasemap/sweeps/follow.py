@@ -8,11 +8,17 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
-from phasemap.experiment.excitation import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
-from phasemap.solvers.continuation.complete import FAINT, complete, held_curves, mend
+from phasemap.solvers.continuation.complete import (
+    FAINT,
+    complete,
+    held_curves,
+    mend,
+    orbits_of_amplitude,
+    orbits_of_offset,
+)
 from phasemap.solvers.continuation.off_orbit import OffOrbit
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
@@ -28,34 +34,6 @@ if TYPE_CHECKING:
 STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin the curve from
 
 
-def at_offset(material: Material, scope: Microscope, tip_offset: float) -> tuple[np.ndarray, bool]:
-    """Rows of every orbit at this tip offset, and whether every curve was followed to its end."""
-    from phasemap._kernels.continuation.path import ENTRY_Z0
-    from phasemap._kernels.continuation.piece import PIECE_FULL
-
-    path = fixed_path(Question(material, scope))
-    free = max(scope.driven_amplitude, scope.drive.free_amplitude)
-    box = (tip_offset - free, np.inf, FAINT * scope.driven_amplitude)
-    curves = Curves(path, ENTRY_Z0, np.array([tip_offset]), box, 0)
-    curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
-    complete(curves, scope, tip_offset)
-    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
-    return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), all(
-        piece.ended != PIECE_FULL for piece in curves.pieces
-    )
-
-
-def at_seen(material: Material, scope: Microscope, amplitude: float) -> tuple[np.ndarray, bool]:
-    """Rows of every orbit that the detector sees with this amplitude, and whether all curves were followed."""
-    from phasemap._kernels.continuation.piece import PIECE_FULL
-
-    path = fixed_path(Question(material, scope))
-    curves = held_curves(path, np.array([amplitude]), 0)
-    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
-    complete = all(piece.ended != PIECE_FULL for piece in curves.pieces)
-    return seen(rows[rows[:, col.KIND] == col.WANTED], path.lever), complete
-
-
 def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
     from phasemap._kernels.continuation.path import ENTRY_Z0
@@ -66,7 +44,7 @@ def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: i
     wanted = np.sort(axis)
     curves = Curves(path, ENTRY_Z0, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
     curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
-    complete(curves, scope, wanted[0])
+    complete(curves, wanted[0])
     parts = segments(curves.pieces, col.TIP_OFFSET)
     approach = walk(curves, col.TIP_OFFSET, _at(parts, wanted[-1]), parts, True, 0)
     retract = walk(curves, col.TIP_OFFSET, _last(parts, approach, wanted[0]), parts, False, 1)
@@ -163,16 +141,14 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
 
 def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
-    from phasemap._kernels.continuation.path import held_value
+    from phasemap._kernels.continuation.path import fixed_path, held_value
+    from phasemap._kernels.law import Oscillator
     from phasemap._kernels.lever import free_amplitude
-    from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.every_orbit import every_orbit
 
     p, lever = curves.standing(m)
-    hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-    value = held_value(curves.path, m)
-    _, rows = every_orbit(curves.law, np.array(p), lever, TABLES, hold, value)
+    value, path = held_value(curves.path, m), fixed_path(Oscillator(curves.law, p, lever), TABLES)
+    rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value)
     for row in rows:
         if not curves.knows(row, m):
             curves.from_orbit(row, m, of_amplitude)

@@ -11,6 +11,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
+from phasemap.experiment.excitation import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import (
@@ -23,7 +24,9 @@ from phasemap.results.variables import (
     float_attributes,
     provenance,
 )
-from phasemap.solvers.problem import check_setpoint, work_of_material
+from phasemap.solvers.continuation.complete import orbits_of_amplitude, orbits_of_offset
+from phasemap.solvers.continuation.path import Question, fixed_path
+from phasemap.solvers.problem import check_setpoint
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,28 +64,16 @@ def orbits(
     """
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
-    if setpoint is not None and scope.drive.excitation != "direct":
-        from phasemap.sweeps.follow import at_seen
-
+    path = fixed_path(Question(material, scope))
+    if setpoint is not None:
         setpoint = check_setpoint(setpoint)
-        rows, complete = at_seen(material, scope, setpoint * scope.driven_amplitude)
+        rows, complete = orbits_of_amplitude(path, setpoint * scope.driven_amplitude)
         rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
-    elif setpoint is not None:
-        from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE
-        from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.every_orbit import every_orbit
-
-        setpoint = check_setpoint(setpoint)
-        amplitude = setpoint * scope.driven_amplitude
-        work = work_of_material(material, scope, amplitude)
-        status, rows = every_orbit(work.law, work.rows[0], work.lever, TABLES, HOLD_AMPLITUDE, amplitude)
-        rows, complete = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")], status == col.GOOD
     else:
-        from phasemap.sweeps.follow import at_offset
-
         assert tip_offset is not None
         tip_offset = number("tip_offset", tip_offset, "m")
-        rows, complete = at_offset(material, scope, tip_offset)
+        rows, complete = orbits_of_offset(path, tip_offset)
+    rows = seen(rows, path.lever)
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip

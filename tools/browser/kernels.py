@@ -85,7 +85,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows import beside, every_orbit, exact, fast, marched, other_branch_exact, seen
+    from phasemap._kernels.rows import beside, exact, fast, marched, other_branch_exact, seen
     from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.scanning.reach import reach_rows
     from phasemap.solvers.continuation.path import Question, fixed_path
@@ -109,7 +109,6 @@ def solve_one_of_each_kind() -> None:
         (exact.exact_rows, *tabled, work.amplitudes, 0, 1, answers),
         (other_branch_exact.exact_near_rows, *tabled, work.amplitudes, 0, 1, branches),
         (beside.rows_beside, *tabled, work.amplitudes, answers.rows, np.zeros(1, bool)),
-        (every_orbit.every_orbit, work.law, work.rows[0], work.lever, TABLES, 0, 1.0),
         (marched.march_rows, *given, work.amplitudes, 1.0, 1, answers.rows, answers.status),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),

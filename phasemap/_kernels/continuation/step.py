@@ -15,7 +15,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy_rows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.cubic import AT_FOLD, cubic_slopes, extreme_between, hermite, length_at, wavy
+from phasemap._kernels.continuation.cubic import AT_FOLD, cubic_slopes, hermite, length_at, wavy
 from phasemap._kernels.continuation.path import (
     ENTRY_A,
     ENTRY_M,
@@ -64,7 +64,6 @@ from phasemap._kernels.records import assign
 # Steps, in the scaled coordinates.
 FIRST_ARC_STEP = 0.3
 LARGEST_ARC_STEP = 0.8
-LONGEST_ARC_STEP = 2.0  # where no orbit on the way is asked for
 SMALLEST_ARC_STEP = 1e-7
 STEP_AFTER_FAILURE = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
@@ -215,26 +214,6 @@ def next_point(
         step *= STEP_AFTER_FAILURE
     assign(point, before)
     return col.NOT_CONVERGED, step, orbit, spare
-
-
-@kernel
-def next_point_watching(
-    path: Path, point: Point, step: float, longest: float, wanted: Wanted, orbit: Orbit, spare: Orbit, saved: Orbit
-) -> tuple[int, float, Orbit, Orbit]:
-    """Go to the next point of the curve, or to an extreme of what is wanted that may just reach its value."""
-    before = Point()
-    assign(before, point)
-    status, following, orbit, spare = next_point(path, point, step, longest, orbit, spare, saved)
-    for _ in range(6):
-        if status != col.GOOD:
-            break
-        instead = extreme_between(before, point, wanted.entry, wanted.value)
-        if not 0.02 * point.length < instead < 0.98 * point.length:
-            break
-        copy_orbit(saved, orbit)
-        assign(point, before)
-        status, following, orbit, spare = next_point(path, point, instead, longest, orbit, spare, saved)
-    return status, following, orbit, spare
 
 
 @kernel(shared=True)

@@ -64,7 +64,6 @@ from phasemap._kernels.engagement.stuck import (
     COMES_TO_IT,
     JUMPS_FREE,
     JUMPS_LOOSE,
-    presses,
     raise_stuck_tip,
     sticks,
 )
@@ -217,8 +216,6 @@ def lower_to_setpoint(
             return hold_mean(oscillator, amplitude, SLOW_GAIN, eta, most, tip, row)
         if ends == AMPLITUDE_SEEN:
             return hold_mean(oscillator, amplitude, LAST_GAIN if pace > 0.0 else EAGER_GAIN, eta, most, tip, row)
-        if ends == LOWEST_OFFSET and presses(p, tip):
-            return col.PRESSED
         if ends != ORBIT_AGAIN:
             return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
 
@@ -261,8 +258,8 @@ def approach_by_march(
     most : int
         Periods that may be marched.
 
-    Returns GOOD; NOT_SETTLED after `most` periods; PRESSED where it was lowered as far as a tip is, and into the
-    surface for good; NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
+    Returns GOOD; NOT_SETTLED after `most` periods; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
+    amplitude jumps across the setpoint.
     """
     law, lever = oscillator.law, oscillator.lever
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())

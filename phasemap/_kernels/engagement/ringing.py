@@ -47,7 +47,7 @@ from phasemap._kernels.engagement.lowering import (
     follow_down,
     too_far,
 )
-from phasemap._kernels.engagement.stuck import presses, sticks
+from phasemap._kernels.engagement.stuck import sticks
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, slowest_decay
@@ -136,7 +136,7 @@ def follow_and_hold(
         limit = periods.marched + int(PATTERN_SHARE * (most - periods.marched))
         ends = follow_down(Oscillator(law, p, quick), amplitude, step, 0.0, coarse, limit, tip)
     if ends == LOWEST_OFFSET:
-        return col.PRESSED if presses(p, tip) else col.NO_STABLE_ORBIT
+        return col.NO_STABLE_ORBIT
     if ends != AMPLITUDE_SEEN:
         return col.NOT_CONVERGED
     if sticks(p, lever, amplitude, tip):
@@ -226,7 +226,7 @@ def engage_ringing(
         if ends == OUT_OF_TIME:
             return col.NOT_SETTLED
         if ends == TOO_DEEP:
-            return col.PRESSED if presses(p, tip) else col.NO_STABLE_ORBIT
+            return col.NO_STABLE_ORBIT
         if ends == AT_SETPOINT:
             if find_pattern(Oscillator(law, p, slow), exact, amplitude, tip):
                 return fill_pattern(oscillator, exact.eta, tip, row)

@@ -103,7 +103,7 @@ def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again)
     if not fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, room.top, guess):
         return False
     found = refine(oscillator, reach, guess, again.limits, room)
-    if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude or room.state.parts == 0:
+    if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
         return False
     nodes_from_response(nodes_of_solution(room), amplitude, room.state.centre, longrange, again.at)
     return True

@@ -94,7 +94,7 @@ def cheap_rows(
         else:
             solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
-                if solver[i] == col.CORRECTED and room.state.parts > 0 and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
+                if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
                     f, longrange = nodes_of_solution(room), p[col.LONGRANGE] != 0.0
                     nodes_from_response(f, amplitude, room.state.centre, longrange, at)
                     keep_nodes(at, out[i])

@@ -70,7 +70,7 @@ def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
     beyond = MARGIN * (x[-1] - x[0])
     curves = Curves(path, ENTRY_Z0, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
     curves.from_far(x[-1] + beyond)
-    complete(curves, setup.scope, x[0])
+    complete(curves, x[0])
     return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
 
 

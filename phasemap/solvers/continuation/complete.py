@@ -8,7 +8,6 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.excitation import sees_tip, tip_amplitudes
-from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:
@@ -36,14 +35,45 @@ def held_curves(path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
     return curves
 
 
-def complete(curves: Curves, scope: Microscope, lowest: float) -> None:
+def complete(curves: Curves, lowest: float) -> None:
     """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
     # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
-    free = scope.driven_amplitude
-    highest = 0.98 * max(free, scope.drive.free_amplitude)
-    for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * highest), highest, APART):
+    free, most = _free_amplitudes(curves.path)
+    for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * 0.98 * most), 0.98 * most, APART):
         curves.seek(float(amplitude))
     mend(curves, free)
+
+
+def orbits_of_amplitude(path: Path, amplitude: float) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit that the detector sees with this amplitude [m], and whether all curves were followed."""
+    return _wanted(held_curves(path, np.array([amplitude]), 0))
+
+
+def orbits_of_offset(path: Path, tip_offset: float) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit at this tip offset [m], and whether all curves were followed."""
+    from phasemap._kernels.continuation.path import ENTRY_Z0
+
+    free, most = _free_amplitudes(path)
+    curves = Curves(path, ENTRY_Z0, np.array([tip_offset]), (tip_offset - most, np.inf, FAINT * free), 0)
+    curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
+    complete(curves, tip_offset)
+    return _wanted(curves)
+
+
+def _free_amplitudes(path: Path) -> tuple[float, float]:
+    """Amplitude [m] of the free lever at the drive frequency, and the larger of that and the one at resonance."""
+    from phasemap._kernels.lever import free_amplitude
+
+    free = float(free_amplitude(path.lever))
+    return free, max(free, 0.5 * float(path.lever[col.DRIVE] / path.lever[col.ALPHA0]))
+
+
+def _wanted(curves: Curves) -> tuple[np.ndarray, bool]:
+    """Rows at the values wanted, and whether every curve was followed to its end."""
+    from phasemap._kernels.continuation.piece import PIECE_FULL
+
+    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
+    return rows[rows[:, col.KIND] == col.WANTED], all(piece.ended != PIECE_FULL for piece in curves.pieces)
 
 
 def mend(curves: Curves, free: float) -> None:

@@ -20,7 +20,6 @@ from phasemap._kernels.orbits.response.passes import (
     evaluate_nodes,
     start_passes,
 )
-from phasemap._kernels.orbits.response.pressed import SHALLOWEST, EvenNodes, pressed_orbit
 from phasemap._kernels.orbits.response.sound import orbit_is_kept
 from phasemap._kernels.records import assign, clear, record
 
@@ -46,7 +45,6 @@ class Room:
 
     nodes: Nodes
     finer: Nodes  # which cut the contact in two
-    pressed: EvenNodes  # of a tip that never leaves contact
     state: PassState
     other: PassState
     top: Maximum  # of the mismatch
@@ -81,16 +79,10 @@ def grazes(p: np.ndarray, reach: float, guess: np.ndarray) -> bool:
 @kernel
 def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
-    p, lever = oscillator.p, oscillator.lever
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
-    if e < -SHALLOWEST * amplitude:
-        if modes_of(lever) > 1:
-            return False
-        _reset_pass_state(guess, e, room.state)
-        return pressed_orbit(oscillator, limits, room.pressed, room.state) and on_same_branch(lever, guess, room.state)
     if _pass_from(oscillator, reach, guess, e, limits, room):
         return True
-    if not grazes(p, reach, guess):
+    if not grazes(oscillator.p, reach, guess):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
@@ -107,7 +99,8 @@ def _pass_from(
     """
     p, lever = oscillator.p, oscillator.lever
     f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
-    _reset_pass_state(guess, e, state)
+    clear(state)
+    state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
     if not start_passes(oscillator, reach, f, state):
         return False
     state.parts = parts_of(f)
@@ -133,13 +126,6 @@ def _pass_from(
 
 
 @kernel
-def _reset_pass_state(guess: np.ndarray, e: float, state: PassState) -> None:
-    """Clear the state and set amplitude and slope from `guess`, and the centre e, of a harmonic orbit."""
-    clear(state)
-    state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
-
-
-@kernel
 def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
     same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
@@ -151,8 +137,6 @@ def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bo
     """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of room.state."""
     law, p = oscillator.law, oscillator.p
     f, here, there = nodes_of_solution(room), room.state, room.other
-    if here.parts == 0:
-        return False
     assign(there, here)
     move = SLOPE_STEP * here.amplitude
     there.amplitude += move
