@@ -88,6 +88,7 @@ class Asked(NamedTuple):
     wanted: np.ndarray  # sorted; values at which rows are made
     box: tuple[float, float, float]  # smallest and largest control, smallest amplitude: where the curve is left
     tolerance: float  # last change [m] of an orbit
+    level: int  # of refinement, at least, of the orbits wanted
 
 
 class Made(NamedTuple):
@@ -226,6 +227,7 @@ def add_wanted_rows(
         k = first + i if rising else last - 1 - i
         if i == 0:
             copy_orbit(start.orbit, one)
+        head_of(one).level = max(head_of(one).level, asked.level)
         good, one, spare = find_crossing(path, Wanted(index, wanted[k], tolerance), start, beside, after, one, spare)
         if not good:
             copy_orbit(end.orbit, one)

@@ -15,18 +15,27 @@ if TYPE_CHECKING:
 
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
 FAINT = 1e-5  # of the free amplitude, where a curve is left
+HARDLY_MOVING = 0.03  # of an amplitude at which all orbits are sought: the curve may come back to it from less
+FINE = 1  # level of refinement of these
+AROUND = (1.000001, 0.97, 1.03, 0.88, 1.12)  # shares of it, at which averaged orbits lead to small pieces
+THROWN_LIFT = 0.08  # of it: a strong pull throws the tip out of its harmonic orbit, whose contact is too deep to start
 BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
 DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 
-def held_curves(path: Path, amplitudes: np.ndarray, samples: int) -> Curves:
-    """The distance curve from far, with rows where the detector sees these amplitudes."""
+def held_curves(path: Path, amplitudes: np.ndarray, samples: int, left: float = 0.98, level: int = 0) -> Curves:
+    """The distance curve from far, with rows where the detector sees these amplitudes.
+
+    `left`: share of the least amplitude at which a curve is left.
+    `level`: of refinement, of the rows.
+    """
     from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_SEEN
     from phasemap._kernels.lever import free_amplitude
 
     free, plain = float(free_amplitude(path.lever)), sees_tip(path.lever)
     least = max(float(tip_amplitudes(path.lever, amplitudes[0])[0]), FAINT * free)  # of z
-    curves = Curves(path, ENTRY_A if plain else ENTRY_SEEN, amplitudes, (-DEEP * free, np.inf, 0.98 * least), samples)
+    box = (-DEEP * free, np.inf, left * least)
+    curves = Curves(path, ENTRY_A if plain else ENTRY_SEEN, amplitudes, box, samples, level)
     curves.from_far(0.0)
     # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
@@ -46,7 +55,11 @@ def complete(curves: Curves, lowest: float) -> None:
 
 def orbits_of_amplitude(path: Path, amplitude: float) -> tuple[np.ndarray, bool]:
     """Rows of every orbit that the detector sees with this amplitude [m], and whether all curves were followed."""
-    return _wanted(held_curves(path, np.array([amplitude]), 0))
+    curves = held_curves(path, np.array([amplitude]), 0, HARDLY_MOVING, FINE)
+    for share in AROUND:
+        curves.seek(share * amplitude)
+    curves.seek(AROUND[0] * amplitude, THROWN_LIFT * amplitude)
+    return _wanted(curves)
 
 
 def orbits_of_offset(path: Path, tip_offset: float) -> tuple[np.ndarray, bool]:

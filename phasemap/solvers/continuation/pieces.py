@@ -44,6 +44,8 @@ class Curves:
         Smallest and largest control, smallest amplitude [m].
     samples : int
         Length of the time traces.
+    level : int
+        Of refinement, of the orbits wanted.
     """
 
     def __init__(
@@ -53,9 +55,11 @@ class Curves:
         wanted: np.ndarray,
         box: tuple[float, float, float],
         samples: int,
+        level: int = 0,
     ) -> None:
         self.law, self.path, self.index, self.wanted = path.law, path, index, wanted
         self.box, self.samples = (float(box[0]), float(box[1]), float(box[2])), samples
+        self.level = level
         self.pieces: list[Piece] = []
         self._standing: dict[float, tuple[tuple[float, ...], np.ndarray]] = {}  # a start is asked for several times
 
@@ -108,8 +112,11 @@ class Curves:
         self._follow(orbit, spare, (1.0, -1.0))
         return True
 
-    def seek(self, amplitude: float) -> None:
-        """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far."""
+    def seek(self, amplitude: float, lift: float = 0.0) -> None:
+        """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far.
+
+        `lift`: by which these orbits are first lifted [m].
+        """
         from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
         from phasemap._kernels.orbits.collocation.system import head_of
@@ -120,6 +127,7 @@ class Curves:
                 guess[col.G_Z0], amplitude, guess[col.G_P], lever
             ):
                 continue
+            guess[col.G_Z0] += lift
             status, orbit, spare = self._go(guess, 0.0, True)
             head = head_of(orbit)
             if status == col.GOOD and not self._near(head.tip_offset, head.amplitude, head.push, lever):
@@ -208,7 +216,7 @@ class Curves:
         start = new_orbit(self.path.lever)
         copy_orbit(orbit, start)
         tolerance = self._tolerance(float(head_of(orbit).parameter))
-        asked = Asked(self.index, self.wanted, self.box, tolerance)
+        asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
         halves: list[Piece] = []
         for sense in senses:
             check_stopped()
