@@ -26,7 +26,6 @@ REGIMES = {
 # Share that is left to collocation or time: where averaging leaves the branch open (below resonance, for one, where a
 # lever leaps over it), or a contact lasts for the whole period, or throws the lever back, as in liquid: passes do
 # not converge there.
-# Of the materials, at most so many are left to collocation: in liquid all that never leave the sample.
 LEFT = {
     "air": 0.05, "soft lever": 0.1, "stiff sample": 0.05, "liquid": 0.48, "soft lever below resonance": 0.17,
     "soft lever above resonance": 0.12, "stiff sample above resonance": 0.03,
