@@ -15,7 +15,6 @@ from benchmarks.accuracy.regimes import REGIMES, Batch, draw
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
 from phasemap.experiment.lever import one_mode
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
