@@ -6,7 +6,6 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
@@ -25,11 +24,8 @@ from phasemap.solvers.solver import by_name
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
-
 STEP = 3e-3  # of a logarithm; the central difference is then wrong by some 1e-6 of it, more near the end of a branch
-LIMITS = np.array([1e-7, 1e-14])  # errors left in the orbits that are compared: phase [rad], tip offset [m]
-FINE = Accuracy(phase=float(np.degrees(LIMITS[0])), height=float(LIMITS[1]))
+FINE = Accuracy(phase=float(np.degrees(1e-7)), height=1e-14)  # of the orbits that are compared
 CHUNK = 256  # materials that a thread solves at a time
 
 
@@ -91,7 +87,7 @@ def sensitivity(
     asked = "height", "phase", "branch", "status"
     image = simulate(surface, scope, setpoint, "orbit", variables=asked, threads=threads)
     first = np.unique(inverse, return_index=True)[1]
-    status, sides = image.status.values.ravel()[first], 2 * image.branch.values.ravel()[first] - 1
+    status, repelled = image.status.values.ravel()[first], image.branch.values.ravel()[first] > 0
     good = np.flatnonzero(status == col.GOOD)
     slopes = np.full((len(materials), 3, 2), np.nan)
 
@@ -102,7 +98,7 @@ def sensitivity(
             for sign in (1, -1):
                 moved = materials[some].copy()
                 moved[:, i] *= np.exp(sign * STEP)
-                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), sides[some]))
+                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), repelled[some]))
             slopes[some, i] = (ends[0] - ends[1]) / (2 * STEP)
             slopes[some[materials[some, i] == 0], i] = 0.0
 
@@ -119,25 +115,14 @@ def sensitivity(
     return image
 
 
-def _on_branch(work: Work, sides: NDArray[np.int8]) -> Array:
-    """Exact phase [rad] and tip offset [m] on these branches, shape (n, 2); NaN where there is none."""
-    from phasemap._kernels.rows.branch_known import exact_block
-
-    n = len(work)
-    values, good = np.full((n, 1, 2), np.nan), np.zeros((n, 1), np.bool_)
-    if not work.rows[:, col.RELEASE].any():
-        levers = work.lever[None]
-        arrays = np.full((n, 1), np.nan), values, good
-        exact_block(work.law, work.rows, levers, work.amplitudes[:1], sides[:, None], LIMITS, *arrays)
-    left = np.flatnonzero(~good[:, 0])
-    if len(left):  # near where a branch ends, without a long-range force, in liquid, or with a neck
-        found, status, _ = run(by_name("orbit"), work.part(left), FINE, threads=1)
-        values[left, 0] = found[:, [col.PHASE, col.TIP_OFFSET]]
-        left = left[(status != col.GOOD) | ((found[:, col.STIFFENING] > 0) != (sides[left] > 0))]
-    if len(left):  # the tip engages on the other branch
-        both = stable_branches(work.part(left), by_name("orbit"), FINE)
-        slot = (sides[left] > 0).astype(int)
-        chosen = both.rows[slot, np.arange(len(left))]
-        values[left, 0] = chosen[:, [col.PHASE, col.TIP_OFFSET]]
-        values[left[both.status[slot, np.arange(len(left))] != col.GOOD], 0] = np.nan
-    return values[:, 0]
+def _on_branch(work: Work, repelled: np.ndarray) -> np.ndarray:
+    """Exact phase [rad] and tip offset [m] on the repulsive branch or the other, shape (n, 2); NaN without an orbit."""
+    rows, status, _ = run(by_name("orbit"), work, FINE, threads=1)
+    found = rows[:, [col.PHASE, col.TIP_OFFSET]]
+    other = np.flatnonzero((status != col.GOOD) | ((rows[:, col.STIFFENING] > 0) != repelled))
+    if len(other):  # the tip engages on the other branch
+        both = stable_branches(work.part(other), by_name("orbit"), FINE)
+        here = repelled[other].astype(int), np.arange(len(other))
+        lost = (both.status[here] != col.GOOD)[:, None]
+        found[other] = np.where(lost, np.nan, both.rows[here][:, [col.PHASE, col.TIP_OFFSET]])
+    return found
