@@ -187,9 +187,8 @@ def _fit(
     height: float, parameters: Any, starts: int,
 ) -> Fit:  # fmt: skip
     from phasemap.inference.curves.data import Setup, check_data, check_parameters
-    from phasemap.inference.curves.problem import Problem
-    from phasemap.inference.curves.solve import search
-    from phasemap.inference.curves.verdict import make_fit
+    from phasemap.inference.curves.problem import Problem, search
+    from phasemap.inference.curves.result import make_fit
 
     data, setup = check_data(axis, values, direction, given), Setup(start, scope, height)
     chosen = check_parameters(parameters, setup, axis)

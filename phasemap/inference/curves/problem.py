@@ -1,110 +1,31 @@
-"""Measured curves beside the stable orbits at every point of an axis: each datum against the branch that it lies on."""
+"""The parameters that explain a measured curve best, each datum on the stable branch next to it, and their errors."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels import columns as col
-from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
-from phasemap.experiment.excitation import seen
-from phasemap.inference.curves.data import Data, Parameter, Setup
-from phasemap.solvers.continuation.complete import FAINT, complete
-from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
-from phasemap.solvers.continuation.pieces import Curves
-from phasemap.solvers.continuation.visit import segments
-from phasemap.sweeps.follow import STARTS, begin
-from phasemap.sweeps.in_time import there_and_back
+from phasemap.inference.curves.branches import Branches, branches
+from phasemap.inference.curves.data import REACH, Data, Parameter, Setup
+from phasemap.inference.sampling import prior_draws
+from phasemap.inference.verdict import chance
 
-MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 STEP = 1e-4  # of the prior's standard deviations, of central differences
 COARSE = 0.03  # of the picture (largest amplitude, range of the axis): as near counts as one in the coarse comparison
 COARSE_PHASE = 3.0  # the same for phases [degree]
 STRICT = 0.1  # of the spacing of the data: a branch that ends as much before a datum costs one standard error
-
-
-@dataclass(frozen=True, eq=False)
-class Branches:
-    """Stable branches, each continued at its ends as a constant."""
-
-    amplitude: np.ndarray  # shape (branches, n) [m]
-    phase: np.ndarray  # shape (branches, n) [degree]
-    # shape (branches, n); how far the point is beyond the branch's end [units of the axis]; 0 on the branch
-    gap: np.ndarray
-
-
-def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
-    """The branches of a sweep.
-
-    `values`: [Hz or m].
-    """
-    if axis == "frequency":
-        return _of_frequency(setup, values)
-    return _of_distance(setup, values)
-
-
-def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
-    from phasemap._kernels.continuation.path import ENTRY_M
-
-    scale = Scale.over(frequencies)
-    question = Question(setup.material, setup.scope)
-    path = swept_path(question, "frequency", scale, lambda _: setup.height, False)
-    x = scale.m(frequencies)
-    curves = Curves(path, ENTRY_M, np.sort(np.concatenate([x, STARTS])), (-BEYOND, BEYOND, 0.0), 0)
-    for m in STARTS:
-        begin(curves, m, False)
-    return _collect(curves, col.PARAMETER, x, np.ptp(frequencies) / 2)
-
-
-def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
-    from phasemap._kernels.continuation.path import ENTRY_Z0
-
-    question = Question(setup.material, setup.scope)
-    if question.only_in_time:
-        return _of_passage(question, tip_offsets + setup.height)
-    path = fixed_path(question)
-    x = np.sort(tip_offsets + setup.height)
-    beyond = MARGIN * (x[-1] - x[0])
-    curves = Curves(path, ENTRY_Z0, x, (x[0] - beyond, np.inf, FAINT * setup.scope.driven_amplitude), 0)
-    curves.from_far(x[-1] + beyond)
-    complete(curves, x[0])
-    return _collect(curves, col.TIP_OFFSET, tip_offsets + setup.height, 1.0)
-
-
-def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
-    """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance."""
-    order = np.argsort(tip_offsets)
-    x, work, found = tip_offsets[order], question.work(marched=True), []
-    for visit in there_and_back(work, x):
-        rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
-        repelled = rows[:, col.STIFFENING] > 0
-        for side in (repelled, ~repelled):
-            part = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
-            if len(part):
-                gap = np.maximum(0, np.maximum(x[part[0]] - tip_offsets, tip_offsets - x[part[-1]]))
-                values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
-                found.append((*values, gap))
-    if not found:
-        return _nothing(len(x), float(np.ptp(x)))
-    amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
-    return Branches(amplitude, np.degrees(phase), gap)
-
-
-def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branches:
-    """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
-    parts = segments(curves.pieces, column)
-    if not parts:  # nothing oscillates
-        return _nothing(len(x), float(np.ptp(x)) * unit)
-    seen = [curves.seen(part.rows) for part in parts]
-    amplitude, phase = (
-        np.stack([np.interp(x, part.x, rows[:, column]) for part, rows in zip(parts, seen, strict=True)])
-        for column in (col.AMPLITUDE, col.PHASE)
-    )
-    gap = np.stack([np.maximum(0, np.maximum(part.x[0] - x, x - part.x[-1])) for part in parts])
-    return Branches(amplitude, np.degrees(phase), gap * unit)
+UNLIKELY = 1e-3  # chance of a chi2 as large, below which a fit is not believed
+LOOKS = 100  # places of the prior looked at for other starts
+ROUGH = 0.1  # relative error of the derivatives of a datum that is left out of them
+ROUNDS = 2  # of secants
+FARTHEST = 0.15  # that secants go, in standard deviations of the prior
+EVALUATIONS = 60  # of the optimiser, per stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +104,11 @@ class Problem:
         """Differences of model and data and the gaps, over what counts as one, and what the prior says against q."""
         return np.concatenate([self._compare(self.choose(q, ruler), ruler), q])
 
+    def misfit(self, q: np.ndarray) -> tuple[float, float]:
+        """chi2 of the data by their errors as stated, and the factor by which these have to be larger, 1 at least."""
+        chi2 = float((self.residuals(q, Ruler.strict(self.data))[: self.data.size] ** 2).sum())
+        return chi2, math.sqrt(max(1.0, chi2 / (self.data.size - len(q))))
+
     def jacobian(
         self, q: np.ndarray, ruler: Ruler, axes: np.ndarray | None = None, steps: float | np.ndarray = STEP
     ) -> np.ndarray:
@@ -222,24 +148,91 @@ class Problem:
         kept, self._kept = self._kept, {}
         new = [q for q in places if q.tobytes() not in kept]
         with ThreadPoolExecutor(workers_of(None)) as pool:
-            found = pool.map(self._solve, new)
+            found = pool.map(lambda q: branches(self.at(q), self.data.axis, self.data.values), new)
             kept.update(zip([q.tobytes() for q in new], found, strict=True))
         self._kept = {q.tobytes(): kept[q.tobytes()] for q in places}
         self.evaluations += len(new)
-
-    def _solve(self, q: np.ndarray) -> Branches:
-        try:
-            return branches(self.at(q), self.data.axis, self.data.values)
-        except InputError:  # a law that cannot have this material
-            return _nothing(len(self.data.values), float(np.ptp(self.data.values)))
-
-
-def _nothing(count: int, away: float) -> Branches:
-    """No branch at all, as far away as this."""
-    return Branches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), away))
 
 
 def difference(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """One less the other; phases within half a turn."""
     apart: np.ndarray = one - other
     return (apart + 180) % 360 - 180 if name == "phase" else apart
+
+
+class Solution(NamedTuple):
+    """The likeliest parameters, and what is known around them."""
+
+    q: np.ndarray  # shape (parameters,); in standard deviations of the prior
+    chi2: float  # of the data, by their errors as stated
+    growth: float  # factor by which the errors have to be larger for the model to describe the data, 1 at least
+    covariance: np.ndarray  # shape (parameters, parameters)
+    evidence: float  # logarithm of how likely the data are, whatever the parameters (Laplace's approximation)
+    tried: int  # starts
+
+
+def search(problem: Problem, starts: int) -> Solution:
+    """The best solution from the start given, and from others as long as none is good."""
+    degrees = problem.data.size - len(problem.parameters)
+    found: list[tuple[float, np.ndarray]] = []
+    for q in _starts(problem, starts):
+        at = _descend(problem, q, Ruler.coarse(problem.data), "soft_l1", 1e-2)  # without regard for outliers
+        at = _descend(problem, at, Ruler.strict(problem.data), "linear", 1e-8)
+        chi2 = problem.misfit(at)[0]
+        found.append((chi2 + float(at @ at), at))
+        if chance(chi2, degrees) > UNLIKELY:
+            break
+    best = min(found, key=lambda one: one[0])[1]
+    growth = problem.misfit(best)[1]
+    if growth > 1:  # the prior counts for more where the data are not described to within their errors
+        larger = {name: growth * errors for name, errors in problem.data.errors.items()}
+        weaker = Problem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
+        best = _descend(weaker, best, Ruler.strict(weaker.data), "linear", 1e-8)
+        problem.evaluations += weaker.evaluations
+    return _known(problem, best, len(found))
+
+
+def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
+    """The start itself, then the most promising places of the prior."""
+    n = len(problem.parameters)
+    yield np.zeros(n)
+    if count > 1:
+        places, ruler = prior_draws(n, LOOKS, 0), Ruler.coarse(problem.data)
+        costs = [float(np.log1p(problem.residuals(q, ruler) ** 2).sum()) for q in places]
+        yield from places[np.argsort(costs)[: count - 1]]
+
+
+def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
+    from scipy.optimize import least_squares
+
+    found: np.ndarray = least_squares(
+        problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
+        ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
+    ).x  # fmt: skip
+    return found
+
+
+def _known(problem: Problem, q: np.ndarray, tried: int) -> Solution:
+    """What data and prior say around the best parameters.
+
+    The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
+    place of derivatives: just before the end of a branch the latter are far too steep.
+    """
+    data, n, (chi2, growth) = problem.data.size, len(q), problem.misfit(q)
+    slopes = _slopes(problem, q, np.eye(n), STEP)
+    wrong = _slopes(problem, q, np.eye(n), 3 * STEP) - slopes
+    slopes[np.linalg.norm(wrong, axis=1) > ROUGH * np.linalg.norm(slopes, axis=1)] = 0
+    axes = np.eye(n)
+    for _ in range(ROUNDS):
+        sizes, turn = np.linalg.eigh(slopes.T @ slopes / growth**2 + np.eye(n))
+        axes = turn.T @ axes
+        slopes = _slopes(problem, q, axes, np.minimum(sizes**-0.5, FARTHEST))
+    information = slopes.T @ slopes / growth**2 + np.eye(n)
+    covariance = axes.T @ np.linalg.inv(information) @ axes
+    evidence = -data * math.log(growth) - 0.5 * (chi2 / growth**2 + q @ q + np.linalg.slogdet(information)[1])
+    return Solution(q, chi2, growth, covariance, float(evidence), tried)
+
+
+def _slopes(problem: Problem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:
+    """Central differences of the data's residuals along these directions, one column each."""
+    return problem.jacobian(q, Ruler.strict(problem.data), axes, steps)[: problem.data.size]
