@@ -68,6 +68,10 @@ OPTIONS = (
     ("--direction", "NAME", "trace or retrace; default: the first in the file"),
 )  # fmt: skip
 """Options that take a word: name, what it stands for, and what it is."""
+NEEDED = (
+    "Give the scene that says lever, tip, drive and law, then images of one place at two settings or more: "
+    "phasemap invert SCENE.toml IMAGE IMAGE."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(overrides=[])
     add_scene(parser, SURFACE_UNUSED, overrides=False)
     about = "an image; key=value sets a key of the scene, such as tip.radius=20e-9"
-    parser.add_argument("images", metavar="IMAGE", nargs="+", help=about)
+    parser.add_argument("images", metavar="IMAGE", nargs="*", help=about)
     for option, metavar, about in OPTIONS:
         parser.add_argument(option, metavar=metavar, help=about)
     about = "the true surface is flat: heights of regions differ by indentation only"
@@ -106,14 +110,15 @@ def invert(arguments: argparse.Namespace) -> None:
     from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
+    if arguments.scene.suffix.lower() != ".toml":
+        raise InputError("the scene", str(arguments.scene), "a scene file (.toml)", NEEDED)
     overrides = [word for word in arguments.images if "=" in word] + arguments.overrides
     setup = load_setup(arguments.scene, overrides)
     check_files(arguments)
     given = _load([Path(word) for word in arguments.images if "=" not in word], setup, arguments, overrides)
     options: dict[str, Any] = {"setpoints": given.setpoints, "prior_factor": arguments.prior_factor}
     for name in ("phase_zero", "phase_zero_error", "phase_error", "height_error", "height_zero_error"):
-        values = _list(name, getattr(arguments, name), len(given.images), ("shared", "free"))
-        if values is not None:
+        if (values := _list(name, arguments, len(given.images))) is not None:
             options[name] = values
     if arguments.prior is not None:
         options["prior"] = _material(setup, "--prior", arguments.prior)
@@ -128,12 +133,13 @@ def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overri
     from phasemap.io.read import read_image
 
     if not paths:
-        raise PhasemapError("there is no image: name one at least, behind the scene.")
+        raise PhasemapError(f"there is no image behind the scene. {NEEDED}")
     images = [_signed(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
     scope = setup.microscope
     loss = scope.drive.free_amplitude / scope.driven_amplitude
-    setpoints = _list("setpoints", arguments.setpoints, len(images)) or [None] * len(images)
-    amplitudes = _list("free_amplitudes", arguments.free_amplitudes, len(images)) or [None] * len(images)
+    setpoints, amplitudes = (
+        _list(name, arguments, len(images)) or [None] * len(images) for name in ("setpoints", "free_amplitudes")
+    )
     fixed = any(word.partition("=")[0].strip() == "drive.free_amplitude" for word in overrides)
     scopes = []
     for i, (path, image) in enumerate(zip(paths, images, strict=True)):
@@ -243,11 +249,10 @@ def _material(setup: Setup, option: str, name: str) -> Material:
     return setup.materials[name]
 
 
-def _list(name: str, text: str | None, count: int, words: tuple[str, ...] = ()) -> Any:
+def _list(name: str, arguments: argparse.Namespace, count: int) -> Any:
     """Numbers, one an image, or a word."""
-    if text is None or (name == "phase_zero" and text in words):
-        return text
-    return one_each(name, text, UNITS.get(name.partition("_")[0], "1"), count, "an image")
+    words = ("shared", "free") if name == "phase_zero" else ()
+    return one_each(name, getattr(arguments, name), UNITS.get(name.partition("_")[0], "1"), count, "an image", words)
 
 
 def _said_images(given: _Given) -> list[tuple[str, str]]:

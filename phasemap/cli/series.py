@@ -75,14 +75,12 @@ def series(arguments: argparse.Namespace) -> None:
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
     given = [word.partition("=")[0].strip().removeprefix("cantilever.") for word in words]
-    scene = load_setup(arguments.scene, []).microscope if arguments.scene else None
-    scope, told = scope_of(images, scene, () if scene else given)
+    scope, told = scope_of(images, arguments.scene and load_setup(arguments.scene, []).microscope, given)
     scope, names = changed(scope, words)
-    options: dict[str, Any] = {}
-    for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree")):
-        text = getattr(arguments, name)
-        words_or_none = text in (None, "shared", "free")
-        options[name] = text if words_or_none else one_each(name, text, unit, len(paths), "a file")
+    options: dict[str, Any] = {
+        name: one_each(name, getattr(arguments, name), unit, len(paths), "a file", ("shared", "free"))
+        for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree"))
+    }
     found = explain(
         images, scope,
         regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,

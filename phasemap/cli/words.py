@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
@@ -24,8 +24,10 @@ def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI u
         raise InputError(name, text, allowed + with_one) from None
 
 
-def one_each(name: str, text: str, unit: str, count: int, each: str) -> list[float]:
+def one_each(name: str, text: str | None, unit: str, count: int, each: str, words: Sequence[str] = ()) -> Any:
     """Read as many numbers as there are images or files, or one for all of them; `name` is the argument's in Python."""
+    if text is None or text in words:
+        return text
     option = f"--{name.replace('_', '-')}"
     allowed = f"a number, or {count} with commas between them, one {each}"
     found = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]

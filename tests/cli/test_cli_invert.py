@@ -135,6 +135,8 @@ def test_what_is_missing_is_asked_for_by_name(folder: Path, tmp_path: Path, caps
     blunt = ["invert", str(tmp_path / "blunt.toml"), str(folder / "measured0.nc")]
     assert "[tip] radius is missing" in fails(capsys, blunt)
     assert "there is no image" in fails(capsys, ["invert", scene, "tip.radius=20e-9"])
+    alone = fails(capsys, ["invert", str(folder / "simulated0.nc")])
+    assert "a scene file (.toml)" in alone and "images of one place at two settings or more" in alone
 
 
 @pytest.mark.parametrize(

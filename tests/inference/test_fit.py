@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
+from phasemap.inference.curves import problem
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
 FILM = pm.Material(0.89e9, 0.37, 0.014)
@@ -52,6 +53,13 @@ def both() -> pm.Fit:
     return pm.fit_distance(OFFSETS, **distance(FILM, ("approach", "retract"), 5), start=start)
 
 
+@pytest.fixture
+def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few places of the prior to choose other starts from, and short descents: where these lead is not asked."""
+    monkeypatch.setattr(problem, "LOOKS", 20)
+    monkeypatch.setattr(problem, "EVALUATIONS", 10)
+
+
 # chi2 / degrees of ~100 values has a standard deviation of 0.14.
 def is_right(fit: pm.Fit, material: pm.Material = FILM) -> bool:
     return fit.good and bool((abs(pulls(fit, material)) < 3).all()) and 0.6 < fit.chi2 / fit.degrees < 1.4
@@ -70,7 +78,7 @@ def test_a_distance_curve_gives_back_what_made_it(direction: str, factors: tuple
 
 
 def test_errors_are_those_of_many_measurements() -> None:
-    offsets = np.linspace(146e-9, 110e-9, 9)
+    offsets = np.linspace(146e-9, 128e-9, 9)
     sweep, found = pm.sweep_distance(FILM, SCOPE, offsets), []
     for seed in range(20):
         data = noisy(sweep, "approach", seed)
@@ -227,7 +235,7 @@ def test_a_single_datum_that_jumped_early_is_named_and_does_no_harm() -> None:
     assert f"next to a jump (up) on another branch: {FREQUENCIES[last] / 1e3:.6g} kHz" in fit.status
 
 
-def test_a_model_that_does_not_fit_is_tried_from_other_starts() -> None:
+def test_a_model_that_does_not_fit_is_tried_from_other_starts(few_looks: None) -> None:
     data = distance(FILM, "retract", 9)
     data["amplitude"] = 1.3 * data["amplitude"]
     fit = pm.fit_distance(
@@ -237,14 +245,14 @@ def test_a_model_that_does_not_fit_is_tried_from_other_starts() -> None:
     assert "after 2 starting points" in fit.status
 
 
-def test_other_starts_lie_within_what_is_searched() -> None:
+def test_other_starts_lie_within_what_is_searched(few_looks: None) -> None:
     # A decay length, which is known better than a material, is sought nearer to its start.
     scope = replace(SCOPE, interaction=pm.Interaction("dmt", 0.3e-9))
     fit = pm.fit_distance(
         OFFSETS[::8], scope=scope, start=FILM, parameters=("adhesion", "decay_length", "offset"),
-        amplitude=np.linspace(100e-9, 10e-9, 6), amplitude_error=1e-11,
+        amplitude=np.linspace(100e-9, 10e-9, 6), amplitude_error=1e-11, starts=3,
     )  # fmt: skip
-    assert not fit.good and fit.starts == 5
+    assert not fit.good and fit.starts == 3
 
 
 @pytest.mark.parametrize(
@@ -288,7 +296,7 @@ def test_as_many_parameters_as_data_are_refused() -> None:
 def test_a_curve_of_a_law_with_a_neck_gives_back_what_made_it(law: Any) -> None:
     # Without an attraction from afar the orbits that touch lie on a piece apart from the curve from far.
     scope = replace(SCOPE, interaction=pm.Interaction(law, decay_length=None))
-    offsets = np.linspace(148e-9, 130e-9, 8)
+    offsets = np.linspace(148e-9, 138e-9, 8)
     data = {**noisy(pm.sweep_distance(FILM, scope, offsets), "approach", 12), "scope": scope}
     fit = pm.fit_distance(offsets, **data, start=pm.Material(1.2e9, 0.3, 0.02), starts=1)
     assert (abs(pulls(fit)) < 3).all() and fit.chi2 / fit.degrees < 2.1, str(fit)  # 13 degrees: 1 +- 0.39

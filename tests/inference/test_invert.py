@@ -157,6 +157,7 @@ def test_one_image_determines_nothing():
     found = invert(measure(surface, setpoints=(0.6,)))
     for name in NAMES:
         assert is_set(found, f"{name}_not_determined").all()
+    assert "add images of the same place at other setpoints" in found.attrs["advice"]
 
 
 def test_data_that_no_material_explains_are_flagged():

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+ALONE = (
+    "One image has fewer data than a material has properties: add images of the same place at other setpoints and, "
+    "better, at another free amplitude."
+)
 BLOCKS = (512, 8192)  # least and most pixels that are solved together: small parts cost time, but threads want some
 
 
@@ -125,6 +129,8 @@ def invert(
     parts = [f"{name.replace('_', ' ')} {100 * np.mean(found.flags >> i & 1):.3g} %"
              for i, name in enumerate(FLAGS) if (found.flags >> i & 1).any()]  # fmt: skip
     ds.attrs["verdict"] = f"Of {len(stack)}: {', '.join(parts) or 'everything is determined'}."
+    if len(given) == 1:
+        ds.attrs["advice"] = ALONE
     ds.attrs["seconds"] = round(time.perf_counter() - started, 6)
     return ds
 
