@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.surface import Surface
+from phasemap.explorer.offered import Opened, first_of
+from phasemap.explorer.server import HOST, Server
+from phasemap.explorer.subject import subject_of
+from phasemap.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from phasemap.experiment.microscope import Microscope
-    from phasemap.experiment.surface import Surface
-    from phasemap.explorer.offered import Opened
-    from phasemap.scenes.scene import Scene
 
 HEIGHT = 900  # pixels of the frame in a notebook
 LEADS = """<!doctype html>
@@ -37,8 +39,6 @@ class Explorer:
     """
 
     def __init__(self, given: Opened | None = None, port: int = 0, fragment: str = "") -> None:
-        from phasemap.explorer.server import HOST, Server
-
         try:
             self._server = Server(given, port)
         except OSError as error:
@@ -174,9 +174,6 @@ def serve(given: Opened | None = None, port: int = 0, browser: bool = False, fra
 
 def _given(explored: object, scope: Microscope | None, setpoint: float | None) -> Opened | None:
     """What the user gives to begin with."""
-    from phasemap.explorer.offered import Opened, first_of
-    from phasemap.explorer.subject import subject_of
-
     if explored is None:
         if scope is not None or setpoint is not None:
             raise InputError("surface_or_scene", None, "a Surface or a Scene where scope or setpoint is given")

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import xarray as xr
 
 from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import extra
 from phasemap.io.whole_files import check_target, replacing
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SUFFIX = ".zarr"
 AT_ONCE = 1 << 26  # byte of samples in memory
@@ -27,8 +25,6 @@ def check_store(path: Path, overwrite: bool = False) -> Path:
 
 def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
     """Copy a netCDF file with a dimension "sample" into a zarr store, a chunk a sample, some in memory at a time."""
-    import xarray as xr
-
     with xr.open_dataset(source, engine="netcdf4") as ds, replacing(path, overwrite) as temporary:
         count = ds.sizes["sample"]
         step = max(1, AT_ONCE * count // max(ds.nbytes, 1))
@@ -45,8 +41,6 @@ def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
 def opened_store(path: Path) -> Iterator[xr.Dataset]:
     """Open a zarr store; values are read where they are needed."""
     extra("zarr", "reading zarr stores", "dask")
-    import xarray as xr
-
     try:
         with xr.open_dataset(path, engine="zarr") as ds:
             yield ds

@@ -39,7 +39,14 @@ from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, InputErrors
 from phasemap._shared.notices import untold
 from phasemap._shared.plausible import once
+from phasemap._shared.processes import in_processes
 from phasemap._shared.units import UDUNITS
+from phasemap.io.netcdf import check_dataset, save
+from phasemap.io.whole_files import check_target, replacing
+from phasemap.io.zarr_store import SUFFIX, check_store, write_store
+from phasemap.results.variables import provenance
+from phasemap.scenes.data_card import card_beside, data_card
+from phasemap.scenes.ensemble_file import Parts, assemble
 from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import check_overrides, make_samples
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
@@ -176,13 +183,6 @@ class Ensemble:
         ...         print(dict(ds.sizes))
         {'sample': 2, 'y': 64, 'x': 64}
         """
-        from phasemap._shared.processes import in_processes
-        from phasemap.io.netcdf import check_dataset
-        from phasemap.io.whole_files import check_target, replacing
-        from phasemap.io.zarr_store import SUFFIX, check_store, write_store
-        from phasemap.scenes.data_card import card_beside
-        from phasemap.scenes.ensemble_file import Parts, assemble
-
         path = Path(path)
         as_store = path.suffix == SUFFIX
         check_store(path, overwrite) if as_store else check_dataset(path, overwrite)
@@ -223,8 +223,6 @@ class Ensemble:
         """The data card of a file; where that is a store, `netcdf` has the same in it."""
         import xarray as xr
 
-        from phasemap.scenes.data_card import data_card
-
         with xr.open_dataset(netcdf, engine="netcdf4") as ds:
             return data_card(path, ds, self.tables, self.samples, first)
 
@@ -234,8 +232,6 @@ class Ensemble:
 
     def _attributes(self) -> dict[str, Any]:
         """Global attributes of the file: no time is among them, for the same ensemble gives the same bytes."""
-        from phasemap.results.variables import provenance
-
         about = provenance({}, "")
         return {
             **{name: about[name] for name in ("Conventions", "source", "phasemap_version")},
@@ -347,8 +343,6 @@ def _named(sample: int) -> Iterator[None]:
 
 def _make(job: tuple[int, Table, Path], folder: Path, form: Form, named: bool) -> Path:
     """Simulate a sample into its file, with the numbers among its attributes, but for the time it took."""
-    from phasemap.io.netcdf import save
-
     sample, tables, file = job
     with _named(sample):
         scene = scene_from_tables(tables, folder)

@@ -34,6 +34,9 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import of_one_loss
+from phasemap.experiment.surface import Surface
+from phasemap.results.channels import split
+from phasemap.results.variables import describe
 from phasemap.scenes.objects import (
     control_of,
     materials_of,
@@ -45,13 +48,12 @@ from phasemap.scenes.objects import (
     table_of,
     with_typical,
 )  # fmt: skip
+from phasemap.scenes.surface import Built, build_surface, dilate, seen
 from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from phasemap.experiment.surface import Surface
-    from phasemap.scenes.surface import Built
 
 TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "detector", "control", "accuracy",
@@ -230,9 +232,6 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
 
 def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     """What the tables describe."""
-    from phasemap.results.variables import describe
-    from phasemap.scenes.surface import build_surface
-
     complaints = Complaints()
     tables = complaints.of(with_typical, tables) or tables
     scan = complaints.of(scan_of, table_of(tables, "scan"))
@@ -309,15 +308,11 @@ def _asking(scan: Table) -> AbstractContextManager[None]:
 
 def _under_tip(table: Table, surface: Surface, scope: Microscope, setpoint: float) -> Surface:
     """The surface as its tip sees it."""
-    from phasemap.scenes.surface import dilate, seen
-
     return seen(table, dilate(table, surface, scope.tip), scope, setpoint)
 
 
 def _check_output(table: Table, control: Control | None, microscope: Microscope | None) -> None:
     """Refuse an output that cannot be, as far as is known without those that are None."""
-    from phasemap.results.channels import split
-
     check_keys("[output]", table, ("file", "variables"))
     file, variables = table.get("file"), table.get("variables")
     if file is not None and not isinstance(file, str):

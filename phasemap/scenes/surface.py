@@ -29,24 +29,29 @@ import inspect
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.arrays import as_array
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, is_number
+from phasemap.experiment import generate
 from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope, Tip
+from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_variables import QUANTITIES
+from phasemap.experiment.variation import Variation
+from phasemap.io.flattening import level_height
+from phasemap.io.measured import one_scan, segment_phase
+from phasemap.io.netcdf import load
+from phasemap.io.read import read_image
 from phasemap.scenes.surface_files import SUFFIXES, Files, read_array
-
-if TYPE_CHECKING:
-    from phasemap.experiment.microscope import Microscope, Tip
-    from phasemap.experiment.surface import Surface
-    from phasemap.experiment.variation import Variation
+from phasemap.scenes.tables import check_choice, check_keys, construct, missing
 
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
@@ -72,8 +77,6 @@ def build_surface(table: dict[str, Any], materials: Mapping[str, Material], fold
 
     Raises FileError if a file cannot be read.
     """
-    from phasemap.scenes.tables import check_choice, missing
-
     generators = _generators("Labels")
     if "kind" not in table:
         raise missing("[surface]", "kind")
@@ -95,8 +98,6 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
 
     `table`: the table, with the keys dilate and half_angle if there are any.
     """
-    from phasemap.scenes.tables import construct
-
     wanted = table.get("dilate", False)
     if not isinstance(wanted, bool):
         raise InputError("[surface] dilate", wanted, "true or false")
@@ -117,9 +118,6 @@ def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint
 
 def variation_of(table: Mapping[str, Any]) -> Variation | None:
     """How much the materials vary within their domains, if the ``[surface]`` table says that they do."""
-    from phasemap.experiment.variation import Variation
-    from phasemap.scenes.tables import check_keys, construct
-
     if "variation" not in table:
         return None
     name, given = "[surface.variation]", table["variation"]
@@ -131,10 +129,6 @@ def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: Files, generator: Callable[..., np.ndarray] | None
 ) -> tuple[Surface, Labels]:
     """A map of labels, given or generated, and the material of each."""
-    from phasemap._shared.arrays import as_array
-    from phasemap.experiment.surface import Surface
-    from phasemap.scenes.tables import check_keys, construct
-
     own = ("materials", "pixel_size", "topography", "heights", "variation")
     if generator is None:
         check_keys("[surface]", table, ("labels", *own), ("labels", "materials", "pixel_size"))
@@ -163,10 +157,6 @@ def _from_labels(
 
 def _from_maps(table: dict[str, Any], files: Files) -> Surface:
     """Maps of properties, one by one or together in a netCDF file."""
-    from phasemap.experiment.surface import Surface
-    from phasemap.io.netcdf import load
-    from phasemap.scenes.tables import check_keys, construct
-
     if not isinstance(table.get("allow_nan", False), bool):
         raise InputError("[surface] allow_nan", table["allow_nan"], "true or false")
     if "file" in table:
@@ -180,12 +170,6 @@ def _from_maps(table: dict[str, Any], files: Files) -> Surface:
 
 def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: Files) -> tuple[Surface, Labels]:
     """The height of a measured image as topography, and its phase populations as materials."""
-    from phasemap.experiment.surface import Surface
-    from phasemap.io.flattening import level_height
-    from phasemap.io.measured import one_scan, segment_phase
-    from phasemap.io.read import read_image
-    from phasemap.scenes.tables import check_keys
-
     check_keys("[surface]", table, ("file", "materials", "height", "phase", "variation"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
     with untold():  # who made the scene was told
@@ -205,8 +189,6 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
 
 def _generators(result: str) -> dict[str, Callable[..., np.ndarray]]:
     """The generators of labels or of fields, by name."""
-    from phasemap.experiment import generate
-
     every = {name: getattr(generate, name) for name in generate.__all__}
     return {name: function for name, function in every.items() if function.__annotations__["return"] == result}
 
@@ -220,8 +202,6 @@ def _arguments(function: Callable[..., object]) -> tuple[list[str], list[str]]:
 
 def _map(key: str, value: object, files: Files, surface: Mapping[str, Any]) -> Any:
     """A number, rows of numbers, the array in a file, or a generated field with the shape and pixels of the surface."""
-    from phasemap.scenes.tables import check_choice, check_keys, construct
-
     if isinstance(value, str):
         if Path(value).suffix.lower() not in SUFFIXES and is_number(value):
             return value
@@ -264,8 +244,6 @@ def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndar
 
 def _relief(given: object, shape: tuple[int, ...]) -> np.ndarray:
     """A topography to which the heights of labels can be added."""
-    from phasemap._shared.arrays import as_array
-
     with suppress(NotThatUnit):  # which leaves text, and that is refused below
         given = array_in_si(given, "m")
     relief = as_array("[surface] topography", given, "one number or a 2-D map")
@@ -286,8 +264,6 @@ def _materials(names: object, materials: Mapping[str, Material]) -> list[Materia
 
 def _material(name: object, materials: Mapping[str, Material]) -> Material:
     """The material of one name."""
-    from phasemap.scenes.tables import check_choice
-
     if not materials:
         raise InputError("[surface] materials", name, "names of [materials.NAME] tables, of which the scene has none")
     check_choice("[surface] materials", name, materials)

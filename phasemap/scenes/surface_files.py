@@ -13,6 +13,7 @@ import numpy as np
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
+from phasemap.io.netcdf import load
 
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
@@ -89,8 +90,6 @@ def _read_npy(path: Path) -> np.ndarray:
 
 def _read_variable(path: Path, variable: object) -> np.ndarray:
     """One variable of a netCDF file."""
-    from phasemap.io.netcdf import load
-
     dataset = load(path)
     if variable not in list(dataset.data_vars):
         held = ", ".join(map(repr, dataset.data_vars))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import Material
@@ -24,9 +25,6 @@ from phasemap.results.variables import (
 )
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import Jump, Visit, stable
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 NAMES = (
     "amplitude", "phase", "height", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
@@ -65,8 +63,6 @@ def dataset(
     held: dict[str, Any],
 ) -> xr.Dataset:
     """Make the Dataset of a sweep; `value` makes values of the axis from its column, `held` is for the provenance."""
-    import xarray as xr
-
     order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order
     rows = curves.seen(np.stack([visit.rows[order] for visit in visits]))
     dims = ("direction", axis.name)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.continuation.path import ENTRY_M, ENTRY_Z0
 from phasemap._shared.errors import InputError
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -20,24 +20,18 @@ from phasemap.solvers.continuation.complete import (
     orbits_of_offset,
 )
 from phasemap.solvers.continuation.off_orbit import OffOrbit
-from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path
+from phasemap.solvers.continuation.path import BEYOND, UNITS, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.slow_feedback import Place, SlowFeedback
 from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
 from phasemap.sweeps import in_time
 from phasemap.sweeps.dataset import Axis, dataset
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-
 STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin the curve from
 
 
 def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
-    from phasemap._kernels.continuation.path import ENTRY_Z0
-
     if Question(material, scope).only_in_time:
         return in_time.distance(Question(material, scope), axis, samples)
     path = fixed_path(Question(material, scope))
@@ -70,9 +64,6 @@ def parameter(
     samples: int,
 ) -> xr.Dataset:  # fmt: skip
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
-    from phasemap._kernels.continuation.path import ENTRY_M
-    from phasemap.solvers.continuation.path import UNITS
-
     if ratio is not None and scope.drive.excitation != "direct":
         hint = "A feedback on the deflection is not followed along other parameters; solve the values one by one."
         raise InputError("excitation", scope.drive.excitation, "'direct' for a sweep with a setpoint held", hint)

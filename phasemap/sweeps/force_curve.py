@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels.columns import FORMING, RELEASE
+from phasemap._kernels.law import contact_force, longrange_force
 from phasemap._shared.asked import asked_as
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import describe, provenance
 from phasemap.solvers.problem import work_of_material
 from phasemap.sweeps.sweep import check_axis
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DEPTHS = "-5 nm:2 nm:281"
 USUAL = (0.0, 1e-5)  # m, of depths and distances of interest
@@ -47,10 +46,6 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     >>> (1e9 * curve.force.sel(direction="approach")).round(2).values.tolist()
     [-0.79, -3.14, 11.27]
     """
-    import xarray as xr
-
-    from phasemap._kernels.law import contact_force, longrange_force
-
     axis = check_axis("depths", depths, "m", usual=USUAL)
     work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.wets)
     row = work.rows[0]

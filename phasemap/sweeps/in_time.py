@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.continuation.path import fixed_path
+from phasemap._kernels.engagement.in_time import carry_on, carry_to, free_state
+from phasemap._kernels.law import Oscillator, parameters
+from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.results.status import Status
@@ -15,12 +21,8 @@ from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.continuation.visit import Visit
 from phasemap.solvers.in_time import ETA
+from phasemap.solvers.problem import Work
 from phasemap.sweeps.dataset import Axis, dataset
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.solvers.problem import Work
 
 
 class Passage:
@@ -30,11 +32,6 @@ class Passage:
     """
 
     def __init__(self, work: Work, farthest: float) -> None:
-        from phasemap._kernels.engagement.in_time import free_state
-        from phasemap._kernels.law import Oscillator, parameters
-        from phasemap._kernels.lever import free_amplitude, reach_of
-        from phasemap._kernels.orbits.averaged.orbits import far_start
-
         law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
         p, free = parameters(work.rows[0]), free_amplitude(work.lever)
         far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
@@ -42,9 +39,6 @@ class Passage:
 
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""
-        from phasemap._kernels.engagement.in_time import carry_on, carry_to
-        from phasemap._kernels.law import Oscillator, parameters
-
         row = np.full(col.FULL, np.nan)
         move = carry_on if by_amplitude else carry_to
         oscillator = Oscillator(work.law, parameters(work.rows[0]), work.lever)
@@ -118,10 +112,6 @@ def _dataset(
     question: Question, work: Work, about: Axis, visits: list[Visit], samples: int, held: dict[str, float | None]
 ) -> xr.Dataset:
     """The Dataset of a sweep without a curve."""
-    from phasemap._kernels.continuation.path import fixed_path
-    from phasemap._kernels.law import Oscillator, parameters
-    from phasemap._kernels.quadrature import TABLES
-
     if samples:
         raise InputError("samples", samples, "0 where contacts remember or are wet: what is marched keeps no traces")
     path = fixed_path(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
@@ -27,9 +26,6 @@ from phasemap.results.variables import (
 from phasemap.solvers.continuation.complete import orbits_of_amplitude, orbits_of_offset
 from phasemap.solvers.continuation.path import Question, fixed_path
 from phasemap.solvers.problem import check_setpoint
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @asked_as()
@@ -84,8 +80,6 @@ def orbits(
 
 
 def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
-    import xarray as xr
-
     names = (
         "tip_offset", "amplitude", "height", "phase", "mean_deflection", "indentation", "dissipation", "virial",
         "floquet", "feedback_slope", "energy_closure",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
@@ -17,9 +18,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.continuation.path import NUMBERS, UNITS
 from phasemap.solvers.problem import check_setpoint
-
-if TYPE_CHECKING:
-    import xarray as xr
+from phasemap.sweeps.follow import distance, parameter, setpoint
 
 OFFSETS = (0.0, 1e-4)  # m, where a tip is held in practice
 
@@ -54,8 +53,6 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     >>> curve.sizes["fold"], curve.jump_direction.values.tolist()
     (2, [0, 1])
     """
-    from phasemap.sweeps.follow import distance
-
     axis = check_axis("tip_offsets", tip_offsets, "m", usual=OFFSETS)
     return distance(material, scope, axis, check_samples(samples))
 
@@ -86,8 +83,6 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
     >>> curve.phase.sel(direction="down").values[[0, -1]].round(2).tolist()
     [-18.19, 72.54]
     """
-    from phasemap.sweeps.follow import setpoint
-
     axis = check_axis("setpoints", setpoints, "1")
     for value in axis:
         check_setpoint(value)
@@ -126,8 +121,6 @@ def sweep_frequency(
     >>> curve.sizes["direction"], bool((curve.status == 0).all())
     (2, True)
     """
-    from phasemap.sweeps.follow import parameter
-
     axis = check_axis("frequencies", frequencies, "Hz", above=0, usual=FREQUENCY)
     height = _offset(tip_offset)
     return parameter(material, scope, "frequency", axis, None, height, check_samples(samples))
@@ -177,8 +170,6 @@ def sweep_parameter(
     >>> curve.phase.sel(direction="up").values[[0, -1]].round(1).tolist()
     [38.1, 44.9]
     """
-    from phasemap.sweeps.follow import parameter
-
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
     ratio = None if setpoint is None else check_setpoint(setpoint)

@@ -12,9 +12,10 @@ import uuid
 from dataclasses import replace
 from functools import partial, reduce
 from operator import getitem
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.realism import Realism
@@ -25,9 +26,6 @@ from phasemap.imaging.job import Job
 from phasemap.imaging.materials.survey import Place, Survey, survey
 from phasemap.imaging.plan import Stretch, fill_part, plan_image, simulator_of
 from phasemap.results.variables import FLAGS
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = np.ndarray
 Key = tuple[str, int] | str
@@ -169,7 +167,6 @@ def _fill(place: Place, lines: slice, job: Job, stretches: list[Stretch], state:
 def _notes(job: Job, filled: Filling) -> dict[str, Any]:
     """What a control finds out, as variables that are not known before they are computed."""
     import dask.array as da
-    import xarray as xr
     from dask.delayed import delayed
 
     long_names, token = simulator_of(job.control).notes, _token("notes")

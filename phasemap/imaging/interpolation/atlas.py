@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels.materials.interpolate import Series, Tree, locate, sum_series
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.cells import Piece
-
-if TYPE_CHECKING:
-    from phasemap._kernels.materials.interpolate import Series, Tree
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,8 +35,6 @@ class Atlas:
         pieces: Sequence[Piece],
     ) -> Atlas:
         """Pack the parts of an atlas."""
-        from phasemap._kernels.materials.interpolate import Tree
-
         number = {id(border): i for i, border in enumerate(borders)}
         ends = np.zeros((len(pieces), 2))
         end_borders = np.full((len(pieces), 2), -1, np.int64)
@@ -76,8 +71,6 @@ class Atlas:
 
     def __call__(self, points: Array, wanted: Ints) -> tuple[NDArray[np.int32], Array]:
         """Piece of every point, shape (3, n), -1 where there is none, and functions `wanted`, shape (wanted, n)."""
-        from phasemap._kernels.materials.interpolate import locate, sum_series
-
         count = points.shape[1]
         piece, inside = np.empty(count, np.int32), np.empty((3, count))
         out = np.full((len(wanted), count), np.nan)
@@ -94,8 +87,6 @@ def _without_rest(table: Array) -> Array:
 
 def _packed(pieces: Sequence[Piece]) -> Series:
     """Series of each piece, without the negligible coefficients at the end along u."""
-    from phasemap._kernels.materials.interpolate import Series
-
     count = pieces[0].coefficients.shape[-1] if pieces else 0
     sizes = np.array([piece.coefficients.shape[:3] for piece in pieces], np.int64).reshape(-1, 3)
     length_starts, starts = np.zeros((len(pieces), count), np.int64), np.zeros((len(pieces), count), np.int64)

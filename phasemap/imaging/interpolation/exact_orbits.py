@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.quadrature import TABLES
+from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
 from phasemap._kernels.wide import ADHESION_LOSS
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
@@ -76,9 +78,6 @@ class ExactOrbits:
         `amplitude`: in place of that at the setpoint [m].
         `group`: so many points, one after another, are close to each other.
         """
-        from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
-
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
         offsets, means, phases = guesses[:, [HEIGHT, MEAN, PHASE]].T.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._kernels.materials.distinct import gather, look_up, row_digests
 from phasemap._shared.errors import InputError, Word
 
 Array = NDArray[np.float64]
@@ -30,8 +31,6 @@ class Distinct:
 
     def add(self, materials: Array) -> int:
         """Take in materials, and return how many there was room for."""
-        from phasemap._kernels.materials.distinct import gather
-
         if not self._count:
             self._known = np.empty((len(self._known), materials.shape[1]), np.uint64)
         self._count, taken = gather(_bits(materials), self._table, self._known, self._count)
@@ -39,8 +38,6 @@ class Distinct:
 
     def numbers(self, materials: Array) -> NDArray[np.int32]:
         """Which member each material is."""
-        from phasemap._kernels.materials.distinct import look_up
-
         out = np.empty(len(materials), np.int32)
         look_up(_bits(materials), self._table, self._known, out)
         if (out < 0).any():
@@ -55,8 +52,6 @@ def _bits(materials: Array) -> NDArray[np.uint64]:
 
 def digests_of(materials: Array) -> NDArray[np.uint64]:
     """64 bits of each material that almost surely differ where the materials differ."""
-    from phasemap._kernels.materials.distinct import row_digests
-
     out = np.empty(len(materials), np.uint64)
     row_digests(_bits(materials), out)
     return out

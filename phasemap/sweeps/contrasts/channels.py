@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
@@ -13,9 +14,6 @@ from phasemap.results.variables import FLOATS
 from phasemap.sweeps.contrasts.dataset import DIMS
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 Array = NDArray[np.float64]
 
 
@@ -23,8 +21,6 @@ def derived(
     names: tuple[str, ...], pair: Pair, labels: tuple[str, str], axes: Axes, engaged: Engaged
 ) -> dict[str, xr.Variable]:
     """Channels of each material, and of the second less the first under the name with ``_contrast``."""
-    import xarray as xr
-
     values = {name: np.full(engaged.rows.shape[:-1], np.nan) for name in names}
     for i, frequency in enumerate(axes[0]):
         for k, free in enumerate(axes[1]):

@@ -6,9 +6,10 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import real_numbers
@@ -34,9 +35,6 @@ from phasemap.sweeps.contrasts.edges import borders
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
 from phasemap.sweeps.contrasts.recommendation import RULE, Choice, choose
 from phasemap.sweeps.sweep import check_axis
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = np.ndarray
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes, motion_of
 from phasemap.sweeps.contrasts.edges import Inversion, Jump
 from phasemap.sweeps.contrasts.pair import REGIMES, Axes, Engaged
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = np.ndarray
 
@@ -36,8 +34,6 @@ def record(
 
     `engaged`, `regime`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
     """
-    import xarray as xr
-
     coords: dict[str, Any] = {dim: (dim, values, ABOUT[dim]) for dim, values in zip(DIMS, axes, strict=True)}
     coords["material"] = ("material", list(names), {"long_name": "material"})
     dims = ("material", *DIMS)

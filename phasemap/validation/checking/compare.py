@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
@@ -24,9 +25,6 @@ from phasemap.validation.checking.tolerance import (
     spread,
     stated,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -156,8 +154,6 @@ def _quantities(picture: Picture, again: Again, values: Values) -> dict[str, _Qu
 
 def _dataset(picture: Picture, again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
     """The sampled pixels, both ways."""
-    import xarray as xr
-
     direction, row, column = np.unravel_index(again.pixels, picture.shape)
     data: dict[str, Any] = {
         name: ("pixel", values, {"long_name": f"{name} of the pixel"})

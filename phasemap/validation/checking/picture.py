@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
@@ -15,9 +16,6 @@ from phasemap.experiment.realism import DIGITISED
 from phasemap.imaging.imperfections import finish
 from phasemap.results.variables import FLAGS, FLOATS
 from phasemap.validation.checking.claims import Claims
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -58,8 +56,6 @@ class Picture:
     @cached_property
     def _offsets(self) -> dict[str, Array]:
         """Offsets of lines, by name of the variable."""
-        import xarray as xr
-
         realism = replace(self.claims.realism, bits=None)
         flat = {name: xr.zeros_like(self.image[name]) for name in ("height", "phase") if name in self}
         added = finish(xr.Dataset(flat), realism)
