@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
+
+Array: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int32]
 
 
 def as_array(name: str, value: object, allowed: str, dtype: Any = None) -> NDArray[Any]:
@@ -37,7 +40,7 @@ def as_list(name: str, value: object, allowed: str) -> list[Any]:
     return list(np.atleast_1d(as_array(name, value, allowed, object)).tolist())
 
 
-def real_numbers(name: str, values: object, unit: str) -> NDArray[np.float64]:
+def real_numbers(name: str, values: object, unit: str) -> Array:
     """Return numbers, with units or in `unit`, as a float64 array of any shape; NaN where they are masked."""
     allowed = f"numbers{f' in {unit}' if unit not in ('', '1') else ''}"
     given = as_array(name, numbers(name, values, unit), allowed)

@@ -8,25 +8,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import NotThatUnit, scaled
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = NDArray[np.float64]
 
 LONG_NAMES = {"y": "y from the bottom edge", "x": "x from the left edge"}  # short: xarray labels axes by them
 
 
-def centres(count: int, step: float) -> FloatArray:
+def centres(count: int, step: float) -> Array:
     """Return the centres of `count` pixels from the corner where they begin to count."""
     return (np.arange(count, dtype=np.float64) + 0.5) * step
 
 
-def coordinates(y: FloatArray, x: FloatArray) -> dict[str, Any]:
+def coordinates(y: Array, x: Array) -> dict[str, Any]:
     """Return places of pixels [m] as the coordinates of a Dataset."""
     return {
         dim: (dim, places, {"long_name": LONG_NAMES[dim], "units": "m", "axis": dim.upper()})
@@ -34,7 +33,7 @@ def coordinates(y: FloatArray, x: FloatArray) -> dict[str, Any]:
     }
 
 
-def downwards(places: FloatArray, dim: str) -> FloatArray:
+def downwards(places: Array, dim: str) -> Array:
     """Return places along y or x so that they rise from the top left corner, as y of an image may not."""
     return places[::-1] if dim == "y" and len(places) > 1 and places[0] > places[-1] else places
 

@@ -7,16 +7,15 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels.columns import MOST_ARMS
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.prony import Prony, arms_at, spectrum_of
 
-FloatArray = NDArray[np.float64]
 FASTEST_SEEN = 30.0  # drive frequencies up to which a tap hears: half of it lasts for a sixtieth of the period or more
 REDUCED = 1e-4  # largest error of the complex modulus up to there that merging fast arms may make, over its size
-_TABLES: dict[float, FloatArray] = {}
+_TABLES: dict[float, Array] = {}
 """Tables by the addresses at which kernels find them, for as long as the process lasts."""
 
 
@@ -95,6 +94,6 @@ def contact_of(key: float, compliance: float, frequency: float, unit: float) -> 
     return Contact(stiffness, time, kappa, address)
 
 
-def most_arms(relaxation: FloatArray) -> int:
+def most_arms(relaxation: Array) -> int:
     """Most arms of what `phasemap.experiment.properties.relaxation_of` gives."""
     return max((int(_TABLES[address][0]) for address in np.unique(relaxation[:, 2]) if address), default=1)

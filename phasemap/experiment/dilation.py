@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import is_uniform, read_only
+from phasemap._shared.arrays import Array, is_uniform, read_only
 from phasemap._shared.checks import number
 from phasemap._shared.memory import check_fits
 from phasemap._shared.plausible import unquestioned
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Tip
     from phasemap.experiment.surface import Surface
 
-FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int32]
 
 HALF_ANGLE = 20.0  # degree; what makers of etched silicon tips state is 10 to 25
@@ -59,16 +58,16 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     return seen_at(surface, touched, apex)
 
 
-def tip_profile(distance: FloatArray, radius: float, half_angle: float) -> FloatArray:
+def tip_profile(distance: Array, radius: float, half_angle: float) -> Array:
     """Height of the tip's surface above its apex [m], at distances from its axis [m]; the angle of its cone in rad."""
     tangent = radius * math.cos(half_angle)
     inside = np.minimum(distance, tangent)
     sphere = inside**2 / (radius + np.sqrt(radius**2 - inside**2))  # R - sqrt(R^2 - r^2), without cancellation
-    height: FloatArray = sphere + (distance - inside) / math.tan(half_angle)
+    height: Array = sphere + (distance - inside) / math.tan(half_angle)
     return height
 
 
-def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArray | None) -> Surface:
+def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: Array | None) -> Surface:
     """The surface with another topography [m], and the materials of other pixels, each as ``row * nx + column``."""
     maps: dict[str, Any] = {"topography": None if topography is None else read_only(topography)}
     for name in QUANTITIES:
@@ -80,8 +79,8 @@ def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: FloatArra
 
 
 def _lower(
-    relief: FloatArray, pixel_size: tuple[float, float], radius: float, half_angle: float
-) -> tuple[FloatArray, IndexArray]:
+    relief: Array, pixel_size: tuple[float, float], radius: float, half_angle: float
+) -> tuple[Array, IndexArray]:
     """Height of the apex over each pixel [m], and the pixel it touches, as ``row * nx + column``."""
     offsets, rises = _reachable(relief, pixel_size, radius, half_angle)
     margin = [int(most) for most in offsets.max(axis=0)]
@@ -96,9 +95,7 @@ def _lower(
     return apex, touched
 
 
-def _lower_tile(
-    apex: FloatArray, which: IndexArray, around: FloatArray, corners: NDArray[np.intp], rises: FloatArray
-) -> None:
+def _lower_tile(apex: Array, which: IndexArray, around: Array, corners: NDArray[np.intp], rises: Array) -> None:
     """Raise the apex over the pixels of a tile, in place, to where the tip touches.
 
     `around` is the relief of the tile with a margin, and `corners` say where in it the tile lies, moved by each offset.
@@ -115,8 +112,8 @@ def _lower_tile(
 
 
 def _reachable(
-    relief: FloatArray, pixel_size: tuple[float, float], radius: float, half_angle: float
-) -> tuple[NDArray[np.intp], FloatArray]:
+    relief: Array, pixel_size: tuple[float, float], radius: float, half_angle: float
+) -> tuple[NDArray[np.intp], Array]:
     """Offsets, shape (n, 2), in rows and columns, where the tip rises less than the relief does, and by how much.
 
     The nearest come first, the pixel itself before all.

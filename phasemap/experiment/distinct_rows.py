@@ -7,13 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import is_uniform, read_only
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from phasemap._shared.arrays import Array, IntArray, is_uniform, read_only
 
 
-def distinct_materials(maps: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
+def distinct_materials(maps: Sequence[Array]) -> tuple[Array, IntArray]:
     """Distinct materials of maps of one shape: a row for each, and which one each pixel has; both read-only."""
     shape = maps[0].shape
     varying = [one.reshape(-1) for one in maps if not is_uniform(one)]
@@ -24,7 +21,7 @@ def distinct_materials(maps: Sequence[FloatArray]) -> tuple[FloatArray, IntArray
     return read_only(np.column_stack([one[pixels] for one in maps])), read_only(flat.reshape(shape))
 
 
-def factorise(columns: Sequence[FloatArray]) -> tuple[NDArray[np.intp], IntArray]:
+def factorise(columns: Sequence[Array]) -> tuple[NDArray[np.intp], IntArray]:
     """Find the distinct rows of equally long columns, by their bits: where each occurs, and which one each entry is."""
     size = columns[0].size
     count, codes = _codes(np.ascontiguousarray(columns[0]).view(np.int64))

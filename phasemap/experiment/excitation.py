@@ -11,11 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-
-Array = NDArray[np.float64]
+from phasemap._shared.arrays import Array
 
 DETECTED = {
     "direct": "position of the tip: the drive's force acts on it",

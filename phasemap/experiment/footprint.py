@@ -20,10 +20,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._shared.arrays import as_array
+from phasemap._shared.arrays import Array, as_array
 from phasemap._shared.checks import numbers
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
@@ -35,7 +34,6 @@ from phasemap.experiment.surface_maps import where
 if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
 
-Array = NDArray[np.float64]
 
 LEVELS = 12  # discs of different size that a map is seen with; between two of them it is interpolated
 HALVINGS = 60

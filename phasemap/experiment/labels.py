@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import as_array, read_only
+from phasemap._shared.arrays import Array, IntArray, as_array, read_only
 from phasemap._shared.dask_arrays import lazy_map
 from phasemap._shared.errors import InputError
 from phasemap.experiment.distinct_rows import factorise
@@ -17,13 +17,10 @@ from phasemap.experiment.material_rows import column_of, more_of, rows_of
 from phasemap.experiment.relaxing import refuse_film
 from phasemap.experiment.surface_maps import check_memory, where
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-
 LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 
 
-def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[FloatArray, IntArray]]:
+def looked_up(labels: Any, materials: Any) -> tuple[dict[str, Any], tuple[Array, IntArray]]:
     """Look up the material of every pixel; both arguments as `phasemap.Surface.from_labels` takes them.
 
     Returns the arguments of `phasemap.Surface` that make up a material, arrays, or one number where all are the same;
@@ -79,7 +76,7 @@ def _whole_numbers(labels: Any) -> NDArray[Any]:
     return label_map
 
 
-def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], FloatArray, bool]:
+def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> tuple[list[int], Array, bool]:
     """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
     labelled = _labelled(materials)
     table, viscous = rows_of(labelled.values())
@@ -131,6 +128,6 @@ def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
     return index + names.index(fitting[0])
 
 
-def _of_labels(labels: NDArray[Any], names: list[int], column: FloatArray) -> FloatArray:
+def _of_labels(labels: NDArray[Any], names: list[int], column: Array) -> Array:
     """One property of the material of each label."""
     return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array, IntArray
 from phasemap._shared.asked import asked_as
 from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
@@ -19,32 +20,29 @@ from phasemap.experiment.distinct_rows import distinct_materials
 from phasemap.experiment.material_rows import MORE
 from phasemap.experiment.surface_variables import QUANTITIES
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Maps:
     """Read-only maps of one shape, as `phasemap.Surface` describes and makes them."""
 
-    modulus: FloatArray
-    adhesion: FloatArray
-    damping: FloatArray | None
-    viscosity: FloatArray | None
-    poisson_ratio: FloatArray
-    topography: FloatArray | None
-    thickness: FloatArray | None
-    relaxed_modulus: FloatArray | None
-    relaxation_time: FloatArray | None
-    liquid_film: FloatArray | None
-    contact_angle: FloatArray | None
-    relaxation: FloatArray | None
+    modulus: Array
+    adhesion: Array
+    damping: Array | None
+    viscosity: Array | None
+    poisson_ratio: Array
+    topography: Array | None
+    thickness: Array | None
+    relaxed_modulus: Array | None
+    relaxation_time: Array | None
+    liquid_film: Array | None
+    contact_angle: Array | None
+    relaxation: Array | None
     pixel_size: tuple[float, float]
     shape: tuple[int, int]
     allow_nan: bool
-    _unique: tuple[FloatArray, IntArray] | None = field(init=False)
+    _unique: tuple[Array, IntArray] | None = field(init=False)
 
-    def coords(self) -> tuple[FloatArray, FloatArray]:
+    def coords(self) -> tuple[Array, Array]:
         """Positions of the pixel centres from the bottom left corner of the image; row 0 is the top.
 
         Returns
@@ -79,7 +77,7 @@ class Maps:
         if self.lazy:
             raise InputError("surface", Word("in Dask arrays"), "maps in memory", "Take surface.compute().")
 
-    def unique(self) -> tuple[FloatArray, IntArray]:
+    def unique(self) -> tuple[Array, IntArray]:
         """Find the distinct materials, so that each is solved once.
 
         Returns
@@ -108,11 +106,11 @@ class Maps:
         return found
 
     @property
-    def found(self) -> tuple[FloatArray, IntArray] | None:
+    def found(self) -> tuple[Array, IntArray] | None:
         """What `unique` gives if that is known already, else None."""
         return self._unique
 
-    def materials(self, pixels: slice | NDArray[np.intp]) -> FloatArray:
+    def materials(self, pixels: slice | NDArray[np.intp]) -> Array:
         """Rows as `unique` gives them, of some pixels.
 
         Parameters
@@ -130,7 +128,7 @@ class Maps:
         return np.column_stack([column.reshape(-1)[pixels] for column in self.columns])
 
     @property
-    def columns(self) -> list[FloatArray]:
+    def columns(self) -> list[Array]:
         """The maps that make up a material."""
         loss = self.viscosity if self.damping is None else self.damping
         assert loss is not None

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._shared.arrays import as_array
+from phasemap._shared.arrays import Array, as_array
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number, known_as
 from phasemap._shared.shown import Shown
 
-FloatArray = NDArray[np.float64]
 DENSITIES = (0.5, 1.0, 1.5, 2.0, 3.0)  # arms a decade that are tried for a power law
 MARGIN = 1.0  # decades by which the times of a table's fit go beyond its band
 
@@ -236,7 +235,7 @@ class Prony(Shown):
         return found
 
 
-def arms_at(frequency: FloatArray, times: FloatArray) -> NDArray[np.complex128]:
+def arms_at(frequency: Array, times: Array) -> NDArray[np.complex128]:
     """Complex modulus of arms at frequencies [Hz], over their moduli, shape (*frequency.shape, arms)."""
     turn = 2j * np.pi * frequency[..., None] * times
     return np.asarray(turn / (1 + turn))

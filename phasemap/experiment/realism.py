@@ -6,9 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, known_as
@@ -17,8 +14,6 @@ from phasemap._shared.shown import Shown, in_words
 from phasemap._shared.units import say
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS
-
-FloatArray = NDArray[np.float64]
 
 PRESETS: dict[str, dict[str, Any]] = {
     "typical": {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap.experiment.microscope import Microscope, Tip
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 @known_as(E="modulus", w="adhesion", nu="poisson_ratio", h="thickness")

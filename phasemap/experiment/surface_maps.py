@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._shared.arrays import as_array, is_frozen, is_uniform, read_only
+from phasemap._shared.arrays import Array, as_array, is_frozen, is_uniform, read_only
 from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
 from phasemap._shared.dask_arrays import is_lazy, lazy_map
 from phasemap._shared.errors import InputError, Word
@@ -23,8 +23,6 @@ from phasemap._shared.plausible import question
 from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
 from phasemap._shared.units import say
 from phasemap.experiment.surface_variables import QUANTITIES, Quantity, variable_in_si
-
-FloatArray = NDArray[np.float64]
 
 PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice
 SAME_STEP = 1e-3  # relative; coordinates may be in single precision
@@ -55,7 +53,7 @@ def _in_si(name: str, value: Any) -> Any:
         raise InputError(name, shown, f"one number or a 2-D map, in {unit} or each {with_unit(unit)}") from None
 
 
-def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> FloatArray:
+def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> Array:
     """Return `value`, checked, as a read-only float64 array: 0-d, or a map whose strides are 0 if it is uniform."""
     quantity = QUANTITIES[name]
     if isinstance(value, np.ma.MaskedArray):
@@ -113,7 +111,7 @@ def _inside(value: Any, quantity: Quantity) -> Any:
     return inside | (value == math.inf) if quantity.endless else inside
 
 
-def _raise_for_pixel(name: str, full: FloatArray, bad: NDArray[np.bool_]) -> None:
+def _raise_for_pixel(name: str, full: Array, bad: NDArray[np.bool_]) -> None:
     """Raise `InputError` for the first bad pixel and say how many there are."""
     quantity = QUANTITIES[name]
     value = full.reshape(-1)[bad.argmax()]
@@ -132,7 +130,7 @@ def where(bad: NDArray[np.bool_]) -> str:
     return f"It is at row {row}, column {col}" + (f"; {count} such pixels." if count > 1 else ".")
 
 
-def common_shape(maps: dict[str, FloatArray], shape: Sequence[int] | None) -> tuple[int, int]:
+def common_shape(maps: dict[str, Array], shape: Sequence[int] | None) -> tuple[int, int]:
     """Return the one shape that `shape` and all maps have."""
     first, agreed = "", (0, 0)
     if shape is not None:

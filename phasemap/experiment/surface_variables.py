@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasemap._shared.arrays import read_only
+from phasemap._shared.arrays import Array, read_only
 from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
-from phasemap._shared.pixels import FloatArray, coordinate_step, coordinates, in_si_of
+from phasemap._shared.pixels import coordinate_step, coordinates, in_si_of
 from phasemap.experiment.material import ADHESION, LIQUID, MODULUS, RELAXATION, THICKNESS, VISCOSITY
 from phasemap.experiment.prony import Prony, spectrum_of
 
@@ -60,7 +60,7 @@ def maps_of(dataset: xr.Dataset) -> dict[str, Any]:
     return {**given, "pixel_size": sides, "shape": (dataset.sizes["y"], dataset.sizes["x"])}
 
 
-def as_variables(maps: Mapping[str, Any], y: FloatArray, x: FloatArray) -> xr.Dataset:
+def as_variables(maps: Mapping[str, Any], y: Array, x: Array) -> xr.Dataset:
     """Return the maps that are there as variables over the pixel centres `y` and `x` [m]."""
     import xarray as xr
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import ADHESION_LOSS, WIDE
-from phasemap._shared.arrays import is_uniform
+from phasemap._shared.arrays import Array, is_uniform
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.excitation import of_tip
@@ -27,8 +27,6 @@ from phasemap.imaging.materials.survey import Survey
 from phasemap.imaging.tolerances import tolerances_of
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.energy import close
-
-Array = NDArray[np.float64]
 
 Numbers = Callable[[slice], NDArray[np.int32]]
 """Which distinct material each pixel of a range is made of."""

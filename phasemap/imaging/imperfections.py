@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap.experiment.dilation import seen_at
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import DIGITISED, Realism
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.surface import Surface
 
 
-FloatArray = NDArray[np.float64]
 FAR = 2.0**40  # pixels: drift beyond every image
 
 
@@ -55,12 +55,12 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
     return seen_at(surface, rows[:, np.newaxis] * nx + columns, relief)
 
 
-def _nearest(pixels: FloatArray) -> NDArray[np.int64]:
+def _nearest(pixels: Array) -> NDArray[np.int64]:
     """Whole pixels, halves upwards, so that all pixels of a line move by the same."""
     return np.floor(pixels + 0.5).astype(np.int64)
 
 
-def _carried(relief: FloatArray, right: FloatArray, down: FloatArray) -> FloatArray:
+def _carried(relief: Array, right: Array, down: Array) -> Array:
     """Relief at each pixel moved by its line's shift [pixels], linear between pixels, the outermost repeated."""
     ny, nx = relief.shape
     columns = np.arange(nx)

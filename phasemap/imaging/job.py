@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.interrupts import check_stopped
 from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
@@ -28,7 +29,6 @@ from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
-Array = NDArray[np.float64]
 Values = dict[str, Any]
 """An array for each variable."""
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS
 from phasemap._kernels.scanning.slots import UNKNOWN_ORBIT, Orbits
+from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, values_of
@@ -32,8 +33,6 @@ from phasemap.imaging.materials.distinct import BLOCK, Distinct
 from phasemap.imaging.materials.survey import Survey
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.both_branches import Branches, stable_branches
-
-Array = NDArray[np.float64]
 
 MOST = 1 << 17  # distinct materials that are kept at a time
 WALKED = (".stable", ".engaged", ".offsets", ".reach")  # what `walk` reads of a material

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS
+from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation import ExactOrbits
 from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, PHASE
 from phasemap.imaging.job import Job
 from phasemap.results.quantities import OF_SECOND, answer_of, motion_of
 from phasemap.results.variables import OF_ORBITS
-
-Array = NDArray[np.float64]
 
 DEEPEST = 30.0  # error of the indentation, over that of the height
 SHARE, SOME, TINY = 1e-3, 64, 1e-300  # error of an integral over its size, points that tell that, and the least of it

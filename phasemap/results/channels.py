@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.control import Control
 
-Array = NDArray[np.float64]
 
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
 UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_factor": "1", "free_amplitude": "m"}

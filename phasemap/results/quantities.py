@@ -12,16 +12,15 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import Array
 from phasemap._shared.units import ELECTRONVOLT
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
 from phasemap.experiment.microscope import Microscope, Mode
 from phasemap.results.variables import FLOATS
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 FAINT = 1e-3  # of the largest virial that the drive holds: a contact that stores less is none to divide by

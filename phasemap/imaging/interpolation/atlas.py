@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.materials.interpolate import Series, Tree, locate, sum_series
+from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.cells import Piece
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 REST = 1e-8  # coefficients of a border that are left out, over the largest

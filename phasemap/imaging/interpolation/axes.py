@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phasemap._shared.arrays import Array
+
 SHARE = 0.05  # of the largest damping, below which the damping axis is about linear
 
 

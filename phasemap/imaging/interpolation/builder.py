@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, NO_PIECE
+from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, best_of, fit
 from phasemap.imaging.interpolation.chebyshev import unscaled
 from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
-Array = NDArray[np.float64]
 Box = tuple[float, float, float, float, float, float]  # low and high of x0, x1, x2
 
 WORTH = 0.2  # exact orbits that a cell may take, over those it saves, which take a third to a sixth of the time

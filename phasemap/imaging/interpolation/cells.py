@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebval3d
-from numpy.typing import NDArray
 
 from phasemap._kernels.materials.interpolate import EVEN_PLACE, ROOT_BOTH, ROOT_HIGH, ROOT_LOW
+from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, MEAN, PHASE, ExactOrbits
 
-Array = NDArray[np.float64]
 End = float | Border
 
 FIRST = 5  # nodes along a coordinate to begin with

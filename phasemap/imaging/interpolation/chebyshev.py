@@ -7,9 +7,8 @@ from functools import cache
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts2, chebvander
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phasemap._shared.arrays import Array
 
 
 def nodes(count: int) -> Array:

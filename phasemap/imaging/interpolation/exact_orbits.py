@@ -9,6 +9,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
 from phasemap._kernels.wide import ADHESION_LOSS
+from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.microscope import Microscope
@@ -18,8 +19,6 @@ from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
-
-Array = NDArray[np.float64]
 
 FUNCTIONS = (col.TIP_OFFSET, col.PHASE, col.MEAN, col.INDENTATION, col.DISSIPATION, col.VIRIAL)
 """Result columns that are interpolated, besides those of integrals that are asked for; the others follow from these."""

@@ -15,15 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebval2d
-from numpy.typing import NDArray
 
 from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
+from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped, scaled
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
 
-Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 SHARES = (4.5, 3.0, 2.0, 1.2)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.exact_orbits import DEPTH, HEIGHT, ExactOrbits
-
-Array = NDArray[np.float64]
 
 SCAN = 17  # points on a line
 HALVINGS = 7  # after which the step of a smooth function has become small

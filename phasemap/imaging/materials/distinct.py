@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.materials.distinct import gather, look_up, row_digests
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError, Word
-
-Array = NDArray[np.float64]
 
 BLOCK = 1 << 15  # pixels that are worked on together
 

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, found_in
 from phasemap.experiment.material_rows import PLAIN
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.materials.distinct import BLOCK, Distinct, digests_of
 
-Array = NDArray[np.float64]
 Digests = NDArray[np.uint64]
 
 SAMPLE = 1 << 16  # pixels that are drawn from an image

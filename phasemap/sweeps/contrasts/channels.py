@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
 from phasemap.sweeps.contrasts.dataset import DIMS
 from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair
-
-Array = NDArray[np.float64]
 
 
 def derived(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels.columns import NOWHERE
 from phasemap._kernels.scanning.slots import Orbits
+from phasemap._shared.arrays import Array
 from phasemap._shared.notices import untold
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
@@ -27,7 +28,6 @@ from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 from phasemap.validation.checking.picture import Picture
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.intp]
 Values = dict[str, NDArray[Any]]
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap.results.channels import channels
 from phasemap.results.quantities import CHANNELS, Channel, motion_of
 from phasemap.results.variables import FLOATS, OF_ADHESION
 from phasemap.validation.checking.again import Again
 from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.result import Claim, judged
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # of a channel that is computed from the same numbers again
 

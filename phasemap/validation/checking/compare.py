@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import lever_of
 from phasemap.results.quantities import CHANNELS, Channel
 from phasemap.results.variables import FLOATS, Variable, flag_attributes
@@ -26,7 +27,6 @@ from phasemap.validation.checking.tolerance import (
     stated,
 )
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_AVERAGED_ORBIT, col.UNSTABLE)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import Array
 from phasemap.experiment.excitation import of_tip, offset_and_factor
 from phasemap.experiment.lever import lever_of, lost_in_air, supplied
 from phasemap.experiment.realism import DIGITISED
@@ -26,8 +27,6 @@ from phasemap.results.variables import FLAGS
 from phasemap.validation.checking.channels import follows
 from phasemap.validation.checking.picture import MEAN, Picture
 from phasemap.validation.checking.result import Claim, judged, pixels_in_words
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-8  # of what is compared; the solvers iterate until little less is left
 LEAST = 1e-9, 1e-20  # [degree, m] of errors: phase and height are not computed to more than twelve digits

@@ -12,12 +12,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import Array
 from phasemap.experiment.realism import DIGITISED
 from phasemap.imaging.imperfections import finish
 from phasemap.results.variables import FLAGS, FLOATS
 from phasemap.validation.checking.claims import Claims
-
-Array = NDArray[np.float64]
 
 # Three standard errors of a mean over a hundred times that the lock-in remembers, in standard deviations behind it.
 MEAN = 0.3

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.tolerances import DEEPEST
 from phasemap.validation.checking.picture import MEAN, Picture
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 QUANTITIES = ("phase", "height", "mean_deflection", "indentation", "dissipation", "virial")
