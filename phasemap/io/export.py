@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,9 +52,9 @@ def export(
     Parameters
     ----------
     ds : xarray.Dataset
-        An image of `phasemap.simulate` or `phasemap.read_image`.
+        An image of `phasemap.simulate` or `phasemap.read_image`, over ("y", "x") or ("direction", "y", "x").
     path : path-like
-        The file to write, .gwy or .gsf.
+        The file to write: .gwy with every real variable as a channel, or .gsf with one in single precision.
     variable : str, optional
         The only one to write; needed for .gsf unless the image has a single one.
     direction : str, optional
@@ -64,6 +65,12 @@ def export(
     Returns
     -------
     Path
+
+    Notes
+    -----
+    A .gwy file keeps values to the last bit. Gwyddion's fields have no NaN: pixels without a value, or whose ``status``
+    is not good, are under a mask, and those without a value hold the mean of the others. What is known about the scan
+    is in the metadata of each channel. A .gsf file has NaN where there is no value.
 
     Examples
     --------
@@ -77,49 +84,37 @@ def export(
     if suffix not in (".gwy", ".gsf"):
         raise InputError("the suffix", suffix, ".gwy or .gsf")
     if suffix == ".gsf":
-        return write_gsf(ds, path, variable, direction, overwrite=overwrite)
+        return _write_gsf(_checked(ds), path, variable, direction, overwrite)
     ds = _checked(ds)
     if direction is not None:
         ds = one_scan(ds, (), direction)
     if variable is not None:
         ds = ds[[_known(ds, variable), *_status(ds)]]
-    return write_gwy(ds, path, overwrite=overwrite)
+    return _write_gwy(ds, path, overwrite)
 
 
-@asked_as()
 def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write every real variable of an image as a channel of a .gwy file.
+    """Old name of `export` to .gwy, which goes on for a release with a warning."""
+    warnings.warn("write_gwy is now export, to a file that ends in .gwy.", DeprecationWarning, stacklevel=2)
+    return export(ds, path, overwrite=overwrite)
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Over ("y", "x") or ("direction", "y", "x").
-    path : path-like
-        The file to write.
-    overwrite : bool
-        Whether an existing file may be replaced.
 
-    Returns
-    -------
-    Path
+def write_gsf(
+    ds: xr.Dataset,
+    path: str | os.PathLike[str],
+    variable: str | None = None,
+    direction: str | None = None,
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Old name of `export` to .gsf, which goes on for a release with a warning."""
+    warnings.warn("write_gsf is now export, to a file that ends in .gsf.", DeprecationWarning, stacklevel=2)
+    return export(ds, path, variable, direction, overwrite=overwrite)
 
-    Notes
-    -----
-    Values are kept to the last bit. Gwyddion's fields have no NaN: pixels without a value, or whose ``status`` is not
-    good, are under a mask, and those without a value hold the mean of the others. What is known about the scan is in
-    the metadata of each channel.
 
-    Examples
-    --------
-    >>> import tempfile, xarray as xr
-    >>> ds = xr.Dataset({"height": (("y", "x"), [[0.0, 1e-9]], {"units": "m"})}, {"y": [1e-9], "x": [1e-9, 3e-9]})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_gwy(ds, f"{folder}/image.gwy").name
-    'image.gwy'
-    """
-    gwyfile = extra("gwyfile", "writing .gwy files", "gwy")
-    objects = gwyfile.objects
-    ds = _checked(ds)
+def _write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool) -> Path:
+    """Write every real variable of an image as a channel of a .gwy file."""
+    objects = extra("gwyfile", "writing .gwy files", "gwy").objects
     size = _size(ds)
     notes = _notes(ds)
     container = objects.GwyContainer()
@@ -146,46 +141,13 @@ def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     return Path(path)
 
 
-@asked_as()
-def write_gsf(
-    ds: xr.Dataset,
-    path: str | os.PathLike[str],
-    variable: str | None = None,
-    direction: str | None = None,
-    *,
-    overwrite: bool = False,
+def _write_gsf(
+    ds: xr.Dataset, path: str | os.PathLike[str], variable: str | None, direction: str | None, overwrite: bool
 ) -> Path:
-    """Write one variable of an image as a .gsf file, in single precision, NaN where it has no value.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Over ("y", "x") or ("direction", "y", "x").
-    path : path-like
-        The file to write.
-    variable : str, optional
-        May be left out where the image has a single one.
-    direction : str, optional
-        "trace" or "retrace"; None takes the first there is.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Returns
-    -------
-    Path
-
-    Examples
-    --------
-    >>> import tempfile, xarray as xr
-    >>> ds = xr.Dataset({"height": (("y", "x"), [[0.0, 1e-9]], {"units": "m"})}, {"y": [1e-9], "x": [1e-9, 3e-9]})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_gsf(ds, f"{folder}/height.gsf").name
-    'height.gsf'
-    """
+    """Write one variable of an image as a .gsf file, in single precision, NaN where it has no value."""
     if Path(path).suffix != ".gsf":  # gsffile knows no other
         raise InputError("the suffix", Path(path).suffix, ".gsf")
     gsffile = extra("gsffile", "writing .gsf files", "gwy")
-    ds = _checked(ds)
     name = _known(ds, variable)
     _, title, values, bad = next(_fields(one_scan(ds[[name, *_status(ds)]], [name], direction)))
     yreal, xreal = _size(ds)

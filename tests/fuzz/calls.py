@@ -247,9 +247,8 @@ def _of_results() -> Iterator[Call]:
     yield Call("to_sidpy", pm.to_sidpy, {"image": image})
     yield Call("from_sidpy", pm.from_sidpy, {"dataset": None})
     written = {"ds": large, "path": "written.gsf", "overwrite": True}
-    yield Call("write_gwy", pm.write_gwy, written | {"path": "written.gwy"})
-    for name in ("export", "write_gsf"):
-        yield Call(name, getattr(pm, name), written | {"variable": "phase"})
+    yield Call("export to .gwy", pm.export, written | {"path": "written.gwy"})
+    yield Call("export", pm.export, written | {"variable": "phase"})
     large.to_netcdf("read.nc")
     yield Call("read_image", pm.read_image, {"path": "read.nc"})
     np.savetxt("curve.txt", np.linspace(1.0, 2.0, 90).reshape(30, 3))

@@ -118,7 +118,7 @@ def _images() -> None:
     import xarray as xr
 
     from phasemap.experiment.surface import Surface
-    from phasemap.io.export import write_gsf, write_gwy
+    from phasemap.io.export import export
     from phasemap.io.netcdf import save
 
     rng = np.random.default_rng(2)
@@ -148,8 +148,8 @@ def _images() -> None:
     large = image.isel(direction=0, y=[0, 1, 2, 3] * 3, x=[0, 1, 2, 3] * 4).assign_coords(
         y=np.arange(0.5, 12) * 1e-9, x=np.arange(0.5, 16) * 1e-9
     )
-    write_gwy(large, Path("image.gwy"))
-    write_gsf(large, Path("image.gsf"), "height")
+    export(large, Path("image.gwy"))
+    export(large, Path("image.gsf"), "height")
     lines = [
         "WSxM file copyright WSxM solutions",
         "SxM Image file",

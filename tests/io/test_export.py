@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import phasemap as pm
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.cli import main
-from phasemap.io.export import export, write_gsf, write_gwy
+from phasemap.io.export import export
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 
@@ -52,7 +53,7 @@ def gwy(path: Path) -> Any:
 
 def test_a_gwy_file_gives_back_every_bit(tmp_path: Path) -> None:
     image = two_scans()
-    read = read_image(write_gwy(image, tmp_path / "image.gwy"))
+    read = read_image(export(image, tmp_path / "image.gwy"))
     for name in ("height", "phase"):
         assert read[name].values.tobytes() == image[name].values.tobytes()  # NaN under the mask among them
         assert read[name].dims == image[name].dims and read[name].attrs["units"] == image[name].attrs["units"]
@@ -65,7 +66,7 @@ def test_a_gwy_file_gives_back_every_bit(tmp_path: Path) -> None:
 def test_gwyddion_finds_titles_units_palettes_sizes_and_masks(tmp_path: Path) -> None:
     image = two_scans()
     # Through Gwyddion's own module for its files, which refuses what is not well formed.
-    import_module("gwyddionpy").run_converter(write_gwy(image, tmp_path / "ours.gwy"), tmp_path / "theirs.gwy")
+    import_module("gwyddionpy").run_converter(export(image, tmp_path / "ours.gwy"), tmp_path / "theirs.gwy")
     held = gwy(tmp_path / "theirs.gwy")
     titles = [held[f"/{n}/data/title"] for n in range(6)]
     quantities = ("Height", "Phase", "Dissipation")
@@ -95,7 +96,7 @@ def test_a_mask_that_a_user_drew_hides_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("direction", ["trace", "retrace"])
 def test_a_gsf_file_gives_back_single_precision(direction: str, tmp_path: Path) -> None:
     image = two_scans()
-    read = read_image(write_gsf(image, tmp_path / "phase.gsf", "phase", direction))
+    read = read_image(export(image, tmp_path / "phase.gsf", "phase", direction))
     expected = image["phase"].sel(direction=direction).values.astype(np.float32)
     assert np.array_equal(read["phase"].values, expected, equal_nan=True)
     assert read.attrs["direction"] == direction and read["phase"].attrs["units"] == "degree"
@@ -124,10 +125,10 @@ def test_gwyddion_gets_metres_and_degrees_whatever_units_and_order_an_image_has(
     image = two_scans().isel(direction=0)[["height", "phase"]]
     other = image.assign(height=1e9 * image["height"], phase=image["phase"].drop_attrs()).transpose("x", "y")
     other["height"].attrs["units"] = "nm"
-    held = gwy(write_gwy(other, tmp_path / "image.gwy"))
+    held = gwy(export(other, tmp_path / "image.gwy"))
     assert held["/0/data"].data == pytest.approx(image["height"].values, rel=1e-12)
     assert [held[f"/{n}/data"]["si_unit_z"]["unitstr"] for n in (0, 1)] == ["m", "deg"]
-    read = read_image(write_gsf(other, tmp_path / "height.gsf", "height"))
+    read = read_image(export(other, tmp_path / "height.gsf", "height"))
     assert read["height"].values == pytest.approx(image["height"].values, rel=1e-6)
     with pytest.raises(InputError, match=r"ds is of type DataArray; allowed: an xarray\.Dataset"):
         export(image["phase"], tmp_path / "phase.gwy")  # type: ignore[arg-type]
@@ -151,7 +152,17 @@ def test_the_command_writes_what_python_writes(tmp_path: Path, capsys: pytest.Ca
     save(image, tmp_path / "image.nc")
     assert main(["export", str(tmp_path / "image.nc"), str(tmp_path / "command.gwy")]) == 0
     assert capsys.readouterr().out == f"note        One.\nnote        Two.\nwritten to  {tmp_path / 'command.gwy'}\n"
-    write_gwy(image, tmp_path / "python.gwy")
+    export(image, tmp_path / "python.gwy")
     assert (tmp_path / "command.gwy").read_bytes() == (tmp_path / "python.gwy").read_bytes()
     assert main(["export", str(tmp_path / "image.nc"), str(tmp_path / "image.gsf")]) == 2
     assert "variable is None; allowed: one of height, phase" in capsys.readouterr().err
+
+
+def test_the_old_names_of_export_still_write_and_warn(tmp_path: Path) -> None:
+    image = two_scans()
+    with pytest.warns(DeprecationWarning, match="write_gwy is now export"):
+        old = pm.write_gwy(image, tmp_path / "old.gwy")
+    with pytest.warns(DeprecationWarning, match="write_gsf is now export"):
+        pm.write_gsf(image, tmp_path / "old.gsf", "phase")
+    assert old.read_bytes() == export(image, tmp_path / "new.gwy").read_bytes()
+    assert (tmp_path / "old.gsf").read_bytes() == export(image, tmp_path / "new.gsf", "phase").read_bytes()

@@ -602,13 +602,13 @@ def test_lengths_that_no_microscope_reaches_are_refused(tmp_path: Path, name: st
     image = xr.Dataset({"height": (("y", "x"), 1e-9 * np.eye(2))}, {"y": [3e-9, 1e-9], "x": [1e-9, 3e-9]})
     damaged = image.assign({name: image[name] * factor})
     with pytest.raises(FileError, match=rf"cannot use .*: {what} is .* m; plausible: at most 1 mm\."):
-        read_image(pm.write_gwy(damaged, tmp_path / "damaged.gwy"))
+        read_image(pm.export(damaged, tmp_path / "damaged.gwy"))
 
 
 @needs_reader
 def test_a_refusal_has_an_end_however_much_a_file_holds(tmp_path: Path) -> None:
     names = {f"{'much' * 200}{n}": (("y", "x"), np.eye(2), {"units": "V"}) for n in range(90)}
-    pm.write_gwy(xr.Dataset(names, {"y": [3e-9, 1e-9], "x": [1e-9, 3e-9]}), tmp_path / "many.gwy")
+    pm.export(xr.Dataset(names, {"y": [3e-9, 1e-9], "x": [1e-9, 3e-9]}), tmp_path / "many.gwy")
     with pytest.raises(FileError, match="there is neither height nor phase") as caught:
         read_image(tmp_path / "many.gwy")
     assert len(str(caught.value)) < 2100
