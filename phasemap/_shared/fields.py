@@ -22,22 +22,13 @@ _REQUIRED: Any = object()
 class Number(Generic[T]):
     """A field of a dataclass that takes a number in SI units, text with a unit or a quantity, and keeps a float.
 
-    Parameters
-    ----------
-    unit : str
-        As in `phasemap._shared.quantities.KINDS`.
-    default : float, optional
-        A field without one has to be given; None is allowed where it is the default, or with `optional`.
-    said : str, optional
-        What it is called where its own name says too little.
-    optional : bool, optional
-        Whether None, or the text "none", is allowed where it is asked for; by default where it is the default.
-    usual : (float, float), optional
-        The least and the most found in practice, zero aside [unit].
-    asks : bool
-        Whether the field warns of a value outside; False where its owner does, which knows what else decides.
-    **bounds : float
-        minimum, above, maximum, below: what is allowed, as for `phasemap._shared.checks.number`.
+    `unit`: as in `phasemap._shared.quantities.KINDS`.
+    `default`: a field without one has to be given; None is allowed where it is the default, or with `optional`.
+    `said`: what it is called where its own name says too little.
+    `optional`: whether None, or the text "none", is allowed; by default where None is the default.
+    `usual`: the least and the most found in practice, zero aside [unit].
+    `asks`: whether the field warns of a value outside; False where its owner does, which knows what else decides.
+    `bounds`: minimum, above, maximum, below: what is allowed, as for `phasemap._shared.checks.number`.
 
     Examples
     --------
@@ -122,10 +113,7 @@ class Renamed:
 
 
 def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
-    """Let a dataclass say which argument was meant where one is given that it does not have.
-
-    `**symbols`: arguments, by the symbols that formulas have for them.
-    """
+    """Let a dataclass say which argument was meant where a symbol of formulas, or another name, is given for it."""
 
     def helpful(cls: type[C]) -> type[C]:
         cls.__init__ = cast(Any, asked_as(**symbols)(cls.__init__))  # type: ignore[method-assign]

@@ -41,11 +41,8 @@ def downwards(places: Array, dim: str) -> Array:
 def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
     """Return the spacing of a coordinate [m], exact where it is that of `Surface.coords`."""
     if dim not in dataset.coords or dataset[dim].dims != (dim,):
-        raise InputError(
-            "list of coordinates in the dataset",
-            [str(name) for name in dataset.coords],
-            f"a list that has {dim!r} in it, the position of the pixel centres in m",
-        )
+        allowed = f"a list that has {dim!r} in it, the position of the pixel centres in m"
+        raise InputError("list of coordinates in the dataset", [str(name) for name in dataset.coords], allowed)
     positions = dataset[dim].to_numpy()
     if positions.dtype.kind not in "fiu" or not positions.size:
         found = f"{positions.size} values of type {positions.dtype.name}"

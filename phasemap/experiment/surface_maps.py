@@ -154,12 +154,8 @@ def check_spacing(maps: dict[str, Any], sides: tuple[float, float]) -> None:
             step = coordinate_step(value, dim)
             if not math.isclose(step, side, rel_tol=SAME_STEP):
                 allowed = f"{say(step, 'm')}, the spacing of {dim} in {name}"
-                raise InputError(
-                    "pixel_size",
-                    f"{side:g}",
-                    allowed,
-                    f"Without that coordinate any size is taken: drop_vars({dim!r}).",
-                )
+                hint = f"Without that coordinate any size is taken: drop_vars({dim!r})."
+                raise InputError("pixel_size", f"{side:g}", allowed, hint)
 
 
 def pixel_sides(value: object) -> tuple[float, float]:

@@ -71,9 +71,9 @@ def picture(setting: Setting) -> Picture:
     labels = np.ascontiguousarray(labels[::step, ::step])
     work, ds = _solved(setting)
     there = set(np.unique(labels).tolist())
-    bistable = [False] * len(work) if setting.quick else _bistable(setting, work)
+    known = [0] * len(work) if setting.quick else regimes(work, accuracy_of(setting.scope).periods)
     found = {
-        name: _found(setting, name, ds, i, bistable[i]) if i in there else None
+        name: _found(setting, name, ds, i, bool(known[i] == BISTABLE)) if i in there else None
         for i, name in enumerate(setting.materials)
     }
     first, second = (found[name] for name in setting.pair)
@@ -86,14 +86,9 @@ def picture(setting: Setting) -> Picture:
         "pixel": [step * side for side in setting.subject.pixel_size],
     }
     height = ds["height"].values[labels]
-    return _picture(
-        setting,
-        ds.isel(material=sorted(there)),
-        about,
-        height if relief is None else height + relief[::step, ::step],
-        ds["phase"].values[labels],
-        "materials",
-    )
+    if relief is not None:
+        height = height + relief[::step, ::step]
+    return _picture(setting, ds.isel(material=sorted(there)), about, height, ds["phase"].values[labels], "materials")
 
 
 def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
@@ -191,11 +186,6 @@ def _picture(
         "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds, what)],
     }
     return Picture(about, (height - lowest).astype(np.float32), setting.counted(phase).astype(np.float32))
-
-
-def _bistable(setting: Setting, work: Work) -> list[bool]:
-    """Whether each material can be held in either regime; not known of those that remember."""
-    return [bool(code == BISTABLE) for code in regimes(work, accuracy_of(setting.scope).periods)]
 
 
 def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:

@@ -54,18 +54,6 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
     from phasemap.explorer import answers
     from phasemap.explorer.saving import SAVED
 
-    def picture(setting: Setting) -> Answer:
-        return BINARY, _packed(answers.picture(setting))
-
-    def scan(setting: Setting) -> Answer:
-        return BINARY, _packed(answers.scan(setting))
-
-    def curves(setting: Setting) -> Answer:
-        return JSON, to_json(answers.curves(setting))
-
-    def contrast(setting: Setting) -> Answer:
-        return JSON, to_json(answers.contrast_map(setting))
-
     def doing(setting: Setting) -> Answer:
         if compiling.going_on:
             said = f"compiling the solvers, only this once: {time.monotonic() - compiling.first:.0f}\u00a0s so far …"
@@ -80,8 +68,14 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
 
         return saved
 
-    asked = {"picture": picture, "scan": scan, "curves": curves, "contrast": contrast, "doing": doing}
-    return asked | {f"save/{name}": save(name) for name in SAVED}
+    return {
+        "picture": lambda setting: (BINARY, _packed(answers.picture(setting))),
+        "scan": lambda setting: (BINARY, _packed(answers.scan(setting))),
+        "curves": lambda setting: (JSON, to_json(answers.curves(setting))),
+        "contrast": lambda setting: (JSON, to_json(answers.contrast_map(setting))),
+        "doing": doing,
+        **{f"save/{name}": save(name) for name in SAVED},
+    }
 
 
 def to_json(value: object) -> bytes:

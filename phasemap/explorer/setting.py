@@ -115,14 +115,10 @@ class Setting:
     @property
     def surface(self) -> Surface:
         """The whole surface."""
-        sample = self.subject.sample_under(self.scope.tip)
-        return Surface.from_labels(
-            sample.labels,
-            dict(enumerate(self.materials.values())),
-            pixel_size=self.subject.pixel_size,
-            topography=sample.topography,
-            variation=self.subject.variation,
-        )
+        labels, relief = self.subject.sample_under(self.scope.tip)
+        grid, variation = self.subject.pixel_size, self.subject.variation
+        materials = list(self.materials.values())
+        return Surface.from_labels(labels, materials, pixel_size=grid, topography=relief, variation=variation)
 
     def tables(self) -> Table:
         """The tables of the scene that this setting is; the surface's are those of the subject's scene, if any."""

@@ -206,12 +206,9 @@ def _of_wave(path: Path) -> tuple[Parts, ScanData]:
     if table.ndim != 2 or len(labels) != table.shape[1]:
         raise FileError(f"cannot use {path}: it is of shape {table.shape}, not a curve with names of its columns.")
     order = sorted(range(len(labels)), key=lambda i: labels[i] != "ZSnsr")  # what was measured before what was asked
-    parts = _parts([_column(f"{labels[i]} [{_unit_of(labels[i])}]", False) for i in order], table[:, order])
+    units = ["deg" if NAMES["phase"][0].match(label) else "m" for label in labels]
+    parts = _parts([_column(f"{labels[i]} [{units[i]}]", False) for i in order], table[:, order])
     return parts, scan_data(path, {key: value.strip() for key, value in note.items()})
-
-
-def _unit_of(label: str) -> str:
-    return "deg" if NAMES["phase"][0].match(label) else "m"
 
 
 def _of_sweep(path: Path) -> Parts:

@@ -76,16 +76,9 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
             units = str(one.attrs.get("units", "1"))
             data.units, data.modality, data.source = WRITTEN.get(units, units), "AFM", "phasemap"
             for axis, dim in enumerate(("x", "y")):
-                data.set_dimension(
-                    axis,
-                    sidpy.Dimension(  # which sidpy counts from the top
-                        downwards(image[dim].values, dim),
-                        name=dim,
-                        units="m",
-                        quantity="Length",
-                        dimension_type="spatial",
-                    ),
-                )
+                about = {"name": dim, "units": "m", "quantity": "Length", "dimension_type": "spatial"}
+                places = downwards(image[dim].values, dim)  # as sidpy counts them, from the top
+                data.set_dimension(axis, sidpy.Dimension(places, **about))
             data.original_metadata = {str(key): value for key, value in image.attrs.items()}
             made[f"Channel_{len(made):03d}"] = data
     return made

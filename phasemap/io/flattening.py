@@ -19,11 +19,8 @@ def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.
     if reference is None:
         reference = np.ones(height.shape, bool)
     elif reference.shape != height.shape or reference.sum() < 3:
-        raise InputError(
-            "shape and number of pixels in reference",
-            (reference.shape, int(reference.sum())),
-            f"{height.shape}, at least 3",
-        )
+        found = reference.shape, int(reference.sum())
+        raise InputError("shape and number of pixels in reference", found, f"{height.shape}, at least 3")
     return level_rows(height, reference)
 
 

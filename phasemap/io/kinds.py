@@ -59,10 +59,7 @@ KINDS = {
 
 
 def check_places(path: Path, ds: xr.Dataset) -> None:
-    """Refuse an image whose coordinates y and x are not numbers in equal steps.
-
-    Raises FileError.
-    """
+    """Refuse an image whose coordinates y and x are not numbers in equal steps."""
     for dim in ("y", "x"):
         try:
             step = coordinate_step(ds, dim)

@@ -157,26 +157,18 @@ def _choose(
     directions = tuple(one for one in DIRECTIONS if one in common)
     if len(directions) < 2:
         directions = directions or tuple(leading)[:1]
-        chosen = {kind: _in_direction(group, directions[0]) for kind, group in chosen.items()}
+        only = directions[0]  # or what there is in its place
+        chosen = {kind: {only: group.get(only, next(iter(group.values())))} for kind, group in chosen.items()}
     for kind in ("amplitude", "amplitude_error"):
         found = next((group for group in groups[kind] if set(directions) <= set(group)), None)
         if found:
             chosen[kind] = found
-    return {kind: _ordered(chosen[kind], directions) for kind in KINDS if kind in chosen}, directions
+    return {kind: {one: chosen[kind][one] for one in directions} for kind in KINDS if kind in chosen}, directions
 
 
 def _is_sensors(group: Group) -> bool:
     """Whether a height is what a sensor measured, and not what the scanner was told."""
     return any(SENSOR.search(channel.base) for channel in group.values())
-
-
-def _in_direction(group: Group, direction: str) -> Group:
-    """The channel of a direction, or of the only one there is."""
-    return {direction: group.get(direction, next(iter(group.values())))}
-
-
-def _ordered(group: Group, directions: tuple[str, ...]) -> Group:
-    return {direction: group[direction] for direction in directions}
 
 
 def _assemble(

@@ -36,17 +36,13 @@ _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency":
 
 
 def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
-    """Say in canonical names what the metadata of a file say.
-
-    `path`: the file, for what Gwyddion leaves out of its header.
-    """
+    """Say in canonical names what the metadata of a file say; `path` is for what Gwyddion leaves out of its header."""
     scan = ScanData()
     for mark, vendor in _VENDORS.items():
         if mark in metadata:
             vendor(scan, metadata, path)
             break
-    own = {name: quantity(metadata.get(name)) for name in CANONICAL}  # of a file that phasemap wrote
-    scan.take(**own)
+    scan.take(**{name: quantity(metadata.get(name)) for name in CANONICAL})  # of a file that phasemap wrote
     scan.warnings += metadata.get("warnings", "").splitlines()
     scan.nominal += metadata.get("nominal", "").split()
     _doubt(scan)
@@ -73,10 +69,7 @@ def _doubt(scan: ScanData) -> None:
 
 
 def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
-    """The operating mode as the instrument wrote it.
-
-    Raises FileError if it is not tapping.
-    """
+    """The operating mode as the instrument wrote it, which is refused if it is not tapping."""
     mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
     mode = ASYLUM_NUMBERS.get(mode, mode)
     other = next((metadata[key].strip() for key in OTHER_MODE_KEYS if metadata.get(key, "").strip()), "")
@@ -161,10 +154,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         amplitude_sensitivity=sensitivity,
     )
     if sensitivity:
-        scan.take(
-            free_amplitude=free * sensitivity if free else None,
-            setpoint_amplitude=volts * sensitivity if volts else None,
-        )
+        _take_metres(scan, free, volts, sensitivity)
     elif "AmpInvOLS" in metadata:
         scan.warnings.append("Recorded amplitudes in metres are based on that default sensitivity AmpInvOLS.")
     thermal = value("ThermalFrequency"), value("ThermalQ")
@@ -205,11 +195,8 @@ def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
 
 def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     """JPK; of the settings of the oscillation, which are text in the file, Gwyddion passes over most."""
-    settings = _section(
-        path,
-        rb"(.*)",
-        rb"feedback-settings\.(reference-amplitude|relative-setpoint|frequency) : ([^\r\n]+)",
-    )
+    entry = rb"feedback-settings\.(reference-amplitude|relative-setpoint|frequency) : ([^\r\n]+)"
+    settings = _section(path, rb"(.*)", entry)
     free, volts = settings.get("reference-amplitude"), quantity(metadata.get("Feedback Setpoint"))
     sensitivity = amplitude_sensitivity(path)
     scan.take(
@@ -223,10 +210,7 @@ def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         amplitude_sensitivity=sensitivity,
     )
     if sensitivity:
-        scan.take(
-            free_amplitude=free * sensitivity if free else None,
-            setpoint_amplitude=volts * sensitivity if volts else None,
-        )
+        _take_metres(scan, free, volts, sensitivity)
     elif free:
         scan.warnings.append(f"The free amplitude is {free:.4g} V, {NO_SENSITIVITY}.")
 
@@ -265,6 +249,12 @@ _VENDORS: dict[str, Callable[[ScanData, Mapping[str, str], Path], None]] = {
     "General Info::Head type": _wsxm,
 }
 """By a key that only this vendor's files have."""
+
+
+def _take_metres(scan: ScanData, free: float | None, volts: float | None, sensitivity: float) -> None:
+    """Free amplitude and setpoint in metres, of those in volts, where they are known."""
+    known = {"free_amplitude": free, "setpoint_amplitude": volts}
+    scan.take(**{name: one * sensitivity for name, one in known.items() if one})
 
 
 def _near(resonance: float, frequency: float | None) -> bool:

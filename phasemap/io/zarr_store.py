@@ -33,7 +33,11 @@ def write_store(source: Path, path: Path, overwrite: bool = False) -> None:
             if start:
                 some.to_zarr(temporary, append_dim="sample", consolidated=True)
             else:
-                layout = {str(name): {"chunks": _chunk(one)} for name, one in some.variables.items() if one.ndim > 1}
+                layout = {  # a chunk is one image of one sample
+                    str(name): {"chunks": (1,) * (one.ndim - 2) + one.shape[-2:]}
+                    for name, one in some.variables.items()
+                    if one.ndim > 1
+                }
                 some.to_zarr(temporary, mode="w", zarr_format=FORMAT, consolidated=True, encoding=layout)
 
 
@@ -48,8 +52,3 @@ def opened_store(path: Path) -> Iterator[xr.Dataset]:
         raise
     except Exception as error:  # whatever the libraries meet in a damaged store
         raise FileError(f"cannot read {path}: it is not a zarr store, or it is damaged or cut short.") from error
-
-
-def _chunk(variable: xr.Variable) -> tuple[int, ...]:
-    """One image of one sample."""
-    return (1,) * (variable.ndim - 2) + variable.shape[-2:]

@@ -66,7 +66,8 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     extent = 0.0, wide, high_up, 0.0
     tall = WIDE * min(max(rows / columns, 0.2), 2.0)
     title = f"inversion of {ds.sizes.get('image', 0)} images   ·   {columns} × {rows} pixels"
-    masks = dict(zip(_meanings(ds), 1 << np.arange(8), strict=False))
+    meanings = str(ds["flag"].attrs.get("flag_meanings", "")).split()
+    masks = dict(zip(meanings, 1 << np.arange(8), strict=False))
     flags = ds["flag"].values.astype(int)
     lost = flags & (masks.get("no_orbit", 0) | masks.get("no_data", 0)) != 0
     unsure = {name: flags & (masks.get(f"{name}_not_determined", 0) | masks.get("poor_fit", 0)) != 0 for name in SHOWN}
@@ -102,10 +103,6 @@ def is_inversion(ds: xr.Dataset) -> bool:
     return (
         all(f"{name}_error" in ds for name in SHOWN) and "flag" in ds and ds["flag"].dims in (("y", "x"), ("region",))
     )
-
-
-def _meanings(ds: xr.Dataset) -> list[str]:
-    return str(ds["flag"].attrs.get("flag_meanings", "")).split()
 
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray, extent: tuple[float, float, float, float]) -> None:

@@ -6,9 +6,9 @@ Each table is checked as a whole, so that everything wrong in it is said at once
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
@@ -60,10 +60,7 @@ def scan_of(table: Table) -> tuple[float, Table]:
 def microscope_of(tables: Table) -> Microscope:
     """The microscope of the tables for its parts."""
     complaints = Complaints()
-    lever, tip = (
-        complaints.of(_cantilever, tables),
-        complaints.of(object_of, tables, "tip", Tip),
-    )
+    lever, tip = complaints.of(_cantilever, tables), complaints.of(object_of, tables, "tip", Tip)
     drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables)
     detector = {"sees": "slope", **table_of(tables, "detector")}
     complaints.of(check_keys, "[detector]", detector, ("sees",))
@@ -102,8 +99,7 @@ def _cantilever(tables: Table) -> Cantilever:
     if isinstance(modes := table.get("modes"), (list, tuple)):
         made = [_from_table(f"[[cantilever.modes]] {i}", mode, Eigenmode) for i, mode in enumerate(modes, 2)]
         table = {**table, "modes": made}
-    lever: Cantilever = _from_table("[cantilever]", table, Cantilever)
-    return lever
+    return _from_table("[cantilever]", table, Cantilever)
 
 
 def _drive(tables: Table) -> Drive:
@@ -111,8 +107,7 @@ def _drive(tables: Table) -> Drive:
     table = table_of(tables, "drive")
     if table.get("second") is not None:
         table = {**table, "second": _from_table("[drive.second]", table["second"], Mode)}
-    drive: Drive = _from_table("[drive]", table, Drive)
-    return drive
+    return _from_table("[drive]", table, Drive)
 
 
 def _interaction(tables: Table) -> Interaction:
@@ -131,12 +126,10 @@ def _interaction(tables: Table) -> Interaction:
                 raise missing(name, "law")
             check_choice(f"{name} law", given["law"], laws)
             parameters = {field: value for field, value in given.items() if field != "law"}
-            if given["law"] == ForceTable.name and set(parameters) == {"file"}:
-                table = {**table, key: ForceTable.read(parameters["file"])}
-                continue
-            table = {**table, key: _from_table(name, parameters, laws[given["law"]])}
-    interaction: Interaction = _from_table("[interaction]", table, Interaction)
-    return interaction
+            of_file = given["law"] == ForceTable.name and set(parameters) == {"file"}
+            made = ForceTable.read(**parameters) if of_file else _from_table(name, parameters, laws[given["law"]])
+            table = {**table, key: made}
+    return _from_table("[interaction]", table, Interaction)
 
 
 def interaction_table(interaction: Interaction) -> Table:
@@ -169,7 +162,7 @@ def realism_of(table: Table, control: Control | None, lines: int | None) -> Real
     """The realism of its table, which has one of its own for a change of the tip."""
     if "tip_change" in table:
         table = {**table, "tip_change": _from_table("[realism.tip_change]", table["tip_change"], TipChange)}
-    realism: Realism = _from_table("[realism]", table, Realism)
+    realism = _from_table("[realism]", table, Realism)
     if control is None or lines is None:
         return realism
     return construct("[realism]", {"realism": realism}, check_realism, control=control, lines=lines)
@@ -185,8 +178,7 @@ def control_of(table: Table) -> Control:
         if others and kind not in others:
             belongs = f"It belongs to kind = {' or '.join(map(repr, others))}."
             raise InputError(f"[control] {key}", value, f"nothing where kind is {kind!r}", belongs)
-    control: Control = _from_table("[control]", table, CONTROLS[kind])
-    return control
+    return _from_table("[control]", table, CONTROLS[kind])
 
 
 def materials_of(tables: Table) -> dict[str, Material]:
@@ -200,10 +192,9 @@ def materials_of(tables: Table) -> dict[str, Material]:
     return {name: material for name, material in found.items() if material is not None}
 
 
-def object_of(tables: Table, name: str, cls: Callable[..., T]) -> T:
+def object_of(tables: Table, name: str, cls: type[T]) -> T:
     """The object of the table that has its name."""
-    found: T = _from_table(f"[{name}]", table_of(tables, name), cls)
-    return found
+    return _from_table(f"[{name}]", table_of(tables, name), cls)
 
 
 def table_of(tables: Table, name: str) -> Table:
@@ -214,19 +205,19 @@ def table_of(tables: Table, name: str) -> Table:
     return table
 
 
-def _from_table(name: str, table: object, cls: Any) -> Any:
+def _from_table(name: str, table: object, cls: type[T]) -> T:
     """A frozen dataclass from the table of its fields, or from a preset and what differs from it."""
-    fields = dataclasses.fields(cls)
+    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
     required = [field.name for field in fields if field.default is dataclasses.MISSING]
     if cls is Material and not (isinstance(table, Mapping) and "relaxation" in table):
         required.append("modulus")
     allowed = [field.name for field in fields]
-    if hasattr(cls, "preset"):
+    if (preset := getattr(cls, "preset", None)) is not None:
         allowed.append("preset")
         if isinstance(table, dict) and "preset" in table:
             _check_table(name, table, cls, allowed)
             others = {key: value for key, value in table.items() if key != "preset"}
-            return construct(name, others, partial(cls.preset, table["preset"]))
+            return construct(name, others, partial[T](preset, table["preset"]))
     _check_table(name, table, cls, allowed, required)
     assert isinstance(table, dict)
     return construct(name, table, cls)

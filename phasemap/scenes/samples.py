@@ -145,10 +145,8 @@ def _read(folder: Path, table: Table) -> tuple[Table, ...]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
-    except OSError as error:
-        raise FileError(f"cannot read {path}, named in [ensemble] table: {error.strerror}.") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"cannot read {path}, named in [ensemble] table: {error}.") from error
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {what}: {getattr(error, 'strerror', error)}.") from error
     if not rows or len(set(header)) < len(header):
         raise FileError(f"cannot use {path}: it needs a header with a key for each column, and a row for each sample.")
     for sample, row in enumerate(rows):

@@ -48,8 +48,8 @@ from phasemap.scenes.objects import (
     table_of,
     with_typical,
 )  # fmt: skip
-from phasemap.scenes.surface import Built, build_surface, dilate, seen
-from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables
+from phasemap.scenes.surface import Built, build_surface, under_tip
+from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables, switch
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -250,7 +250,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
         built = complaints.of(build_surface, table_of(tables, "surface"), named, folder)
         if built is not None and microscope is not None and scan is not None:
             files = built.files
-            surface = complaints.of(_under_tip, tables["surface"], built.surface, microscope, scan[0])
+            surface = complaints.of(under_tip, tables["surface"], built.surface, microscope, scan[0])
     realism = complaints.of(realism_of, table_of(tables, "realism"), control, surface and surface.shape[0])
     complaints.make()
     assert scan is not None and microscope is not None and accuracy is not None and control is not None
@@ -300,15 +300,7 @@ def scene_from_json(text: str, folder: Path) -> Scene:
 
 def _asking(scan: Table) -> AbstractContextManager[None]:
     """Whether numbers outside all practice are errors."""
-    strict = scan.get("strict_units", False)
-    if not isinstance(strict, bool):
-        raise InputError("[scan] strict_units", strict, "true or false")
-    return strict_units() if strict else nullcontext()
-
-
-def _under_tip(table: Table, surface: Surface, scope: Microscope, setpoint: float) -> Surface:
-    """The surface as its tip sees it."""
-    return seen(table, dilate(table, surface, scope.tip), scope, setpoint)
+    return strict_units() if switch("[scan]", scan, "strict_units") else nullcontext()
 
 
 def _check_output(table: Table, control: Control | None, microscope: Microscope | None) -> None:

@@ -51,7 +51,7 @@ from phasemap.io.measured import one_scan, segment_phase
 from phasemap.io.netcdf import load
 from phasemap.io.read import read_image
 from phasemap.scenes.surface_files import SUFFIXES, Files, read_array
-from phasemap.scenes.tables import check_choice, check_keys, construct, missing
+from phasemap.scenes.tables import check_choice, check_keys, construct, missing, switch
 
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
@@ -94,14 +94,8 @@ def build_surface(table: dict[str, Any], materials: Mapping[str, Material], fold
 
 
 def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
-    """See the surface with a tip of finite size if its ``[surface]`` table asks for that.
-
-    `table`: the table, with the keys dilate and half_angle if there are any.
-    """
-    wanted = table.get("dilate", False)
-    if not isinstance(wanted, bool):
-        raise InputError("[surface] dilate", wanted, "true or false")
-    if wanted:
+    """See the surface with a tip of finite size if its ``[surface]`` table has dilate = true."""
+    if switch("[surface]", table, "dilate"):
         return construct("[surface]", {"half_angle": table.get("half_angle")}, surface.dilated, tip=tip)
     if "half_angle" in table:
         raise InputError("[surface] half_angle", table["half_angle"], "given only with dilate = true")
@@ -110,10 +104,12 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
 
 def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
     """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true."""
-    wanted = table.get("seen_by_tip", False)
-    if not isinstance(wanted, bool):
-        raise InputError("[surface] seen_by_tip", wanted, "true or false")
-    return surface.seen_by(scope, setpoint) if wanted else surface
+    return surface.seen_by(scope, setpoint) if switch("[surface]", table, "seen_by_tip") else surface
+
+
+def under_tip(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
+    """The surface as its tip sees it."""
+    return seen(table, dilate(table, surface, scope.tip), scope, setpoint)
 
 
 def variation_of(table: Mapping[str, Any]) -> Variation | None:
@@ -157,8 +153,7 @@ def _from_labels(
 
 def _from_maps(table: dict[str, Any], files: Files) -> Surface:
     """Maps of properties, one by one or together in a netCDF file."""
-    if not isinstance(table.get("allow_nan", False), bool):
-        raise InputError("[surface] allow_nan", table["allow_nan"], "true or false")
+    switch("[surface]", table, "allow_nan")
     if "file" in table:
         check_keys("[surface]", table, ("file", "allow_nan"))
         dataset = load(files.find("file", table.pop("file")))
@@ -177,13 +172,8 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     image = one_scan(image)
     labels = segment_phase(image["phase"].values, len(chosen))
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
-    surface = Surface.from_labels(
-        labels,
-        dict(enumerate(chosen)),
-        topography=topography,
-        pixel_size=(coordinate_step(image, "y"), coordinate_step(image, "x")),
-        variation=variation_of(table),
-    )
+    grid, variation = (coordinate_step(image, "y"), coordinate_step(image, "x")), variation_of(table)
+    surface = Surface.from_labels(labels, chosen, topography=topography, pixel_size=grid, variation=variation)
     return surface, Labels(labels, dict(enumerate(table["materials"])))
 
 

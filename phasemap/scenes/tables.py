@@ -6,7 +6,7 @@ import difflib
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -68,6 +68,13 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
         if key not in table and key not in meant:
             complaints.add(missing(name, key))
     complaints.make()
+
+
+def switch(name: str, table: Mapping[str, Any], key: str) -> bool:
+    """A key that is true or false, which is false where it is not given."""
+    if not isinstance(on := table.get(key, False), bool):
+        raise InputError(f"{name} {key}", on, "true or false")
+    return on
 
 
 def missing(name: str, key: str) -> InputError:
