@@ -13,11 +13,10 @@ import numpy as np
 
 import phasemap as pm
 
-SECOND = pm.Mode(1600.0, frequency=1.88e6, quality_factor=600.0, free_amplitude=0.1e-9)
 SCOPE = pm.Microscope(
-    pm.Cantilever(stiffness=40.0, resonance_frequency=300e3, quality_factor=400.0),
+    pm.Cantilever(40.0, 300e3, 400.0, modes=(pm.Eigenmode(frequency_ratio=6.267, quality_factor=600.0),)),
     pm.Tip(radius=10e-9),
-    pm.Drive(free_amplitude=40e-9, second=SECOND),
+    pm.Drive(free_amplitude=40e-9, second=pm.Mode(free_amplitude=0.1e-9)),
 )
 SIZE, PIXEL, SETPOINT, POISSON_RATIO = 96, 4e-9, 0.7, 0.35
 SOFT, STIFF = 0.5e9, 3e9

@@ -16,7 +16,7 @@ SOFT = pm.Material(0.2e9, 0.06, 0.03)
 @pytest.mark.parametrize(
     "thing",
     [
-        SOFT, SCOPE, SCOPE.cantilever, pm.Interaction("jkr", None), pm.Mode(1e3, 1.9e6, 600.0, 1e-10), pm.Engage(),
+        SOFT, SCOPE, SCOPE.cantilever, pm.Interaction("jkr", None), pm.Mode(free_amplitude=2e-10), pm.Engage(),
         pm.Cantilever(0.1, 2e4, 2.5, modes=(pm.Eigenmode(7.5, 6.0, slope_ratio=3.3),)), replace(SCOPE, detector="tip"),
         pm.Cantilever(2.0, 7e4, 150.0, modes=2), pm.Raster(), pm.Feedback(2.0), pm.Accuracy(0.1),
         pm.Realism(temperature=300.0), pm.TipChange(3, 30e-9),

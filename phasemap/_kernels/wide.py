@@ -6,16 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import FULL, HARMONICS
+from phasemap._kernels.columns import FULL, HARMONICS, MOST_MODES
 
 ADHESION_VIRIAL = FULL  # -<F_att A cos> [J], F_att the force less that of the same contact without adhesion or bias
 ADHESION_LOSS = FULL + 1  # what F_att takes in a cycle [J]: the energy of necks
 STORAGE = FULL + 2  # <F' (dd/dtheta)^2> [J], F' the slope of the same contact without adhesion or bias
 GRADIENT = FULL + 3  # <dF/dd> [N/m]
 DRAG = FULL + 4  # <2 alpha_s> [1]
-SIDEBANDS = FULL + 5  # what the second mode finds softer, for the first yields at sidebands: real, imaginary [N/m]
+SIDEBANDS = FULL + 5  # what the second mode finds softer, for all yield at sidebands: real, imaginary [N/m]
 WAVES = FULL + 7  # harmonics 2 ... 6 as the detector sees them, Re(Z_n exp(i n theta)): Z_n, real, imaginary [m]
-WIDE = WAVES + 2 * HARMONICS
+LOSSES = WAVES + 2 * HARMONICS  # what the damping of each mode takes in a period [J]
+WIDE = LOSSES + MOST_MODES
+LOSS_HARMONICS = 80  # of the force, by which modes lose energy: the rest is below 1e-4 of what all modes lose
 
 
 class SolvedRows(NamedTuple):

@@ -22,7 +22,8 @@ import phasemap as pm
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
 LIQUID = replace(SCOPE, cantilever=pm.Cantilever(1.0, 300e3, 3.0))
 BELOW = replace(SCOPE, drive=pm.Drive(16e-9, frequency=270e3))
-BIMODAL = replace(SCOPE, drive=pm.Drive(16e-9, second=pm.Mode(1600.0, 1.88e6, 600.0, free_amplitude=0.1e-9)))
+TWO_MODES = replace(SCOPE.cantilever, modes=2)
+BIMODAL = replace(SCOPE, cantilever=TWO_MODES, drive=pm.Drive(16e-9, second=pm.Mode(free_amplitude=0.1e-9)))
 MATERIAL, OTHER = pm.Material(2e9, 0.05, 0.01), pm.Material(1e9, 0.02, 0.02)
 TWO = pm.Surface(2e9, adhesion=np.repeat([[0.02, 0.1]], 2, axis=0), damping=0.01, pixel_size=2e-9)
 MANY = pm.Surface(np.linspace(1e9, 3e9, 10_000).reshape(100, 100), adhesion=0.02, pixel_size=2e-9)
@@ -71,7 +72,7 @@ KINDS: dict[str, Callable[[], object]] = {
     "liquid": lambda: pm.solve_pixel(pm.Material(1e10), LIQUID, 0.8),
     # Where an exact orbit beside the one found in time is asked for.
     "off resonance": lambda: pm.solve_pixel(MATERIAL, BELOW, 0.8, "orbit"),
-    "second mode": lambda: pm.simulate(TWO, BIMODAL, 0.8, variables=["mode2_phase", "amplitude_2"]),
+    "second mode": lambda: pm.simulate(TWO, BIMODAL, 0.8, variables=["mode2_phase", "amplitude_2", "modal_dissipation_2"]),
     "relaxation": lambda: pm.simulate(RELAXING, SCOPE, 0.8),
     "JKR pixel": lambda: _pixel("jkr"),
     "JKR sweep": lambda: _distances(_under("jkr")),

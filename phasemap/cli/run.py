@@ -113,7 +113,7 @@ def validate(arguments: argparse.Namespace) -> None:
         print("the first sample:")
         scene = ensemble.scene(0)
     surface, scope, control = scene.surface, scene.microscope, scene.options["control"]
-    names = inputs_of(*split(scene.options["variables"], control, scope.drive.second is not None), control)
+    names = inputs_of(*split(scene.options["variables"], control, scope), control)
     check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.driven_amplitude

@@ -66,6 +66,36 @@ def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
     return work
 
 
+def modal_motion(lever: Array, amplitude: Array, phase: Array) -> tuple[Array, Array]:
+    """First harmonics of the modes, and of the force at the tip over k, of phase 0 where the drive's is: complex, [m].
+
+    Of mode i that of z_i, which is its deflection and B_i times the base: theory, Eq. (lever-2).
+
+    `lever` (shape (n,)): as of `lever_of`.
+    `amplitude`, `phase` (shape (...)): of the first harmonic of the tip [m, rad].
+    Returns arrays of shapes (modes, ...) and (...).
+    """
+    w, rate, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
+    omega, kappa = lever[col.OMEGA], lever[col.DYNAMIC_STIFFNESS] + 1j * lever[col.DYNAMIC_LOSS]
+    turn = lever[col.TURN_COS] + 1j * lever[col.TURN_SIN]
+    force = turn * (lever[col.DRIVE] + 1j * kappa * amplitude * np.exp(1j * np.asarray(phase)))
+    stiff = w**2 - omega**2 + 2j * rate * omega
+    # Of the drive, and of the force.
+    motion = np.multiply.outer(pulled / stiff, np.ones_like(force)) - np.multiply.outer(share / stiff, force)
+    return motion, force
+
+
+def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
+    """What the drive supplies, by a force on the tip or by its base [J per cycle]: theory, Eq. (lever-9).
+
+    Arguments as for `modal_motion`.
+    """
+    motion, force = modal_motion(lever, amplitude, phase)
+    _, _, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
+    work: Array = lever[col.RIGID] * force.imag - np.tensordot(pulled / share, motion.imag, 1)
+    return np.pi * lever[col.STIFFNESS] * work
+
+
 def lost_in_air(lever: Array, amplitude: Array) -> Array:
     """What the lever's own damping takes from the first harmonic, pi k kappa'' A^2 [J per cycle].
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Renamed, known_as
-from phasemap._shared.plausible import question
+from phasemap._shared.plausible import advise, question
 from phasemap._shared.shown import Shown
 from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.cantilever import Cantilever as Cantilever
-from phasemap.experiment.eigenmode import free_motion
+from phasemap.experiment.eigenmode import Eigenmode, free_motion
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS, DETECTORS = ("direct", "base"), ("slope", "tip")
@@ -50,36 +51,42 @@ class Tip(Shown):
 @known_as(k="stiffness", f="frequency", f2="frequency", Q="quality_factor", A="free_amplitude")
 @dataclass(frozen=True, repr=False)
 class Mode(Shown):
-    """A second eigenmode of the lever, driven together with the first, and so little that it only feels its way.
+    """The second mode of the lever, driven together with the first, and so little that it only feels its way.
 
     Parameters
     ----------
-    stiffness : float
-        k2 [N/m], > 0.
-    frequency : float
-        Free resonance frequency f2 [Hz], > 0.
-    quality_factor : float
-        Q2 [1], > 0.5.
+    stiffness, frequency, quality_factor : float, optional
+        k2 [N/m], f2 [Hz] and Q2 [1], where the lever has one mode: they become its second, with a warning. They will go
+        in the next release; `Cantilever.modes` has them.
     free_amplitude : float
-        Of the second mode, free [m], > 0.
+        Of the second mode, free, at the tip [m], > 0.
     detection : {"fm", "am"}
         "fm": a phase-locked loop holds the phase at resonance and shows the shift of the frequency, another loop holds
         the amplitude (AM-FM). "am": driven at f2, it shows amplitude and phase (AM-AM).
 
     Examples
     --------
-    >>> Mode(stiffness=1600.0, frequency=1.88e6, quality_factor=600.0, free_amplitude=0.1e-9).detection
+    >>> Mode(free_amplitude="0.1 nm").detection
     'fm'
     """
 
-    stiffness: Number[float] = Number("N/m", said="second mode's stiffness", above=0, usual=(1e-2, 1e5))
-    frequency: Number[float] = Number("Hz", said="second mode's frequency", above=0, usual=(5e3, 1e8))
-    quality_factor: Number[float] = Number("1", said="second mode's quality_factor", above=0.5, usual=(0.5, 1e6))
-    free_amplitude: Number[float] = Number("m", said="second mode's free_amplitude", above=0, usual=(1e-12, 100e-9))
+    stiffness: Number[float | None] = Number("N/m", None, said="second mode's stiffness", above=0, usual=(1e-2, 1e5))
+    frequency: Number[float | None] = Number("Hz", None, said="second mode's frequency", above=0, usual=(5e3, 1e8))
+    quality_factor: Number[float | None] = Number(
+        "1", None, said="second mode's quality_factor", above=0.5, usual=(0.5, 1e6)
+    )
+    free_amplitude: Number[float] = Number(
+        "m", 0.1e-9, said="second mode's free_amplitude", above=0, usual=(1e-12, 100e-9)
+    )
     detection: str = "fm"
 
     def __post_init__(self) -> None:
         check_choice("detection", self.detection, DETECTIONS)
+
+    @property
+    def own(self) -> tuple[float | None, ...]:
+        """Numbers that belong to the lever."""
+        return self.stiffness, self.frequency, self.quality_factor
 
 
 @known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
@@ -101,8 +108,8 @@ class Drive(Shown):
         Setpoint, amplitude, phase, and the free amplitude at the drive frequency are those of what it sees; the phase
         is 0 for the free lever at resonance. The difference is of the order 1/Q.
     second : Mode, optional
-        A second mode driven at its own frequency, by a force on the tip. It is taken to move by much less than the
-        indentation, so that the orbit is that of the first mode alone: `phasemap.channels` says what it shows.
+        Drives the lever's second mode at its own frequency too, by a force on the tip. It is taken to move by much less
+        than the indentation, so that the orbit is as without: `phasemap.channels` says what it shows.
 
     Examples
     --------
@@ -123,6 +130,17 @@ class Drive(Shown):
             question("free_amplitude", self.free_amplitude, "m", AMPLITUDE)
 
 
+class SecondMode(NamedTuple):
+    """A second mode that is driven."""
+
+    stiffness: float  # k2 [N/m]
+    frequency: float  # f2 [Hz]
+    quality_factor: float
+    free_amplitude: float  # at the tip [m]
+    detection: str
+
+
+SECOND_HINT = "Give it to the lever: Cantilever(..., modes=2), or modes=(pm.Eigenmode(...),), in a scene [[cantilever.modes]]."
 PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 
 
@@ -166,6 +184,8 @@ class Microscope(Shown):
             if not isinstance(part, cls):
                 hint = "The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...))."
                 raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
+        if self.drive.second is not None:
+            self._settle_second(self.drive.second)
         object.__setattr__(self, "detector", self._checked_detector())
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
         if self.drive.frequency is not None:
@@ -210,28 +230,46 @@ class Microscope(Shown):
     @property
     def advice(self) -> str:
         """Where one mode of the lever is not enough, a sentence that says why and what to do; else empty."""
-        lever, second = self.cantilever, self.drive.second
-        if lever.modes:
+        lever = self.cantilever
+        if lever.modes or lever.quality_factor >= LOW_Q:
             return ""
-        if lever.quality_factor < LOW_Q:
-            return (
-                f"Q is {lever.quality_factor:.3g} and the lever has one mode: at such a Q most of the phase contrast "
-                "comes from energy that taps give to the second. Set modes, or give the lever as it is in air and "
-                "[cantilever.liquid] (in Python in_liquid()), which finds its modes in the liquid."
-            )
-        if second is not None:
-            ratio = second.frequency / (self.frequency_ratio * lever.resonance_frequency)
-            if abs(ratio - round(ratio)) < ratio / second.quality_factor:
-                return (
-                    f"The second mode, at {ratio:.4g} times the drive frequency, is within a linewidth of harmonic "
-                    f"{round(ratio)}, by which taps drive it: give it as one of the lever's modes too."
-                )
-        return ""
+        return (
+            f"Q is {lever.quality_factor:.3g} and the lever has one mode: at such a Q most of the phase contrast "
+            "comes from energy that taps give to the second. Set modes, or give the lever as it is in air and "
+            "[cantilever.liquid] (in Python in_liquid()), which finds its modes in the liquid."
+        )
+
+    @property
+    def second_mode(self) -> SecondMode | None:
+        """The lever's second mode, where the drive has one."""
+        if self.drive.second is None:
+            return None
+        (lever, driven), second = (self.cantilever, self.drive.second), self.cantilever.eigenmodes[1]
+        stiffness = float(second.stiffness_ratio or 0.0) * lever.stiffness
+        frequency = second.frequency_ratio * lever.resonance_frequency
+        return SecondMode(stiffness, frequency, second.quality_factor, driven.free_amplitude, driven.detection)
 
     def free_signal(self, omega: float) -> complex:
         """What the detector sees of the free lever [m]; the drive leads the first mode at resonance by 90 degrees."""
         modes = free_motion(self.cantilever.eigenmodes, omega, self.base_amplitude, self.drive.excitation)
         return sum((weight * mode for weight, mode in zip(self.detector_weights, modes, strict=True)), 0j)
+
+    def _settle_second(self, second: Mode) -> None:
+        """Make the numbers of a driven second mode, which a lever of one mode could have, a mode of the lever."""
+        lever = self.cantilever
+        if second.own == (None, None, None):
+            if not lever.modes:
+                raise InputError("modes", lever.modes, "at least a second mode where the drive has one", SECOND_HINT)
+            return
+        if lever.modes or None in second.own:
+            allowed = "a Mode of free_amplitude and detection: the other numbers are those of the cantilever's second mode"
+            raise InputError("second", second, allowed)
+        k, f, q = (float(one or 0.0) for one in second.own)
+        mode = Eigenmode(f / lever.resonance_frequency, q, k / lever.stiffness)
+        advise(f"The second mode is one of the lever's now: write modes=({mode!r},) there.", DeprecationWarning)
+        object.__setattr__(self, "cantilever", replace(lever, modes=(mode,)))
+        driven = Mode(free_amplitude=second.free_amplitude, detection=second.detection)
+        object.__setattr__(self, "drive", replace(self.drive, second=driven))
 
     def _checked_detector(self) -> str | tuple[float, ...]:
         """The detector, its weights as floats."""

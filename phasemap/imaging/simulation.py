@@ -178,7 +178,7 @@ def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked)
     _check_sample(surface, scope)
     simulator = simulator_of(control)
     realism = check_realism(asked.realism, control, surface.shape[0])
-    stay, derived = split(asked.variables, control, scope.drive.second is not None)
+    stay, derived = split(asked.variables, control, scope)
     # Of the orbits, where an image shows what they do; else of the image, as an instrument would.
     early = derived if not (control.in_time or changes(realism)) else ()
     names = (*inputs_of(stay, () if early else derived, control), *early)

@@ -61,7 +61,7 @@ def _of_answer(job: Job, exact: ExactOrbits, known: Array) -> dict[int, float]:
     What the surface adds to its stiffness and damping counts over k2, and together with its own 1/Q2 unless a loop
     holds its phase.
     """
-    mode, scope = job.scope.drive.second, job.scope
+    mode, scope = job.scope.second_mode, job.scope
     if mode is None or not set(OF_SECOND) <= set(job.needs) or not len(known):
         return {}
     values = dict(zip(exact.functions, known.T, strict=True))

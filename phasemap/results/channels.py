@@ -20,7 +20,7 @@ from phasemap.experiment.excitation import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.io.metadata import microscope_of, of_simulation
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_of
-from phasemap.results.variables import all_variables_of, check_variables, describe, provenance, variables_of
+from phasemap.results.variables import MODAL, all_variables_of, check_variables, describe, provenance, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,6 +72,10 @@ def channels(
         With the dims of `image`, and of those what the image has what it takes for:
 
         * ``dissipation`` [J], ``dissipation_ev`` [eV], both per cycle, and ``dissipated_power`` [W];
+        * ``drive_energy`` [J], what the drive supplies per cycle: its part is lost in the surface, ``dissipation``, the
+          rest in the damping of the modes, of each of which a simulated image has ``modal_dissipation_1`` ... if asked;
+        * of a lever with several modes, ``modal_amplitude_1`` ... [m] and ``modal_phase_1`` ... [degree]: the deflection
+          of each mode at the tip, at the drive frequency, by the detector's phase;
         * ``virial`` [J], positive for attraction;
         * ``loss_tangent`` [1], by the instrument's formula, tan d = E_dis / (2 pi V), V the virial of repulsion: of the
           tip's motion even where the detector sees the deflection of a lever whose base is driven;
@@ -117,7 +121,7 @@ def channels(
     if not is_sign(sign):
         raise InputError("sign", sign, "1 or -1")
     lever, said = _lever(image, scope)
-    wanted = _chosen(names, image, lever.drive.second is not None)
+    wanted = _chosen(names, image, lever)
     phase, amplitude = _phase(image, lever, said, phase_zero, sign), _amplitude(image, lever, said, setpoint)
     spread = _spread(image, uncertainty)
     data = dict(_derive(wanted, image, lever, amplitude, phase, spread))
@@ -132,13 +136,15 @@ def channels(
     return found
 
 
-def _chosen(names: Iterable[str] | None, image: xr.Dataset, second: bool) -> list[Channel]:
-    """The channels asked for, or all that the image has."""
-    known = {name: channel for name, channel in CHANNELS.items() if second or not channel.bimodal}
+def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -> list[Channel]:
+    """The channels asked for, or all that the image has; those of modes where there are several."""
+    known = {name: channel for name, channel in CHANNELS.items() if _has(scope, channel)}
     if names is None:
-        return [channel for channel in known.values() if all(name in image for name in channel.needs)]
+        several = len(scope.cantilever.eigenmodes) > 1
+        by_default = (one for one in known.values() if several or one.mode == 0)
+        return [channel for channel in by_default if all(name in image for name in channel.needs)]
     names = (names,) if isinstance(names, str) else tuple(names)
-    check_second(names, second)
+    check_modes_asked(names, scope)
     chosen = [known[name] for name in check_variables(names, tuple(known))]
     for channel in chosen:
         if missing := [name for name in channel.needs if name not in image]:
@@ -276,29 +282,38 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
     return scope
 
 
-def check_second(names: object, second: bool) -> None:
-    """Refuse names of channels of a second mode where the drive has none."""
-    for name in names if isinstance(names, Iterable) and not second else ():
-        if isinstance(name, str) and name in CHANNELS and CHANNELS[name].bimodal:
+def _has(scope: Microscope, channel: Channel) -> bool:
+    """Whether lever and drive have the mode that a channel is of."""
+    return channel.mode <= len(scope.cantilever.eigenmodes) and (not channel.bimodal or scope.drive.second is not None)
+
+
+def check_modes_asked(names: object, scope: Microscope) -> None:
+    """Refuse names of variables of a mode that the lever does not have, or that its drive leaves alone."""
+    count = len(scope.cantilever.eigenmodes)
+    for name in (names,) if isinstance(names, str) else names if isinstance(names, Iterable) else ():
+        channel = CHANNELS.get(name) if isinstance(name, str) else None
+        if name in MODAL[count:] or (channel is not None and channel.mode > count):
+            raise InputError("variables", name, f"names of modes up to {count}, for the lever has no more")
+        if channel is not None and channel.bimodal and scope.drive.second is None:
             allowed = "a name without a second mode, for the drive has none"
             hint = "Give it one: pm.Drive(..., second=pm.Mode(...)), in a scene [drive.second]."
             raise InputError("variables", name, allowed, hint)
 
 
-def split(variables: object, control: Control, second: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def split(variables: object, control: Control, scope: Microscope) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Variables asked for, as those of an image under this control and channels that are to be derived from it.
 
-    `second`: whether the drive has a second mode, of which all channels come by default.
+    Where the drive has a second mode, all channels of that come by default.
     """
     known = all_variables_of(control)
     more = tuple(
         name
         for name, channel in CHANNELS.items()
-        if name not in known and set(channel.needs) <= set(known) and (second or not channel.bimodal)
+        if name not in known and set(channel.needs) <= set(known) and _has(scope, channel)
     )
     if variables is None:
         return variables_of(control), tuple(name for name in more if CHANNELS[name].bimodal)
-    check_second((variables,) if isinstance(variables, str) else variables, second)
+    check_modes_asked(variables, scope)
     names = check_variables(variables, (*known, *more))
     return tuple(name for name in names if name in known), tuple(name for name in names if name in more)
 

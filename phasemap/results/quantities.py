@@ -17,8 +17,8 @@ from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
 from phasemap._shared.units import ELECTRONVOLT
 from phasemap.experiment.excitation import of_tip
-from phasemap.experiment.lever import lever_of, lost_in_air, supplied, virial_of
-from phasemap.experiment.microscope import Microscope, Mode
+from phasemap.experiment.lever import drive_energy, lever_of, lost_in_air, modal_motion, supplied, virial_of
+from phasemap.experiment.microscope import Microscope, SecondMode
 from phasemap.results.variables import FLOATS
 
 T = TypeVar("T")
@@ -68,7 +68,8 @@ class Channel:
     needs: tuple[str, ...] = ()  # variables that the orbit must have; without them there is no such channel
     # The variable that the orbit may have, of which this is a multiple; else it comes from amplitude and phase
     of_orbit: str = ""
-    bimodal: bool = False  # whether it is of a second mode, which the drive must have
+    bimodal: bool = False  # whether it is of a second mode that is driven, which the drive must have
+    mode: int = 0  # of the lever, that it is of; 0 of none
 
 
 def motion_of(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None) -> Motion:
@@ -139,10 +140,20 @@ def _corrected(motion: Motion) -> Array:
         return np.where(storage > FAINT * most, loss / (2 * np.pi * storage), np.nan)
 
 
+def _deflection(motion: Motion, i: int) -> Array:
+    """Deflection of mode i, counted from 0, in the first harmonic: complex, of the detector's phase [m]."""
+    scope = motion.scope
+    moved, _ = modal_motion(motion.lever, motion.amplitude, motion.phase)
+    mode, resonant = scope.cantilever.eigenmodes[i], scope.free_signal(1.0) / 1j
+    base = scope.base_amplitude * float(mode.participation or 0.0) if scope.drive.excitation == "base" else 0.0
+    found: Array = (moved[i] - base) * abs(resonant) / resonant
+    return found
+
+
 @_once
-def _second(motion: Motion) -> tuple[Mode, Array, Array]:
+def _second(motion: Motion) -> tuple[SecondMode, Array, Array]:
     """The second mode, and what the surface adds to its stiffness over k2, and to its 1/Q2."""
-    mode, lever = motion.scope.drive.second, motion.lever
+    mode, lever = motion.scope.second_mode, motion.lever
     assert mode is not None
     first = 2 * np.pi * motion.scope.cantilever.resonance_frequency
     drag = motion.orbit["mean_damping"] * lever[col.STIFFNESS] / first  # [kg/s]
@@ -264,6 +275,7 @@ def _answered(motion: Motion, turn: Array, by_slope: Array, lacking: Array) -> A
     return np.where(turn > 0.0, np.where(crossed & np.isfinite(stiffer), np.inf, answered), 0.0)
 
 
+MELCHER = "Melcher et al., PNAS 106, 13655 (2009)"
 LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"
 OF_SECOND = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss")
 CLEVELAND = "Cleveland et al., Appl. Phys. Lett. 72, 2613 (1998)"
@@ -295,6 +307,21 @@ CHANNELS: dict[str, Channel] = {
             "loss_tangent_corrected", "loss tangent corrected for adhesion", "1", _corrected,
             f"{PROKSCH}, with the energy that the contact stores for the virial, and less the energy of necks",
             needs=("contact_storage", "adhesion_loss"), of_orbit="dissipation",
+        ),
+        Channel(
+            "drive_energy", "energy supplied by the drive per cycle", "J",
+            lambda motion: drive_energy(motion.lever, motion.amplitude, motion.phase), MELCHER,
+        ),
+        *(
+            Channel(
+                f"modal_{name}_{i + 1}", f"{what} of mode {i + 1} at the drive frequency", units,
+                lambda motion, i=i, part=part: part(_deflection(motion, i)), MELCHER, mode=i + 1,
+            )
+            for i in range(col.MOST_MODES)
+            for name, what, units, part in (
+                ("amplitude", "amplitude at the tip", "m", np.abs),
+                ("phase", "phase, as the detector counts it,", "degree", lambda x: np.angle(x, deg=True)),
+            )
         ),
         Channel(
             "mode2_frequency_shift", "shift of the second mode's resonance", "Hz", _mode2_shift, LABUDA, OF_SECOND,

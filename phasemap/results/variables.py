@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, SIDEBANDS, STORAGE, WAVES
+from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, LOSSES, SIDEBANDS, STORAGE, WAVES
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.excitation import DETECTED
@@ -110,12 +110,18 @@ FLOATS: dict[str, Variable] = {
     "mean_gradient": Variable("mean slope of the surface's force with depth over a period", "N m-1", _column(GRADIENT)),
     "mean_damping": Variable("mean damping coefficient 2 alpha of the surface over a period", "1", _column(DRAG)),
     "sideband_stiffness": Variable(
-        "what the second mode finds softer because both modes yield at its sidebands", "N m-1", _column(SIDEBANDS)
+        "what the second mode finds softer because modes yield at its sidebands", "N m-1", _column(SIDEBANDS)
     ),
     "sideband_loss": Variable(
         "what the second mode loses for that reason, over its amplitude", "N m-1", _column(SIDEBANDS + 1)
     ),
     **{name: one for n in range(2, 2 + col.HARMONICS) for name, one in _harmonic(n).items()},
+    **{
+        f"modal_dissipation_{i + 1}": Variable(
+            f"energy dissipated by the damping of mode {i + 1} per cycle", "J", _column(LOSSES + i)
+        )
+        for i in range(col.MOST_MODES)
+    },
 }  # fmt: skip
 LOCK_IN = (
     "0 for a periodic orbit; else of a lock-in with a first-order low-pass at a hundredth of the drive frequency, "
@@ -156,7 +162,8 @@ OF_ADHESION = ("adhesion_virial", "adhesion_loss", "contact_storage")
 """What `phasemap.solvers.integrals.with_adhesion` knows."""
 HARMONICS = tuple(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}"))
 """Of the tip's motion."""
-OF_FORCES = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss", *HARMONICS)
+MODAL = tuple(f"modal_dissipation_{i + 1}" for i in range(col.MOST_MODES))
+OF_FORCES = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss", *HARMONICS, *MODAL)
 """What `phasemap.solvers.integrals.with_forces` knows."""
 OF_ORBITS = {
     "adhesion_virial": (ADHESION_VIRIAL,), "adhesion_loss": (ADHESION_LOSS,), "contact_storage": (STORAGE,),
@@ -166,6 +173,7 @@ OF_ORBITS = {
         f"{of}_{n}": (WAVES + 2 * (n - 2), WAVES + 2 * (n - 2) + 1)
         for n in range(2, 2 + col.HARMONICS) for of in ("amplitude", "phase")
     },
+    **{name: (LOSSES + i,) for i, name in enumerate(MODAL)},
 }  # fmt: skip
 """Columns of wide rows that each of these takes: one number, or real and imaginary part of one."""
 WHERE_ASKED = (*OF_ADHESION, *OF_FORCES)

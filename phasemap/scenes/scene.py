@@ -312,5 +312,4 @@ def _check_output(table: Table, control: Control | None, microscope: Microscope 
     if variables is not None and not isinstance(variables, list):
         raise InputError("[output] variables", variables, "a list of names, such as ['height', 'phase']")
     if control is not None and microscope is not None:
-        second = microscope.drive.second is not None
-        construct("[output]", {"variables": variables}, split, control=control, second=second)
+        construct("[output]", {"variables": variables}, split, control=control, scope=microscope)

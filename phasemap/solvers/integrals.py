@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.wide import WIDE, SolvedRows
+from phasemap._kernels.wide import LOSS_HARMONICS, WIDE, SolvedRows
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import HARMONICS, OF_ADHESION, OF_FORCES
+from phasemap.results.variables import HARMONICS, MODAL, OF_ADHESION, OF_FORCES
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
@@ -53,24 +53,22 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
 
 
 def with_forces(
-    rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope, *, harmonics: bool = True, kept: Array = NONE
+    rows: Array, work: Work, used: NDArray[np.int8], *, second: bool = False, harmonics: int = col.HARMONICS,
+    kept: Array = NONE,
 ) -> Array:
-    """Result rows with the mean slope of the force [N/m], the mean damping [1] and the harmonics of the tip [m].
+    """Result rows with the mean slope of the force [N/m], the mean damping [1], harmonics [m] and losses of modes [J].
 
     All are good to 0.1 % of the largest harmonic, however hard the tap. Where the orbit was averaged it is taken as
     harmonic about its deepest point, which in air is good to 1 %.
 
     `rows`, `work`, `used`: as for `with_adhesion`.
-    `scope`: of the same lever. With a second mode in its drive there is too what the sidebands of that do to it.
-    `harmonics`: whether those of the tip are wanted.
+    `second`: whether the second mode is driven; with it there is too what its sidebands do to it.
+    `harmonics`: of the force, see `phasemap._kernels.rows.forces.force_rows`.
     `kept`: as for `with_adhesion`.
     """
     from phasemap._kernels.rows.forces import force_rows
 
-    wide, second, mode = _of_tip(rows, work), np.zeros(5), scope.drive.second
-    if mode is not None:
-        frequency = scope.frequency_ratio * scope.cantilever.resonance_frequency
-        second[:3] = frequency / mode.frequency, 0.5 / mode.quality_factor, mode.stiffness
+    wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
         solved = SolvedRows(some, codes == col.AVERAGING, kept)
         force_rows(work.law, work.rows, work.lever, TABLES, second, solved, harmonics)
@@ -93,7 +91,10 @@ def widened(
     if not set(OF_ADHESION).isdisjoint(names):
         rows = with_adhesion(rows, work, used, bare(), kept=kept)
     if not set(OF_FORCES).isdisjoint(names):
-        rows = with_forces(rows, work, used, scope, harmonics=not set(HARMONICS).isdisjoint(names), kept=kept)
+        losses, waves = ({*some}.isdisjoint(names) for some in (MODAL, HARMONICS))
+        harmonics = LOSS_HARMONICS if not losses else 0 if waves else col.HARMONICS
+        second = scope.drive.second is not None
+        rows = with_forces(rows, work, used, second=second, harmonics=harmonics, kept=kept)
     return rows
 
 

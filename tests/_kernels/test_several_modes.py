@@ -116,7 +116,7 @@ def test_harmonics_are_those_that_the_detector_sees_of_both_modes(case: Case) ->
     work = asked(LIQUID, case["modulus"], case["setpoint"])
     row = solved(work)[None]
     row[:, [col.AMPLITUDE, col.PHASE]] = show(work.lever, row[0, col.AMPLITUDE], row[0, col.PHASE])
-    wide = with_forces(row, work, np.array([col.CORRECTED], np.int8), LIQUID)[0]
+    wide = with_forces(row, work, np.array([col.CORRECTED], np.int8))[0]
     found = np.hypot(wide[WAVES::2], wide[WAVES + 1 :: 2])
     # The same modes, in nm and in units of the first one's time, from the state that the independent code recorded.
     k, c = work.lever[col.STIFFNESS], work.rows[0, col.CONTACT] * 1e-9**0.5

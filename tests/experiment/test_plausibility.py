@@ -41,7 +41,7 @@ MISTAKES: dict[str, Callable[[], Any]] = {
         "tip_offsets", [60, 0], "m", usual=(0.0, 1e-4)
     ),
     "second mode's free_amplitude = 0.1 m; usual 1 pm … 100 nm; did you mean 0.1 nm?": lambda: pm.Mode(
-        1600.0, 1.88e6, 600.0, 0.1
+        free_amplitude=0.1
     ),
     "free amplitude at the drive frequency = 0.000238075 m; usual up to 1 µm.": lambda: pm.Microscope(
         LEVER, TIP, pm.Drive(20e-3, frequency=330e3)

@@ -27,7 +27,6 @@ CLASSES = (
 BESIDE = {  # what else a constructor needs
     pm.Material: {"modulus": 1e9}, pm.Drive: {"free_amplitude": 20e-9}, pm.Tip: {"radius": 10e-9},
     pm.Cantilever: {"stiffness": 40.0, "resonance_frequency": 3e5, "quality_factor": 400.0},
-    pm.Mode: {"stiffness": 1600.0, "frequency": 1.88e6, "quality_factor": 600.0, "free_amplitude": 1e-10},
     pm.Eigenmode: {"frequency_ratio": 6.3, "quality_factor": 400.0},
     pm.TipChange: {"line": 3, "radius": 1e-8}, Neck: {"length": 1e-9}, pm.Feedback: {},
 }  # fmt: skip

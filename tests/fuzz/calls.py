@@ -161,7 +161,7 @@ def _of_parts() -> Iterator[Call]:
         pm.Accuracy: {}, pm.Cantilever: {"stiffness": 40.0, "resonance_frequency": 3e5, "quality_factor": 400.0},
         pm.Drive: {"free_amplitude": 2e-8}, pm.Engage: {}, pm.Feedback: {}, pm.Interaction: {},
         pm.Material: {"modulus": 1e9}, pm.Microscope: {"cantilever": lever, "tip": tip, "drive": drive},
-        pm.Mode: {"stiffness": 1e3, "frequency": 1.8e6, "quality_factor": 500.0, "free_amplitude": 1e-9},
+        pm.Mode: {},
         pm.Eigenmode: {"frequency_ratio": 6.3, "quality_factor": 400.0},
         pm.Raster: {}, pm.Realism: {}, pm.Tip: {"radius": 1e-8}, pm.TipChange: {"line": 1, "radius": 2e-8},
         pm.Surface: {"modulus": [[1e9, 3e9]], "pixel_size": 4e-9}, pm.interaction.Cone: {}, pm.interaction.Film: {},

@@ -212,11 +212,9 @@ def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
 
 def with_second_mode(scope: pm.Microscope) -> pm.Microscope:
     lever = scope.cantilever
-    # The second mode of a uniform beam is 6.27 times as fast, and 39 times as stiff.
-    mode = pm.Mode(
-        39.3 * lever.stiffness, 6.27 * lever.resonance_frequency, 1.5 * lever.quality_factor, 0.1e-9, detection="am"
-    )
-    return replace(scope, drive=replace(scope.drive, second=mode))
+    mode = pm.Eigenmode(6.267, 1.5 * lever.quality_factor)
+    driven = replace(scope.drive, second=pm.Mode(detection="am"))
+    return replace(scope, cantilever=replace(lever, modes=(mode,)), drive=driven)
 
 
 class TestSecondMode:

@@ -284,7 +284,7 @@ def test_harmonics_and_mean_slopes_are_those_of_the_orbit(case: Case) -> None:
     work = work_of_material(material_of(case), scope_of(case), 1e-9)
     row = row_of(case)
     row[0, col.TIP_OFFSET], row[0, col.MEAN] = case["tip_offset"], -case["mean_force"] / case["stiffness"]
-    wide = with_forces(row, work, np.array([col.ORBIT], np.int8), scope_of(case))[0]
+    wide = with_forces(row, work, np.array([col.ORBIT], np.int8))[0]
     neck = case["law"] == "jkr"
     allowed = (
         1e-3  # of the force that one pass of the response meets, or Simpson's rule with eight steps a way in contact
@@ -312,8 +312,8 @@ def test_an_orbit_whose_nodes_were_kept_has_the_same_integrals_as_one_that_is_so
     def widen(part: Work, rows: np.ndarray, used: np.ndarray, at: np.ndarray) -> np.ndarray:
         assert rows[0, KEPT_COUNT] > 0
         alone = np.ascontiguousarray(rows[:, : col.COLUMNS])
-        kinds["again"], kinds["kept"] = (with_forces(alone, part, used, scope, kept=kept) for kept in (NONE, rows))
-        kinds["plain"] = with_forces(alone, part, used, scope, harmonics=False)
+        kinds["again"], kinds["kept"] = (with_forces(alone, part, used, kept=kept) for kept in (NONE, rows))
+        kinds["plain"] = with_forces(alone, part, used, harmonics=0)
         return kinds["kept"]
 
     work = work_of_material(material_of(case), scope, case["amplitude"])

@@ -409,7 +409,9 @@ def test_a_contrast_map_has_the_phases_of_its_pixels() -> None:
         (lambda m, s: image_of(m, s, variables=["adhesion_virial"]), "variables is 'adhesion_virial'"),
         (lambda m, s: image_of(m, s, variables=["loss_tangent_corrected"]), "variables is 'loss_tangent_corrected'"),
         (
-            lambda m, s: image_of(m, replace(s, drive=replace(s.drive, second=pm.Mode(1600.0, 1.88e6, 600.0, 1e-9)))),
+            lambda m, s: image_of(
+                m, replace(s, cantilever=replace(s.cantilever, modes=2), drive=replace(s.drive, second=pm.Mode()))
+            ),
             "second is given; allowed: None where a surface remembers",
         ),
         (lambda m, s: pm.solve_pixel(m, replace(s, interaction=pm.Interaction("jkr")), 0.6), "contact is 'jkr'"),

@@ -154,7 +154,7 @@ SCENES: dict[str, Callable[[], tuple[pm.Surface, pm.Microscope]]] = {
     ),
     "second mode": lambda: (
         random_map(8, *STIFF),
-        pm.Microscope(LEVER, TIP, pm.Drive(20e-9, second=pm.Mode(1500.0, 1.9e6, 600.0, 0.2e-9))),
+        pm.Microscope(replace(LEVER, modes=2), TIP, pm.Drive(20e-9, second=pm.Mode(free_amplitude=0.2e-9))),
     ),
     "jkr": lambda: (
         random_map(4, (5e7, 1e9), 0.05, (0.005, 0.02)),

@@ -18,13 +18,15 @@ from phasemap._kernels.law import (
     longrange_slope,
     parameters,
 )
-from phasemap._kernels.lever import detected_compliance
+from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
 from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
 from phasemap._kernels.orbits.response.orbit import Room
 from phasemap._kernels.rows.along_orbit import nodes_of, room_again
-from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, WAVES, SolvedRows
+from phasemap._kernels.wide import DRAG, GRADIENT, LOSS_HARMONICS, LOSSES, SIDEBANDS, WAVES, SolvedRows
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count
+# Of the highest harmonic that a sum takes: rad from node to node, where the force is above this share of its largest
+WIDEST, SMALL_FORCE = 2.5, 1e-2
 
 
 @kernel
@@ -74,25 +76,21 @@ def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np
 
 
 @kernel
-def _compliances(lever: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Compliance of both modes at the sidebands omega2 + n omega and omega2 - n omega, n from 0 on [m/N].
+def _sideband_compliances(lever: np.ndarray) -> np.ndarray:
+    """Compliance of all modes at the sidebands omega2 + n omega and omega2 - n omega, n from 0 on [m/N].
 
     Returns an array of shape (2, 1 + SLOPE_HARMONICS): sums of the compliance chi, real and imaginary part.
     """
-    drive, own = lever[col.OMEGA], lever[col.OMEGA] / second[col.OMEGA]  # over the first mode's resonance
-    out = np.zeros((2, 1 + SLOPE_HARMONICS))
+    own, out = math.sqrt(mode_of(lever, 1).square), np.zeros((2, 1 + SLOPE_HARMONICS))
     for n in range(-SLOPE_HARMONICS, SLOPE_HARMONICS + 1):
-        for mode in range(2):
-            if mode == 1 and n == 0:
+        w = own + n * lever[col.OMEGA]
+        for i in range(modes_of(lever)):
+            if i == 1 and n == 0:
                 continue  # the second mode itself
-            turned, alpha0, stiffness = 1.0, lever[col.ALPHA0], lever[col.STIFFNESS]
-            if mode == 1:
-                turned, alpha0, stiffness = 1.0 / own, second[col.ALPHA0], second[col.STIFFNESS]
-            w = (own + n * drive) * turned
-            x, y = 1.0 - w * w, 2.0 * alpha0 * w
-            below = 1.0 / (stiffness * (x * x + y * y))
-            out[0, abs(n)] += below * x
-            out[1, abs(n)] -= below * y
+            mode = mode_of(lever, i)
+            yields = mode.share / lever[col.STIFFNESS] / complex(mode.square - w * w, 2.0 * mode.rate * w)
+            out[0, abs(n)] += yields.real
+            out[1, abs(n)] += yields.imag
     return out
 
 
@@ -101,7 +99,7 @@ def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
     """Fill in the sum of |K_n|^2 chi(omega2 + n omega) over harmonics K_n of the slope, n of both signs.
 
     Where the second mode moves, the slope that comes and goes makes forces at the sidebands of its frequency. To these
-    both modes yield, with the compliance chi, and what they do acts back: to second order in the slope.
+    all modes yield, with the compliance chi, and what they do acts back: to second order in the slope.
     """
     power = row[GRADIENT] ** 2
     re, im = power * yields[0, 0], power * yields[1, 0]
@@ -159,25 +157,55 @@ def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
 
 
 @kernel
+def _resolved_harmonics(at: OrbitNodes, count: int, load: np.ndarray) -> int:
+    """Number of harmonics that nodes resolve, by the widest of those at which the force is not small."""
+    most, widest = 0.0, 0.0
+    for j in range(count):
+        most = max(most, abs(load[0, j]) / at.weight[j])
+    for j in range(count):
+        if abs(load[0, j]) / at.weight[j] >= SMALL_FORCE * most:
+            widest = max(widest, at.weight[j])
+    return int(WIDEST / widest) if widest > 0.0 else 1
+
+
+@kernel
+def _fill_losses(lever: np.ndarray, waves: np.ndarray, resolved: int, row: np.ndarray) -> None:
+    """Fill in what the damping of each mode takes in a period, from the harmonics of the force: theory, Eq. (lever-8).
+
+    The force's first harmonic is that of the equation of motion: exact, where nodes are good to 0.1 %.
+    """
+    omega, kappa = lever[col.OMEGA], complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
+    tip = -1j * row[col.AMPLITUDE] * complex(math.cos(row[col.PHASE]), math.sin(row[col.PHASE]))
+    force = complex(lever[col.TURN_COS], lever[col.TURN_SIN]) * (lever[col.DRIVE] - kappa * tip)
+    for i in range(modes_of(lever)):
+        mode, pulled = mode_of(lever, i), lever[col.MODE + i * col.MODE_NUMBERS + col.PULLED]
+        total = abs((pulled - mode.share * force) / dynamic_stiffness_of_mode(lever, i)) ** 2
+        for n in range(2, min(resolved, waves.shape[1] + 1) + 1):
+            w = n * omega
+            below = (mode.square - w * w) ** 2 + (2.0 * mode.rate * w) ** 2
+            total += (n * mode.share) ** 2 * (waves[0, n - 2] ** 2 + waves[1, n - 2] ** 2) / below
+        row[LOSSES + i] = 2.0 * math.pi * omega * mode.rate * lever[col.STIFFNESS] / mode.share * total
+
+
+@kernel
 def force_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, second: np.ndarray, solved: SolvedRows,
-    harmonics: bool,
+    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, second: bool, solved: SolvedRows,
+    harmonics: int,
 ) -> None:  # fmt: skip
     """Fill in GRADIENT and DRAG of rows that have a periodic orbit.
 
-    `second` is the lever of a second mode, shape (5,), of stiffness 0 where there is none: SIDEBANDS are filled in with
-    one. WAVES are filled in where `harmonics` of the motion are wanted.
+    SIDEBANDS are filled in where the `second` mode is driven, WAVES with col.HARMONICS `harmonics` of the force or
+    more, LOSSES with LOSS_HARMONICS.
     """
     out, averaged, kept = solved
     at, slopes, waves, load = (
         OrbitNodes(),
         np.zeros((2, SLOPE_HARMONICS)),
-        np.zeros((2, col.HARMONICS)),
+        np.zeros((2, harmonics)),
         np.zeros((5, MOST_NODES)),
     )
     again = room_again(lever, at, Room())
-    bimodal = second[col.STIFFNESS] > 0.0
-    yields = _compliances(lever, second) if bimodal else np.zeros((2, 1 + SLOPE_HARMONICS))
+    yields = _sideband_compliances(lever) if second else np.zeros((2, 1 + SLOPE_HARMONICS))
     for i in range(len(rows)):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
         if not moves(row) or not nodes_of(
@@ -188,10 +216,12 @@ def force_rows(
         gradient, drag = _slope_load(law, p, at, count, load)
         gradient += _jump_slope(law, p, at)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
-        if bimodal:
+        if second:
             _harmonics(at, count, load, 1, slopes)
             _sidebands(yields, slopes, row)
-        if harmonics:
+        if harmonics >= col.HARMONICS:
             _force_load(oscillator, at, count, load)
             _harmonics(at, count, load, 2, waves)
             _fill_waves(lever, waves, row)
+        if harmonics >= LOSS_HARMONICS:
+            _fill_losses(lever, waves, _resolved_harmonics(at, count, load), row)

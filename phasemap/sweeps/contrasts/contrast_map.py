@@ -22,7 +22,7 @@ from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.channels import check_second
+from phasemap.results.channels import check_modes_asked
 from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import check_variables, describe, provenance
 from phasemap.solvers.continuation.path import NUMBERS
@@ -131,7 +131,7 @@ def contrast(
     """
     started = time.perf_counter()
     accuracy = Accuracy() if accuracy is None else accuracy
-    check_second(variables, scope.drive.second is not None)
+    check_modes_asked(variables, scope)
     labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
     frequencies = _given("frequencies", frequencies, "Hz")
     free_amplitudes = _given("free_amplitudes", free_amplitudes, "m")
