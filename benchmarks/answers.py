@@ -49,8 +49,11 @@ def microscope(plain: Plain) -> Any:
     contact = interaction.get("contact", "dmt")
     if not isinstance(contact, str):  # the name of a law's class and its parameter
         interaction["contact"] = getattr(pm.interaction, contact[0])(*contact[1:])
+    drive = dict(plain["drive"])
+    if drive.get("second") is not None:
+        drive["second"] = pm.Mode(**drive["second"])
     return pm.Microscope(
-        pm.Cantilever(*plain["cantilever"]), pm.Tip(*plain["tip"]), pm.Drive(**plain["drive"]), pm.Interaction(**interaction)
+        pm.Cantilever(*plain["cantilever"]), pm.Tip(*plain["tip"]), pm.Drive(**drive), pm.Interaction(**interaction)
     )
 
 

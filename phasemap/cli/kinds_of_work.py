@@ -72,7 +72,7 @@ KINDS: dict[str, Callable[[], object]] = {
     "liquid": lambda: pm.solve_pixel(pm.Material(1e10), LIQUID, 0.8),
     # Where an exact orbit beside the one found in time is asked for.
     "off resonance": lambda: pm.solve_pixel(MATERIAL, BELOW, 0.8, "orbit"),
-    "second mode": lambda: pm.simulate(TWO, BIMODAL, 0.8, variables=["mode2_phase", "amplitude_2", "modal_dissipation_2"]),
+    "second mode": lambda: pm.simulate(TWO, BIMODAL, 0.8, variables=["mode2_phase", "modal_dissipation_2"]),
     "relaxation": lambda: pm.simulate(RELAXING, SCOPE, 0.8),
     "JKR pixel": lambda: _pixel("jkr"),
     "JKR sweep": lambda: _distances(_under("jkr")),

@@ -92,8 +92,9 @@ def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
     """
     motion, force = modal_motion(lever, amplitude, phase)
     _, _, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
-    work: Array = lever[col.RIGID] * force.imag - np.tensordot(pulled / share, motion.imag, 1)
-    return np.pi * lever[col.STIFFNESS] * work
+    work = lever[col.RIGID] * force.imag - np.tensordot(pulled / share, motion.imag, 1)
+    energy: Array = np.pi * lever[col.STIFFNESS] * work
+    return energy
 
 
 def lost_in_air(lever: Array, amplitude: Array) -> Array:

@@ -140,7 +140,7 @@ class SecondMode(NamedTuple):
     detection: str
 
 
-SECOND_HINT = "Give it to the lever: Cantilever(..., modes=2), or modes=(pm.Eigenmode(...),), in a scene [[cantilever.modes]]."
+SECOND_HINT = "Cantilever(..., modes=2) has one, or modes=(pm.Eigenmode(...),), in a scene [[cantilever.modes]]."
 PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 
 
@@ -262,7 +262,7 @@ class Microscope(Shown):
                 raise InputError("modes", lever.modes, "at least a second mode where the drive has one", SECOND_HINT)
             return
         if lever.modes or None in second.own:
-            allowed = "a Mode of free_amplitude and detection: the other numbers are those of the cantilever's second mode"
+            allowed = "a Mode of free_amplitude and detection; the rest is that of the cantilever's second mode"
             raise InputError("second", second, allowed)
         k, f, q = (float(one or 0.0) for one in second.own)
         mode = Eigenmode(f / lever.resonance_frequency, q, k / lever.stiffness)

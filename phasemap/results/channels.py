@@ -72,10 +72,10 @@ def channels(
         With the dims of `image`, and of those what the image has what it takes for:
 
         * ``dissipation`` [J], ``dissipation_ev`` [eV], both per cycle, and ``dissipated_power`` [W];
-        * ``drive_energy`` [J], what the drive supplies per cycle: its part is lost in the surface, ``dissipation``, the
-          rest in the damping of the modes, of each of which a simulated image has ``modal_dissipation_1`` ... if asked;
-        * of a lever with several modes, ``modal_amplitude_1`` ... [m] and ``modal_phase_1`` ... [degree]: the deflection
-          of each mode at the tip, at the drive frequency, by the detector's phase;
+        * ``drive_energy`` [J], what the drive supplies per cycle: ``dissipation`` of it is lost in the surface, and the
+          rest in the damping of modes, which simulated images have as ``modal_dissipation_1`` ... if asked;
+        * of a lever with several modes, ``modal_amplitude_1`` ... [m] and ``modal_phase_1`` ... [degree]: deflection of
+          each at the tip, at the drive frequency, its phase counted as the detector's;
         * ``virial`` [J], positive for attraction;
         * ``loss_tangent`` [1], by the instrument's formula, tan d = E_dis / (2 pi V), V the virial of repulsion: of the
           tip's motion even where the detector sees the deflection of a lever whose base is driven;

@@ -23,6 +23,7 @@ from phasemap.results.variables import FLOATS
 
 T = TypeVar("T")
 
+SIDEBANDS_BEYOND = 0.3  # share of the modulus over the largest force over k A, by sidebands beyond second order
 FAINT = 1e-3  # of the largest virial that the drive holds: a contact that stores less is none to divide by
 
 
@@ -158,10 +159,7 @@ def _second(motion: Motion) -> tuple[SecondMode, Array, Array]:
     first = 2 * np.pi * motion.scope.cantilever.resonance_frequency
     drag = motion.orbit["mean_damping"] * lever[col.STIFFNESS] / first  # [kg/s]
     gradient = motion.orbit["mean_gradient"]
-    aside = motion.orbit["sideband_stiffness"] + 1j * motion.orbit["sideband_loss"]
-    with np.errstate(all="ignore"):
-        # To second order in the slope, and to all where the contact is short against the second mode's period.
-        felt = np.where(gradient == 0.0, 0.0, gradient / (1 + aside / gradient))
+    felt = gradient - motion.orbit["sideband_stiffness"] - 1j * motion.orbit["sideband_loss"]
     lossy = (drag * 2 * np.pi * mode.frequency + felt.imag) / mode.stiffness
     return mode, felt.real / mode.stiffness, lossy
 
@@ -230,49 +228,31 @@ def _too_large(motion: Motion) -> Array:
 
 
 def _disturbed(motion: Motion) -> Array:
-    """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-8).
+    """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-6).
 
     A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
     proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
-    modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and a
-    quarter of that covers all that was found in time. The third part is that of `_answered`.
+    modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and
+    0.3 of that covers all that was found in time.
 
     For a short tap, d = D - A theta^2/2, that force is F2 = 4 sqrt(2)/3 <k>2 sqrt(A D) by the mean slope and
     F1 = 4 sqrt(2)/3 <k>1 A sqrt(A/D) by the virial. An attraction F0 that lasts through contact takes 16/(3 pi) F0 from
     F1, and its rise to F0 outside 4/(3 pi) F0 from F2; outside it takes more from F1. So at most (F2 - F1)/3 is to be
     added to F2.
+
+    Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the surface:
+    the sideband that mirrors the mode is at its resonance there, and pumps it.
     """
+    mode, stiffer, _ = _second(motion)
     with np.errstate(all="ignore"):
         share = np.sqrt(np.maximum(motion.orbit["indentation"], 0.0) / motion.amplitude)
         scale = 4 * np.sqrt(2) / 3 / motion.lever[col.STIFFNESS]
         by_slope, by_virial = scale * np.abs(_stiffness_2(motion)) * share, scale * _stiffness_1(motion) / share
         lacking = np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0)
-        rest: Array = 0.5 * _too_large(motion) ** 2 + (by_slope + lacking / 3) / 4
-        rest += _answered(motion, np.sqrt(2) * share, by_slope, lacking)
-    return rest
-
-
-def _answered(motion: Motion, turn: Array, by_slope: Array, lacking: Array) -> Array:
-    """Share of the bimodal modulus that comes of the second mode's answer to harmonics: theory, Eq. (errors-7).
-
-    Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the surface:
-    a harmonic, or the sideband that mirrors the mode, is at its resonance there.
-
-    `turn`: half of the drive's phase during which the tip is in contact [rad].
-    `by_slope, lacking`: F2 and F2 - F1 over k A [1], as in `_disturbed`.
-    """
-    from scipy.special import jv
-
-    mode, stiffer, _ = _second(motion)
-    ratio, force, total = mode.frequency / motion.frequency, by_slope + lacking / 3, np.zeros_like(turn)
-    for n in range(1, int(2 * ratio) + 1):
-        off, q = 1 - (n / ratio) ** 2, n * turn
-        nearest = np.minimum(np.abs(off), np.abs(off + stiffer))
-        answer = force * np.abs(jv(2, q)) / q**2 + lacking * np.abs(np.sin(q)) / (6 * q)
-        total += np.abs(jv(2, q)) * answer / np.hypot(nearest, n / ratio / mode.quality_factor)
-    answered = 12 * motion.lever[col.STIFFNESS] / mode.stiffness * force / by_slope * total / turn
-    crossed = np.floor(2 * ratio * np.sqrt(1 + stiffer)) != np.floor(2 * ratio)
-    return np.where(turn > 0.0, np.where(crossed & np.isfinite(stiffer), np.inf, answered), 0.0)
+        rest: Array = 0.5 * _too_large(motion) ** 2 + SIDEBANDS_BEYOND * (by_slope + lacking / 3)
+        turns = 2 * mode.frequency / motion.frequency
+        crossed = np.floor(turns * np.sqrt(1 + stiffer)) != np.floor(turns)
+    return np.where((share > 0.0) & crossed & np.isfinite(stiffer), np.inf, rest)
 
 
 MELCHER = "Melcher et al., PNAS 106, 13655 (2009)"
@@ -280,6 +260,23 @@ LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"
 OF_SECOND = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss")
 CLEVELAND = "Cleveland et al., Appl. Phys. Lett. 72, 2613 (1998)"
 PROKSCH = "Proksch and Yablon, Appl. Phys. Lett. 100, 073106 (2012)"
+
+
+def _of_mode(i: int) -> tuple[Channel, Channel]:
+    """Amplitude and phase of mode i, counted from 0."""
+    about = f"of mode {i + 1} at the drive frequency"
+    return (
+        Channel(
+            f"modal_amplitude_{i + 1}", f"amplitude at the tip {about}", "m",
+            lambda motion: np.abs(_deflection(motion, i)), MELCHER, mode=i + 1,
+        ),
+        Channel(
+            f"modal_phase_{i + 1}", f"phase {about}, counted as the detector's", "degree",
+            lambda motion: np.angle(_deflection(motion, i), deg=True), MELCHER, mode=i + 1,
+        ),
+    )  # fmt: skip
+
+
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
@@ -312,17 +309,7 @@ CHANNELS: dict[str, Channel] = {
             "drive_energy", "energy supplied by the drive per cycle", "J",
             lambda motion: drive_energy(motion.lever, motion.amplitude, motion.phase), MELCHER,
         ),
-        *(
-            Channel(
-                f"modal_{name}_{i + 1}", f"{what} of mode {i + 1} at the drive frequency", units,
-                lambda motion, i=i, part=part: part(_deflection(motion, i)), MELCHER, mode=i + 1,
-            )
-            for i in range(col.MOST_MODES)
-            for name, what, units, part in (
-                ("amplitude", "amplitude at the tip", "m", np.abs),
-                ("phase", "phase, as the detector counts it,", "degree", lambda x: np.angle(x, deg=True)),
-            )
-        ),
+        *(channel for i in range(col.MOST_MODES) for channel in _of_mode(i)),
         Channel(
             "mode2_frequency_shift", "shift of the second mode's resonance", "Hz", _mode2_shift, LABUDA, OF_SECOND,
             bimodal=True,
@@ -355,7 +342,7 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "bimodal_modulus_bound", "largest share by which the bimodal modulus differs from two modes in time", "1",
-            _disturbed, "half the square of mode2_over_depth, and a quarter of the largest force of contact over k A",
+            _disturbed, "half the square of mode2_over_depth, and 0.3 times the largest force of contact over k A",
             (*OF_SECOND, "indentation"), bimodal=True,
         ),
     )

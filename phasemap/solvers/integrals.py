@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.wide import LOSS_HARMONICS, WIDE, SolvedRows
+from phasemap._kernels.wide import AT_REST, IN_LOOP, LOSS_HARMONICS, NOT_DRIVEN, WIDE, SolvedRows
 from phasemap.experiment.excitation import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import HARMONICS, MODAL, OF_ADHESION, OF_FORCES
@@ -53,7 +53,12 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
 
 
 def with_forces(
-    rows: Array, work: Work, used: NDArray[np.int8], *, second: bool = False, harmonics: int = col.HARMONICS,
+    rows: Array,
+    work: Work,
+    used: NDArray[np.int8],
+    *,
+    second: int = NOT_DRIVEN,
+    harmonics: int = col.HARMONICS,
     kept: Array = NONE,
 ) -> Array:
     """Result rows with the mean slope of the force [N/m], the mean damping [1], harmonics [m] and losses of modes [J].
@@ -62,7 +67,7 @@ def with_forces(
     harmonic about its deepest point, which in air is good to 1 %.
 
     `rows`, `work`, `used`: as for `with_adhesion`.
-    `second`: whether the second mode is driven; with it there is too what its sidebands do to it.
+    `second`: whether the second mode is driven, and how: with it there is too what its sidebands do to it.
     `harmonics`: of the force, see `phasemap._kernels.rows.forces.force_rows`.
     `kept`: as for `with_adhesion`.
     """
@@ -93,7 +98,8 @@ def widened(
     if not set(OF_FORCES).isdisjoint(names):
         losses, waves = ({*some}.isdisjoint(names) for some in (MODAL, HARMONICS))
         harmonics = LOSS_HARMONICS if not losses else 0 if waves else col.HARMONICS
-        second = scope.drive.second is not None
+        driven = scope.drive.second
+        second = NOT_DRIVEN if driven is None else IN_LOOP if driven.detection == "fm" else AT_REST
         rows = with_forces(rows, work, used, second=second, harmonics=harmonics, kept=kept)
     return rows
 

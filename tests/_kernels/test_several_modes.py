@@ -16,7 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.response.multipliers import fill_monodromy
-from phasemap._kernels.orbits.response.nodes import GAUSS_WEIGHTS, N, Nodes, contact_node, cut_contact, parts_of
+from phasemap._kernels.orbits.response.nodes import Nodes, cut_contact
 from phasemap._kernels.orbits.response.passes import UNRESOLVED, PassState, converge, evaluate_nodes, start_passes
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
@@ -85,21 +85,6 @@ def test_a_second_mode_that_does_not_yield_changes_nothing(modulus: float) -> No
         # A mode that yields a thousand-millionth part as much changes the motion by as little.
         yields = 2e-9 if channel == col.PHASE else 2e-18
         assert abs(row[channel] - alone[channel]) < row[error] + alone[error] + yields
-
-
-def test_what_taps_take_from_the_first_harmonic_is_lost_in_the_higher_ones_of_both_modes() -> None:
-    work = asked(LIQUID, 1e8, 0.8)
-    _, f, state = by_passes(work)
-    nodes = np.array([contact_node(k) for k in range(N * parts_of(f))])
-    share = np.tile(GAUSS_WEIGHTS, parts_of(f)) * f.weight[nodes] * f.g[nodes] / math.pi
-    n = np.arange(2, 60)[:, None]
-    force = (share * np.exp(-1j * n * f.theta[nodes])).sum(axis=1)
-    omega = n[:, 0] * work.lever[col.OMEGA]
-    modes = work.lever[col.MODE :].reshape(-1, col.MODE_NUMBERS)
-    yields = [one[col.SHARE] / (one[col.FREQUENCY] ** 2 - omega**2 + 2j * one[col.RATE] * omega) for one in modes]
-    lost = [-(math.pi * n[:, 0] * abs(force) ** 2 * one.imag).sum() for one in yields]
-    assert lost[1] > 0.1 * lost[0]
-    assert sum(lost) == pytest.approx(-math.pi * state.amplitude * state.drag, rel=1e-4)
 
 
 @pytest.mark.parametrize("case", [TABLE[0], TABLE[1], TABLE[3]], ids=lambda case: f"{case['setpoint']}")

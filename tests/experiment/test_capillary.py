@@ -200,7 +200,9 @@ def test_what_is_not_marched_in_time_refuses_liquid() -> None:
     for solver in ("orbit", "averaging"):
         with pytest.raises(pm.InputError, match=rf"solver is '{solver}'; allowed: 'march' or 'auto' where .* are wet"):
             pm.solve_pixel(SAMPLE, scope, 0.7, solver)
-    second = scope_of(Capillary(1e-9), second=pm.Mode(1600.0, 1.9e6, 600.0, 1e-9))
+    second = scope_of(Capillary(1e-9))
+    two = replace(second.cantilever, modes=2)
+    second = replace(second, cantilever=two, drive=replace(second.drive, second=pm.Mode()))
     with pytest.raises(pm.InputError, match=r"second is given; allowed: None where a surface remembers or is wet"):
         pm.solve_pixel(SAMPLE, second, 0.7)
 

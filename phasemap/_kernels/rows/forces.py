@@ -22,7 +22,17 @@ from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mo
 from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
 from phasemap._kernels.orbits.response.orbit import Room
 from phasemap._kernels.rows.along_orbit import nodes_of, room_again
-from phasemap._kernels.wide import DRAG, GRADIENT, LOSS_HARMONICS, LOSSES, SIDEBANDS, WAVES, SolvedRows
+from phasemap._kernels.wide import (
+    DRAG,
+    GRADIENT,
+    IN_LOOP,
+    LOSS_HARMONICS,
+    LOSSES,
+    NOT_DRIVEN,
+    SIDEBANDS,
+    WAVES,
+    SolvedRows,
+)
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count
 # Of the highest harmonic that a sum takes: rad from node to node, where the force is above this share of its largest
@@ -76,38 +86,45 @@ def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np
 
 
 @kernel
-def _sideband_compliances(lever: np.ndarray) -> np.ndarray:
-    """Compliance of all modes at the sidebands omega2 + n omega and omega2 - n omega, n from 0 on [m/N].
+def _sideband_compliances(lever: np.ndarray, slope: float, out: np.ndarray) -> None:
+    """Fill in the compliance at the sidebands omega2 + n omega and omega2 - n omega, n from 0 on [m/N].
 
-    Returns an array of shape (2, 1 + SLOPE_HARMONICS): sums of the compliance chi, real and imaginary part.
+    `slope`: what stiffens the second mode, whose drive follows that, or 0 [N/m].
+    `out` (complex, shape (2, 1 + SLOPE_HARMONICS)): of all modes but the second, and of that one.
     """
-    own, out = math.sqrt(mode_of(lever, 1).square), np.zeros((2, 1 + SLOPE_HARMONICS))
+    second = mode_of(lever, 1)
+    driven = math.sqrt(max(second.square + second.share * slope / lever[col.STIFFNESS], 0.0))
+    out[:] = 0.0
     for n in range(-SLOPE_HARMONICS, SLOPE_HARMONICS + 1):
-        w = own + n * lever[col.OMEGA]
+        w = driven + n * lever[col.OMEGA]
         for i in range(modes_of(lever)):
             if i == 1 and n == 0:
-                continue  # the second mode itself
+                continue  # what is looked for
             mode = mode_of(lever, i)
-            yields = mode.share / lever[col.STIFFNESS] / complex(mode.square - w * w, 2.0 * mode.rate * w)
-            out[0, abs(n)] += yields.real
-            out[1, abs(n)] += yields.imag
-    return out
+            compliance = mode.share / lever[col.STIFFNESS] / complex(mode.square - w * w, 2.0 * mode.rate * w)
+            out[1 if i == 1 else 0, abs(n)] += compliance
 
 
 @kernel
 def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
-    """Fill in the sum of |K_n|^2 chi(omega2 + n omega) over harmonics K_n of the slope, n of both signs.
+    """Fill in what the second mode finds softer than the mean slope, since modes yield at its sidebands [N/m].
 
-    Where the second mode moves, the slope that comes and goes makes forces at the sidebands of its frequency. To these
-    all modes yield, with the compliance chi, and what they do acts back: to second order in the slope.
+    Where the second mode moves, the slope that comes and goes, with harmonics K_n, makes forces at the sidebands of its
+    frequency. What the modes do there acts back: theory, Eq. (errors-5).
     """
-    power = row[GRADIENT] ** 2
-    re, im = power * yields[0, 0], power * yields[1, 0]
+    mean = row[GRADIENT]
+    row[SIDEBANDS], row[SIDEBANDS + 1] = 0.0, 0.0
+    if mean == 0.0:
+        return
+    others = mean * mean * yields[0, 0]
     for n in range(SLOPE_HARMONICS):
-        power = slopes[0, n] ** 2 + slopes[1, n] ** 2
-        re += power * yields[0, n + 1]
-        im += power * yields[1, n + 1]
-    row[SIDEBANDS], row[SIDEBANDS + 1] = re, im
+        others += (slopes[0, n] ** 2 + slopes[1, n] ** 2) * yields[0, n + 1]
+    share = 1.0 / (1.0 + others / mean)
+    felt = mean * share
+    for n in range(SLOPE_HARMONICS):
+        power, own = slopes[0, n] ** 2 + slopes[1, n] ** 2, yields[1, n + 1]
+        felt -= share * share * power * own / (1.0 + mean * share * own)
+    row[SIDEBANDS], row[SIDEBANDS + 1] = mean - felt.real, -felt.imag
 
 
 @kernel
@@ -189,13 +206,13 @@ def _fill_losses(lever: np.ndarray, waves: np.ndarray, resolved: int, row: np.nd
 
 @kernel
 def force_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, second: bool, solved: SolvedRows,
+    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, second: int, solved: SolvedRows,
     harmonics: int,
 ) -> None:  # fmt: skip
     """Fill in GRADIENT and DRAG of rows that have a periodic orbit.
 
-    SIDEBANDS are filled in where the `second` mode is driven, WAVES with col.HARMONICS `harmonics` of the force or
-    more, LOSSES with LOSS_HARMONICS.
+    SIDEBANDS are filled in where the `second` mode is driven, AT_REST or IN_LOOP; WAVES where col.HARMONICS `harmonics`
+    of the force are wanted, or LOSS_HARMONICS, which LOSSES take.
     """
     out, averaged, kept = solved
     at, slopes, waves, load = (
@@ -205,7 +222,7 @@ def force_rows(
         np.zeros((5, MOST_NODES)),
     )
     again = room_again(lever, at, Room())
-    yields = _sideband_compliances(lever) if second else np.zeros((2, 1 + SLOPE_HARMONICS))
+    yields = np.zeros((2, 1 + SLOPE_HARMONICS), np.complex128)
     for i in range(len(rows)):
         oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
         if not moves(row) or not nodes_of(
@@ -216,7 +233,8 @@ def force_rows(
         gradient, drag = _slope_load(law, p, at, count, load)
         gradient += _jump_slope(law, p, at)
         row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
-        if second:
+        if second != NOT_DRIVEN:
+            _sideband_compliances(lever, row[GRADIENT] if second == IN_LOOP else 0.0, yields)
             _harmonics(at, count, load, 1, slopes)
             _sidebands(yields, slopes, row)
         if harmonics >= col.HARMONICS:
