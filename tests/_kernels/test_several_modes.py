@@ -22,7 +22,7 @@ from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.exact import exact_rows
 from phasemap._kernels.rows.fast import cheap_rows
-from phasemap._kernels.wide import WAVES
+from phasemap._kernels.wide import LOSSES, WAVES
 from phasemap.solvers.integrals import with_forces
 from phasemap.solvers.problem import Work, make_work
 
@@ -102,7 +102,7 @@ def test_harmonics_are_those_that_the_detector_sees_of_both_modes(case: Case) ->
     row = solved(work)[None]
     row[:, [col.AMPLITUDE, col.PHASE]] = show(work.lever, row[0, col.AMPLITUDE], row[0, col.PHASE])
     wide = with_forces(row, work, np.array([col.CORRECTED], np.int8))[0]
-    found = np.hypot(wide[WAVES::2], wide[WAVES + 1 :: 2])
+    found = abs(wide[WAVES:LOSSES].view(complex))
     # The same modes, in nm and in units of the first one's time, from the state that the independent code recorded.
     k, c = work.lever[col.STIFFNESS], work.rows[0, col.CONTACT] * 1e-9**0.5
     modes = work.lever[col.MODE :].reshape(-1, col.MODE_NUMBERS)

@@ -24,6 +24,7 @@ from phasemap.imaging.tolerances import OF_ANSWER
 from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+TWO_MODES = replace(AIR, cantilever=replace(AIR.cantilever, modes=2))
 SHARP = pm.Microscope(pm.Cantilever(40.0, 300e3, 5000.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOFT = pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0), pm.Tip(10e-9), pm.Drive(40e-9))
 DAMPED = pm.Microscope(pm.Cantilever(5.0, 60e3, 30.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -73,6 +74,7 @@ CASES = (
     Case("soft lever, two decades of modulus", SOFT, 0.8, (1e8, 1e10), (0.0, 0.02), (0.001, 0.1), 0.5),
     Case("low setpoint", AIR, 0.5, (2e9, 2e10), (0.05, 0.25), (0, 0.02), 0.0),
     Case("low Q", DAMPED, 0.7, (3e8, 3e9), (1e-3, 0.02), (0.001, 0.05), 0.9),
+    Case("two modes", TWO_MODES, 0.7, (1e9, 1e10), (0.01, 0.05), (0, 0.05), 0.999),
     Case("beside resonance", BESIDE, 0.7, (1e9, 1e10), (0.01, 0.1), (0, 0.05), 0.9),
     Case(
         "from repulsive to attractive, 1.01 of the resonance", ABOVE, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), 0.4
@@ -252,7 +254,8 @@ class TestSecondMode:
             return atlas
 
         monkeypatch.setattr(engaged, "build", build)
-        for scope in (AIR, with_second_mode(AIR)):
+        bimodal_scope = with_second_mode(AIR)
+        for scope in (replace(bimodal_scope, drive=AIR.drive), bimodal_scope):
             pm.simulate(CROSSING.surface(), scope, 0.7)
         plain, bimodal = asked
         # A row of nodes may be added along one coordinate of a cell, which is no more than half of all orbits; where

@@ -12,6 +12,7 @@ from phasemap._kernels.wide import ADHESION_LOSS
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import of_tip, seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.interpolation.axes import Axes
 from phasemap.results.variables import OF_ORBITS
@@ -80,7 +81,8 @@ class ExactOrbits:
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
         offsets, means, phases = guesses[:, [HEIGHT, MEAN, PHASE]].T.copy()
-        starts = NearbyGuesses(work.amplitudes, offsets, means, phases, away)
+        amplitudes, phases = of_tip(work.lever, work.amplitudes, phases)
+        starts = NearbyGuesses(amplitudes, offsets, means, phases, away)
 
         def solve(first: int, last: int) -> None:
             some = slice(first, last)
@@ -92,7 +94,7 @@ class ExactOrbits:
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)
         spread(solve, bounds_of(count, size), self._workers, None)
-        return self._functions(work, points, rows, status, np.full(count, col.ORBIT, np.int8))
+        return self._functions(work, points, seen(rows, work.lever), status, np.full(count, col.ORBIT, np.int8))
 
     def _functions(
         self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]
