@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
@@ -37,9 +38,6 @@ from phasemap.solvers.solver import by_name
 from phasemap.sweeps.contrasts.contrast_map import contrast
 from phasemap.sweeps.contrasts.pair import BISTABLE, regimes
 from phasemap.sweeps.sweep import sweep_distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 VARIABLES = (
     "height", "phase", "tip_offset", "indentation", "mean_deflection", "dissipation", "virial", "branch", "motion",
@@ -93,8 +91,6 @@ def picture(setting: Setting) -> Picture:
 
 def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
     """What engaging from far finds on each material, as an image of one pixel of each would have it."""
-    import xarray as xr
-
     scope = setting.scope
     materials, viscous = rows_of(setting.materials.values())
     work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)

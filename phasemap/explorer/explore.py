@@ -8,8 +8,8 @@ import shutil
 import tempfile
 import threading
 import weakref
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
@@ -20,10 +20,6 @@ from phasemap.explorer.offered import Opened, first_of
 from phasemap.explorer.server import HOST, Server
 from phasemap.explorer.subject import subject_of
 from phasemap.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 HEIGHT = 900  # pixels of the frame in a notebook
 LEADS = """<!doctype html>

@@ -6,16 +6,13 @@ import json
 import struct
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap.explorer.answers import Picture
 from phasemap.explorer.limits import compiling, far_off
 from phasemap.explorer.offered import Offered, presets
 from phasemap.explorer.setting import Setting
-
-if TYPE_CHECKING:
-    from phasemap.explorer.answers import Picture
 
 JSON = "application/json"
 BINARY = "application/octet-stream"

@@ -7,7 +7,9 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import xarray as xr
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
@@ -19,9 +21,6 @@ from phasemap.explorer.setting import Setting, without_none
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.tables import read_tables
 from phasemap.scenes.writing import toml_of, written
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 HEADING = ["Saved from phasemap explore.", "Every length is in m, every other quantity in SI units."]
 
@@ -172,8 +171,6 @@ def _from_anywhere(table: Any, setting: Setting) -> Any:
 
 def _maps(setting: Setting) -> xr.Dataset:
     """Labels and topography of the whole surface."""
-    import xarray as xr
-
     sample, whole = setting.subject.sample, setting.surface
     data: dict[str, Any] = {"labels": (("y", "x"), sample.labels, {"long_name": "number of the material"})}
     if sample.topography is not None:

@@ -8,9 +8,10 @@ import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
@@ -21,9 +22,6 @@ from phasemap.io.kinds import KINDS, METRES
 from phasemap.io.metadata import ScanData
 from phasemap.io.netcdf_image import NETCDF
 from phasemap.io.vendors import scan_data
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DIRECTIONS = ("approach", "retract")
 WAYS = {
@@ -228,8 +226,6 @@ def _of_sweep(path: Path) -> Parts:
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:
     """One Dataset, the distance larger where the tip is farther away."""
-    import xarray as xr
-
     held = ", ".join(sorted({quantity for quantity, _ in parts})) or "nothing"
     if not {"distance", "amplitude"} <= {quantity for quantity, _ in parts}:
         raise FileError(f"cannot use {path}: a curve has distance and amplitude; it holds {held}.")

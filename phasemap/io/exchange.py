@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates, downwards
 from phasemap.io.gwyddion import extra
 from phasemap.io.kinds import KINDS, METRES
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 QUANTITIES = {
     "height": "Height", "phase": "Phase", "amplitude": "Amplitude", "amplitude_error": "AmplitudeError",
@@ -106,8 +104,6 @@ def from_sidpy(dataset: Any) -> xr.Dataset:
     ...
     phasemap.InputError: dataset is 'nothing'; allowed: channels that are called height, phase or amplitude.
     """
-    import xarray as xr
-
     found = _found_in(dataset)
     kinds = [kind for kind in KINDS if any(kind == own for own, _ in found)]
     directions = [way for way in ("trace", "retrace") if all((kind, way) in found for kind in kinds)]

@@ -6,9 +6,10 @@ import os
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
@@ -19,9 +20,6 @@ from phasemap.io.kinds import METRES
 from phasemap.io.measured import one_scan
 from phasemap.io.metadata import CANONICAL
 from phasemap.io.whole_files import replacing
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
 OTHER_PALETTE = "Warm"

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LARGEST = 1e-3  # m, of a pixel and of a height: some ten times what scanners reach
 

@@ -6,18 +6,14 @@ Thresholding is left to scikit-image, which comes with ``pip install "afm-phasem
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.errors import FileError, InputError
 from phasemap.io.flattening import finite_map
 from phasemap.io.gwyddion import extra
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    import xarray as xr
 
 APART = 3.0  # ratio of `separation_of` from which populations are of several materials
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation

@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import xarray as xr
+
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.interrupts import EndlessError, interruptible
@@ -17,7 +19,6 @@ from phasemap.io.zarr_store import opened_store
 
 if TYPE_CHECKING:
     import netCDF4
-    import xarray as xr
 
 LIMIT = 10.0  # seconds to open a file, which takes some thousandths
 HEADER = 1 << 24  # byte: longer headers of classic files are not read
@@ -78,8 +79,6 @@ def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
             return chosen.load()
     if not path.is_file():
         raise FileError(f"cannot read {path}: it is not a file.")
-    import xarray as xr
-
     try:
         check_fits(f"to read {path}", _declared(path, sample), "Take fewer pixels or variables, or one sample.")
         with xr.open_dataset(path, engine="netcdf4") as ds:

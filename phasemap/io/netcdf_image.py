@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import xarray as xr
 
 from phasemap._shared.errors import FileError
 from phasemap._shared.notices import tell
@@ -12,9 +13,6 @@ from phasemap.io.flattening import on_one_turn
 from phasemap.io.kinds import KINDS, METRES, check_places, implausible
 from phasemap.io.metadata import of_simulation
 from phasemap.io.netcdf import load
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 NETCDF = (".nc", ".nc4", ".cdf")
 """Suffixes of such files."""

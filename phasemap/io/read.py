@@ -9,9 +9,10 @@ import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError
@@ -22,9 +23,6 @@ from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.kinds import KINDS, Kind, implausible
 from phasemap.io.netcdf_image import NETCDF, read_netcdf
 from phasemap.io.vendors import mode_of, scan_data
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DIRECTIONS = ("trace", "retrace")
 SENSOR = re.compile("sensor|measured|detector", re.IGNORECASE)
@@ -175,8 +173,6 @@ def _assemble(
     path: Path, chosen: dict[str, Group], directions: tuple[str, ...], size: tuple[float, float] | None
 ) -> xr.Dataset:
     """The channels as variables."""
-    import xarray as xr
-
     first, *others = [one for group in chosen.values() for one in group.values()]
     if not all(0 < side < math.inf for side in first.size):
         raise FileError(f"cannot use {path}: {first.name!r} is {_sides(first.size)} m in size.")

@@ -5,23 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import matplotlib
 import numpy as np
+import xarray as xr
 from matplotlib.colors import Colormap, Normalize
 
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
-from phasemap._shared.quantities import KINDS
+from phasemap._shared.quantities import KINDS, Scalar
 from phasemap._shared.units import Unit, readable
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap._shared.quantities import Scalar
-
-    Given = Scalar | Mapping[str, Scalar] | None
+Given: TypeAlias = "Scalar | Mapping[str, Scalar] | None"
 
 MAPS = {
     "height": "afmhot", "phase": "cividis", "amplitude_error": "gray", "contrast": "coolwarm", "residual": "coolwarm",

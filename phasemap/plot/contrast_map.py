@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import AsinhNorm, Normalize
@@ -15,9 +16,6 @@ from matplotlib.patheffects import withStroke
 
 from phasemap._shared.units import Unit
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 BISTABLE = 3
 HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable

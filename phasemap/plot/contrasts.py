@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,6 +16,7 @@ from matplotlib.patches import Patch
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable
 from phasemap.plot.colours import FAILED, FAILED_TEXT, PALETTE, Colours, given_colours
 from phasemap.plot.contrast_map import (
@@ -32,11 +34,6 @@ from phasemap.plot.figure import shortened
 from phasemap.plot.page import Page
 from phasemap.results.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap._shared.quantities import Scalar
 
 COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4

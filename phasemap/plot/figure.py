@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backend_bases import FigureCanvasBase
@@ -16,9 +17,6 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 RESOLUTION = 200  # of a saved picture [dots per inch]
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
-from phasemap.plot.colours import FAILED, FAILED_TEXT, Scale, given_colours, scale_of, units_of, words_of
+from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.figure import draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.materials import inversion, is_inversion
@@ -28,11 +29,6 @@ from phasemap.results.titles import microscope_in_words
 from phasemap.results.validity import describe_validity
 from phasemap.results.variables import phase_lag
 from phasemap.results.words import describe_failures, describe_irregular, describe_solvers
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.plot.colours import Given
 
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
@@ -113,8 +109,6 @@ def plot(
     >>> len(plot(ds, vmin=-30, vmax=30).axes)
     6
     """
-    import xarray as xr
-
     if isinstance(ds, xr.DataArray):
         name = str(ds.name or "variable")
         ds, variables = ds.to_dataset(name=name), (name,)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -16,9 +16,6 @@ from phasemap.plot.colours import FAILED, MAPS
 from phasemap.plot.figure import draw_scale_bar, round_numbers, side_lengths
 from phasemap.plot.page import Page
 from phasemap.plot.region_fit import SHOWN, regions
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LIMITS = (1, 99)  # percentiles shown
 UNSURE = "0.85"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -14,9 +15,6 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
 from phasemap.plot.colours import PALETTE
 from phasemap.plot.page import Page
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 QUANTITIES = ("amplitude", "phase")
 DOT: dict[str, Any] = {"marker": "o", "markersize": 2.5, "linestyle": "", "elinewidth": 0.6}

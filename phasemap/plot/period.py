@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -19,9 +20,6 @@ from phasemap.plot.page import Page
 from phasemap.plot.sweep import COLOURS, is_sweep
 from phasemap.results.status import Status
 from phasemap.results.titles import titles
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.55  # [inch]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -15,9 +16,6 @@ from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.figure import draw_scale_bar
 from phasemap.plot.page import Page
 from phasemap.results.titles import of_file
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MOST = 6  # files that are shown
 COLOURED = (2, 98)  # percentiles of an image between which colours differ

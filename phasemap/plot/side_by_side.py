@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -15,16 +16,12 @@ from matplotlib.figure import Figure
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable
 from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
 from phasemap.plot.figure import draw_scale_bar, shortened, side_lengths
 from phasemap.plot.page import LINE, Page
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap._shared.quantities import Scalar
 
 COLOURS = ("0.15", PALETTE[1])  # of the two images
 LEAST_SPAN = 0.1  # degrees

@@ -6,9 +6,10 @@ import json
 import os
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -23,9 +24,6 @@ from phasemap.plot.sweep_axis import Sweep
 from phasemap.results.titles import titles
 from phasemap.results.variables import phase_lag
 from phasemap.results.words import describe_failures, describe_irregular
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 COLOURS = PALETTE[:2]  # of the two directions
 WIDTHS = (5.0, 2.2)  # the second direction is drawn over the first, and must not hide it [points]

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.units import Unit, readable
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FLAT = 0.02  # of a quantity's range: where it changes by less towards the far end, the tip is free
 FREE_SHARE = 0.15  # of the shown axis that may be free

@@ -6,9 +6,10 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.arrays import Array
 from phasemap._shared.asked import asked_as
@@ -16,17 +17,12 @@ from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
 from phasemap._shared.quantities import Scalar
+from phasemap.experiment.control import Control
 from phasemap.experiment.excitation import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.io.metadata import microscope_of, of_simulation
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_of
 from phasemap.results.variables import MODAL, all_variables_of, check_variables, describe, provenance, variables_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.experiment.control import Control
-
 
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
 UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_factor": "1", "free_amplitude": "m"}
@@ -241,7 +237,6 @@ def _apply(
     channel: Channel, scope: Microscope, amplitude: xr.DataArray, phase: xr.DataArray, orbit: dict[str, xr.DataArray]
 ) -> xr.DataArray:
     """A channel of arrays that may be lazy."""
-    import xarray as xr
 
     def value(size: Array, angle: Array, *integrals: Array) -> Array:
         return np.asarray(channel.value(motion_of(scope, size, angle, dict(zip(orbit, integrals, strict=True)))))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from phasemap._shared.units import say
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def titles(ds: xr.Dataset) -> list[str]:

@@ -7,17 +7,14 @@ what lies outside too, and such an image looks like any other.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.sentences import counted
 from phasemap._shared.units import say
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import xarray as xr
 
 FORCES = ("adhesion_force", "lever_force")
 """Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""

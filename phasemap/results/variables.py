@@ -7,21 +7,18 @@ from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import cache
 from numbers import Real
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, LOSSES, SIDEBANDS, STORAGE, WAVES
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
+from phasemap.experiment.control import Control
 from phasemap.experiment.excitation import DETECTED
 from phasemap.results.status import Status
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.experiment.control import Control
 
 Array = np.ndarray
 T = TypeVar("T", float, Array, "xr.DataArray")

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.sentences import counted
 from phasemap._shared.units import say
 from phasemap.results.status import Status
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SOLVED_BY = {
     "averaging": "averaging (first order)",

@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.units import UDUNITS, WRITTEN, say
 from phasemap.scenes.keys import unit_of
 from phasemap.scenes.samples import Choice, Law, Range, laws_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.scenes.scene import Scene
+from phasemap.scenes.scene import Scene
 
 Table = Mapping[str, Any]
 

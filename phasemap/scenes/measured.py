@@ -11,9 +11,10 @@ import shlex
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
@@ -33,10 +34,6 @@ from phasemap.scenes.placeholders import placeholder_with, placeholders, starts_
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
 from phasemap.scenes.tables import Table, construct, with_override
 from phasemap.scenes.writing import toml_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 WAYS = ("phase", "height")
 NEEDED = {
@@ -296,8 +293,6 @@ def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, 
 
 def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
     """Labels of the materials, and the topography."""
-    import xarray as xr
-
     topography = level_height(scan["height"].values, labels == np.bincount(labels.ravel()).argmax())
     return xr.Dataset(
         {

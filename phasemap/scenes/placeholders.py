@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from phasemap._shared.notices import untold
 from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import damping_of
 from phasemap.experiment.surface import Surface
+from phasemap.scenes.scene import Scene
 from phasemap.scenes.tables import Table
-
-if TYPE_CHECKING:
-    from phasemap.experiment.microscope import Microscope
-    from phasemap.scenes.scene import Scene
 
 PLACEHOLDERS = ("LDPE", "PS", "glass", "gold")  # presets, so that an image that nobody edited has a contrast
 ONE = "PS"  # where there is one material only

@@ -21,9 +21,10 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
@@ -50,10 +51,6 @@ from phasemap.scenes.objects import (
 )  # fmt: skip
 from phasemap.scenes.surface import Built, build_surface, under_tip
 from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables, switch
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "detector", "control", "accuracy",

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.plausible import unquestioned
+from phasemap._shared.threads import Progress
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.surface import Surface
 from phasemap.imaging.imperfections import drifted
+from phasemap.scenes.scene import Scene
 from phasemap.solvers.march import FromFar
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.solver import by_name
@@ -27,14 +31,6 @@ from phasemap.validation.checking.picture import Picture
 from phasemap.validation.checking.repeat import repeat
 from phasemap.validation.checking.result import FAILS, HOLDS, Check, Claim, pixels_in_words
 from phasemap.validation.checking.sample import sample
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap._shared.threads import Progress
-    from phasemap.experiment.microscope import Microscope
-    from phasemap.experiment.surface import Surface
-    from phasemap.scenes.scene import Scene
 
 PIXELS = 64
 PER_LINE = 32  # pixels that a line in time counts for

@@ -8,7 +8,9 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
+
+import xarray as xr
 
 from phasemap._shared.checks import pixel_pair, shape_pair
 from phasemap._shared.errors import FileError, InputError, PhasemapError
@@ -36,10 +38,6 @@ from phasemap.scenes.objects import CONTROLS
 from phasemap.scenes.scene import Scene, scene_from_json
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 T = TypeVar("T")
 

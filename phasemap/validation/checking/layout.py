@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.pixels import centres
@@ -13,9 +14,6 @@ from phasemap.results.quantities import CHANNELS
 from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
 from phasemap.validation.checking.claims import Claims
 from phasemap.validation.checking.result import FAILS, HOLDS, Claim
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 RISING = "position from the top of the image"  # what y is called in earlier images, and only there
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.shown import preformatted
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from phasemap.validation.checking.picture import Picture
+from phasemap.validation.checking.picture import Picture
 
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"
 SHOWN = 3  # of the pixels that fail
