@@ -70,3 +70,8 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, which cannot be written to any more."""
     array.flags.writeable = False
     return array
+
+
+def within_half_a_turn(angle: Any, turn: float = 360.0) -> Any:
+    """The same angle between -1/2 and 1/2 of a turn, which is 360 degrees or as many radians."""
+    return (angle + turn / 2) % turn - turn / 2

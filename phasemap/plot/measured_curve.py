@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import readable
@@ -102,7 +103,7 @@ def _draw_fit(axes: Axes, below: Axes, ds: xr.Dataset, name: str) -> None:
             continue
         axes.errorbar(x, of * data, of * errors, color=colour, label=f"{way}, measured", **DOT)
         axes.plot(x, of * model, color=colour, linewidth=1.2, label=f"{way}, fitted")
-        apart = data - model if name == "amplitude" else (data - model + 180.0) % 360.0 - 180.0
+        apart = data - model if name == "amplitude" else within_half_a_turn(data - model)
         below.plot(x, apart / errors, "o", markersize=2.5, color=colour)
     below.axhspan(-2.0, 2.0, color="0.92", zorder=0)
     below.set(xlabel=f"{axis.replace('_', ' ')} [{along.text}]", ylabel="residual\n[errors]")

@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
@@ -142,7 +143,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
                 phase = ds["branch_phase"].values[curve, branch, region]
                 said = f"region {region}" if branch == 1 and curve == 0 else None
                 axes.plot(level, phase, style, color=color, linewidth=1.6 if branch else 0.9, label=said)
-        zeroed = sign * ((ds["phase"].values[region] - ds["likeliest_zero"].values + 180) % 360 - 180)
+        zeroed = sign * within_half_a_turn(ds["phase"].values[region] - ds["likeliest_zero"].values)
         axes.plot(ds["likeliest_setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="files, with the fitted zero")
@@ -166,7 +167,7 @@ def _recorded(ds: xr.Dataset, i: int) -> Any:
     inside = (labels >= 0) & np.isfinite(image)
     apart = np.where(inside, image - np.nan_to_num(levels)[np.maximum(labels, 0)], np.nan)
     rows = np.array([np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in apart])
-    return (image - rows[:, None] - levels[0] + 180.0) % 360.0 - 180.0
+    return within_half_a_turn(image - rows[:, None] - levels[0])
 
 
 def _colours(ds: xr.Dataset, shown: list[int]) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.threads import workers_of
 from phasemap.inference.curves.branches import Branches, branches
 from phasemap.inference.curves.data import REACH, Data, Parameter, Setup
@@ -157,7 +158,7 @@ class Problem:
 def difference(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """One less the other; phases within half a turn."""
     apart: np.ndarray = one - other
-    return (apart + 180) % 360 - 180 if name == "phase" else apart
+    return within_half_a_turn(apart) if name == "phase" else apart
 
 
 class Solution(NamedTuple):

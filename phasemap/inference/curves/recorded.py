@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError
 from phasemap.experiment.interaction import Capillary, Interaction, Neck
 from phasemap.experiment.interaction.contact import LAWS
@@ -54,8 +55,9 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
     z = curve["distance"].values
     values = {"amplitude": sensitivity * curve["amplitude"].values}
     if "phase" in curve and "phase_zero" in attrs:
-        phase = attrs.get("phase_sign", 1.0) * (curve["phase"].values - attrs["phase_zero"])
-        values["phase"] = (phase + 180.0) % 360.0 - 180.0
+        values["phase"] = within_half_a_turn(
+            attrs.get("phase_sign", 1.0) * (curve["phase"].values - attrs["phase_zero"])
+        )
     far = float(np.nanmax(np.where(values["amplitude"] < (1 - ACTS) * free, z, np.nan)))
     edges = np.linspace(0.0, BEYOND * far, BINS + 1)
     means, errors = {}, {}

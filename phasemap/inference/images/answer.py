@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap.experiment.material import Material
 from phasemap.inference.images.joint import Fitted, advise, moments_of_zeros
 from phasemap.inference.images.problem import Problem
@@ -119,7 +120,7 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
     moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
     zero, error = moments_of_zeros(found, np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T))
     said = "what the instrument says where the phase is 0"
-    put(ds, "phase_zero", "image", (zero + 180) % 360 - 180, said, "degree")
+    put(ds, "phase_zero", "image", within_half_a_turn(zero), said, "degree")
     put(ds, "phase_zero_error", "image", error, "its standard error", "degree")
     if problem.weights[..., HEIGHT].any():
         drawn = plan.height_given + found.drawn @ columns[0, :, HEIGHT].T

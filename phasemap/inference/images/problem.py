@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.least_squares import normal_rows
 from phasemap._kernels.rows.derivatives import Found
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap.inference.images.model import Model, sides_of
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 from phasemap.inference.images.zeros import Projection, Zeros
@@ -131,7 +131,7 @@ def problem_of_pixels(model: Model, stack: Stack) -> Problem:
     zeros = Zeros(columns, np.array([np.inf]))
     sides = sides_of(stack)[:, None]
     data = stack.values[:, None].copy()
-    data[..., PHASE] = (data[..., PHASE] + np.pi) % (2 * np.pi) - np.pi
+    data[..., PHASE] = within_half_a_turn(data[..., PHASE], 2 * np.pi)
     return replace(problem_of(model, stack.part(slice(1)), sides, zeros), data=data)
 
 
@@ -161,10 +161,8 @@ class Solution(NamedTuple):
 
 def normal_equations(problem: Problem, slopes: Array, rest: Array, q: Array) -> tuple[Array, Array]:
     """N and J^T r - prior (q - q0) of n problems with these derivatives and residuals."""
-    matrix, pull = np.empty((len(slopes), *problem.prior.shape)), (problem.centre - q) @ problem.prior
-    matrix[:] = problem.prior
-    normal_rows(slopes, rest, matrix, pull)
-    return matrix, pull
+    turned = slopes.transpose(0, 2, 1)
+    return problem.prior + turned @ slopes, (problem.centre - q) @ problem.prior + (turned @ rest[..., None])[..., 0]
 
 
 def descend(problem: Problem, q: Array, places: Array, defect: Array) -> Solution:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack, numbers_of, zeros_of
@@ -112,8 +113,8 @@ class Plan:
         centre = np.zeros(len(self.phase_given))
         if self.phase is not None:
             centre = np.angle((np.exp(1j * values[:, :, PHASE]) * there).sum(axis=0))
-            centre = centre[0] + _within_half_a_turn(centre - centre[0])
-        values[:, :, PHASE] = centre + _within_half_a_turn(values[:, :, PHASE] - centre)
+            centre = centre[0] + within_half_a_turn(centre - centre[0], 2 * np.pi)
+        values[:, :, PHASE] = centre + within_half_a_turn(values[:, :, PHASE] - centre, 2 * np.pi)
         return replace(stack, values=values)
 
 
@@ -144,7 +145,3 @@ def _kind(name: str, given: object, words: tuple[str, ...]) -> str | None:
         allowed = {SHARED: f"{SHARED!r} (one unknown of all images)", FREE: f"{FREE!r} (one in each image)"}
         raise InputError(name, given, ", ".join(allowed[word] for word in words) + " or numbers")
     return given
-
-
-def _within_half_a_turn(angle: Array) -> Array:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

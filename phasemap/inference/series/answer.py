@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap.inference.sampling import Draws
 from phasemap.inference.series.contrasts import Labels, Medians
 from phasemap.inference.series.problem import Explained, Problem, State
 from phasemap.inference.series.settings import HELD
 from phasemap.inference.series.words import tell
-from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, UNITS, codes_of
+from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, UNITS, codes_of, put
 from phasemap.results.variables import coded, describe, provenance
 
 if TYPE_CHECKING:
@@ -47,16 +48,16 @@ def dataset_of(
         ("free_amplitude", settings.amplitude, settings.relative * settings.scale),
     ):
         recorded = values if kind == HELD else np.full(len(values), np.nan)
-        _put(ds, f"recorded_{name}", "file", recorded, f"{name.replace('_', ' ')}, recorded or given", ds[name].units)
-    _put(ds, "repulsive", ("region", "file"), fit.repulsive.mean(axis=0), "chance of the repulsive branch")
+        put(ds, f"recorded_{name}", "file", recorded, f"{name.replace('_', ' ')}, recorded or given", ds[name].units)
+    put(ds, "repulsive", ("region", "file"), fit.repulsive.mean(axis=0), "chance of the repulsive branch")
     _add_materials(ds, problem, state)
-    apart = (problem.values - fit.phases[likeliest] - fit.zeros[likeliest] + 180.0) % 360.0 - 180.0
-    _put(ds, "sign_chance", (), float((fit.sign > 0).mean()), "chance of sign 1")
-    _put(ds, "misfit", (), float(((apart / problem.errors) ** 2).sum()), "chi2 of the likeliest draw")
-    _put(ds, "file_misfit", "file", ((apart / problem.errors) ** 2).sum(axis=0), "what each file has of the misfit")
+    apart = within_half_a_turn(problem.values - fit.phases[likeliest] - fit.zeros[likeliest])
+    put(ds, "sign_chance", (), float((fit.sign > 0).mean()), "chance of sign 1")
+    put(ds, "misfit", (), float(((apart / problem.errors) ** 2).sum()), "chi2 of the likeliest draw")
+    put(ds, "file_misfit", "file", ((apart / problem.errors) ** 2).sum(axis=0), "what each file has of the misfit")
     said = "recorded phase of the free lever by the likeliest draw"
-    _put(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
-    _put(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")
+    put(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
+    put(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")
     _add_curves(ds, problem, fit.sign, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)
@@ -69,23 +70,17 @@ def dataset_of(
     return ds
 
 
-def _put(ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, said: str, units: str = "1") -> None:
-    """Add a variable."""
-    ds[name] = (dims, values, {"long_name": said, "units": units})
-
-
 def _add(ds: xr.Dataset, name: str, dims: str, values: Array, units: str, said: str) -> None:
     """Median and ends of the 95 % of draws."""
     low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
-    _put(ds, name, dims, middle, said, units)
-    _put(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
-    _put(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
+    put(ds, name, dims, middle, said, units)
+    put(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
+    put(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
 
 
 def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explained) -> None:
     dims = ("region", "file")
-    measured = seen.values - seen.values[0]
-    measured = (measured + 180.0) % 360.0 - 180.0
+    measured = within_half_a_turn(seen.values - seen.values[0])
     error = np.hypot(problem.errors, problem.errors[0])
     error[0] = 0.0
     for name, values, said, unit in (
@@ -95,11 +90,11 @@ def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explain
         ("measured_contrast", measured, "recorded phase relative to that of region 0", "degree"),
         ("contrast_error", np.where(np.isfinite(error), error, np.nan), "its standard error", "degree"),
     ):
-        _put(ds, name, dims, values, said, unit)
+        put(ds, name, dims, values, said, unit)
     fitted = fit.phases - fit.phases[:, :1]
     low, middle, high = np.percentile(fitted, (ENDS[0], 50.0, ENDS[1]), axis=0)
     for name, values in (("fitted_contrast", middle), ("contrast_low", low), ("contrast_high", high)):
-        _put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
+        put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
 
 
 def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
@@ -136,14 +131,14 @@ def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, lik
         low, high = np.nanpercentile(np.where(enough, contrasts, 0.0), ENDS, axis=0)
     own = sign[likeliest] * _engaged(lines)
     dims = ("curve", "region", "level")
-    _put(ds, "level", "level", CURVE, "setpoint")
+    put(ds, "level", "level", CURVE, "setpoint")
     ds["curve_of"] = ("file", curve, {"long_name": "number of the file's curve"})
     said = "phase of the likeliest draw, 0 of the free lever, positive where repulsive"
-    _put(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, said, "degree")
+    put(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, said, "degree")
     ds["branch_side"] = ("branch_side", list(SIDES))
     for name, values in (("curve_contrast", own - own[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
                          ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
-        _put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
+        put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
     ds["likeliest_sign"] = ((), int(sign[likeliest]), {"long_name": "sign of the likeliest draw"})
 
 
@@ -170,7 +165,7 @@ def _add_pictures(ds: xr.Dataset, images: Sequence[xr.Dataset], labels: Sequence
     for i, (image, mine) in enumerate(zip(images, labels, strict=True)):
         step = -(-max(mine.shape) // SMALL)
         dims = (f"y_{i}", f"x_{i}")
-        _put(ds, f"image_{i}", dims, image["phase"].values[::step, ::step], "recorded phase", "degree")
+        put(ds, f"image_{i}", dims, image["phase"].values[::step, ::step], "recorded phase", "degree")
         ds[f"labels_{i}"] = (dims, mine[::step, ::step].astype(np.int8), {"long_name": "region, -1 where left out"})
         for dim, name in zip(dims, ("y", "x"), strict=True):
             if name in image.coords:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import as_array
+from phasemap._shared.arrays import as_array, within_half_a_turn
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
@@ -106,7 +106,7 @@ def drift_of(values: Array, same: NDArray[np.bool_], zeros_count: bool) -> tuple
     """
     values = values if zeros_count else values - values.mean(axis=0)
     groups = [np.flatnonzero(row) for row in np.unique(same, axis=0) if row.sum() > 1]
-    apart = [(values[:, some] - values[:, some[:1]] + 180.0) % 360.0 - 180.0 for some in groups]
+    apart = [within_half_a_turn(values[:, some] - values[:, some[:1]]) for some in groups]
     rest = [one - one.mean(axis=1, keepdims=True) for one in apart]
     count = sum((len(values) - (not zeros_count)) * (len(some) - 1) for some in groups)
     size = float(np.sqrt(np.nansum([np.nansum(one**2) for one in rest]) / max(count, 1)))

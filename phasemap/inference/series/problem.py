@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap.inference.images.model import Model
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.orbits import Table
@@ -127,7 +128,7 @@ class Problem:
                 taken = ways.chosen[every, best]
                 common = ways.zeros[every, best, ALL]
                 gain = self._loose[files] / (self._loose[files] + self._narrow[files])
-                apart = _turned(means[taken, every[:, ALL], files] - common)
+                apart = within_half_a_turn(means[taken, every[:, ALL], files] - common)
                 chosen[np.ix_(mine, files)] = taken[mine]
                 zeros[np.ix_(mine, files)] = (common + gain * apart)[mine]
         repulsive = self._patterns[chosen].transpose(0, 2, 1) > 0
@@ -181,12 +182,12 @@ class Problem:
         regions = np.arange(len(self.values))
         own, apart = chances[self._patterns, regions], apart[self._patterns, regions]  # (2^r, r, n, m)
         middle = np.degrees(np.angle((precision * np.exp(1j * np.radians(apart))).sum(axis=1, keepdims=True)))
-        rest = _turned(apart - middle)
+        rest = within_half_a_turn(apart - middle)
         mean = (precision * rest).sum(axis=1) * self._narrow
         logs = own.sum(axis=1) - 0.5 * ((precision * rest**2).sum(axis=1) - mean**2 / self._narrow)
         means = middle[:, 0] + mean
         if self.settings.zero == HELD:
-            logs = logs - 0.5 * _turned(means - self.settings.zeros) ** 2 / (self._loose + self._narrow)
+            logs = logs - 0.5 * within_half_a_turn(means - self.settings.zeros) ** 2 / (self._loose + self._narrow)
             alone = self.settings.zeros + np.zeros_like(means)
         else:
             alone = means
@@ -198,7 +199,7 @@ class Problem:
         variance = (self._loose + self._narrow)[files]
         known = variance[0]
         for k in range(1, len(files)):
-            apart = _turned(means[..., k].T[:, ALL] - found.zeros[..., ALL])  # (n, K, 2^r)
+            apart = within_half_a_turn(means[..., k].T[:, ALL] - found.zeros[..., ALL])  # (n, K, 2^r)
             total = found.logs[..., ALL] + logs[..., k].T[:, ALL] - 0.5 * apart**2 / (known + variance[k])
             zeros = found.zeros[..., ALL] + apart * known / (known + variance[k])
             known = 1 / (1 / known + 1 / variance[k])
@@ -221,12 +222,6 @@ def _drawn(logs: Array, rng: np.random.Generator) -> Indices:
     """One of k choices with these logarithms of their chances, shape (n, k) to (n,)."""
     drawn: Indices = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
     return drawn
-
-
-def _turned(angle: Array) -> Array:
-    """The same angle within half a turn [degree]."""
-    turned: Array = (angle + 180.0) % 360.0 - 180.0
-    return turned
 
 
 def _share(x: Array) -> Array:

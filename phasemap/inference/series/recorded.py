@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
 from phasemap.io.metadata import of_simulation
@@ -91,7 +92,7 @@ def _tunes_of(known: list[dict[str, Any]]) -> NDArray[np.intp]:
     for one in known:
         mine = tuple(float(one.get(name, np.nan)) for name in ("drive_frequency", "phase_zero"))
         alike = [
-            not abs(mine[0] / first[0] - 1) > SAME_DRIVE and not abs((mine[1] - first[1] + 180) % 360 - 180) > SAME_ZERO
+            not abs(mine[0] / first[0] - 1) > SAME_DRIVE and not abs(within_half_a_turn(mine[1] - first[1])) > SAME_ZERO
             for first in firsts
         ]
         tunes.append(alike.index(True) if any(alike) else len(firsts))
