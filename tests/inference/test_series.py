@@ -146,6 +146,20 @@ def test_what_repeats_at_one_setting_differ_by_is_an_error_of_all():
     assert (found.contrast_error[1] > 2.0).all()
 
 
+@pytest.mark.parametrize("wrong", [0.0, 4.0])
+def test_what_no_material_explains_is_found_as_a_discrepancy_and_said_with_its_number(wrong):
+    levels, rng = (0.5, 0.6, 0.7, 0.8, 0.9), np.random.default_rng(1)
+    files = measure(phases(levels), levels, phase_zero=0.0, free_amplitude=AMPLITUDE)
+    for k, one in enumerate(files):  # errors of a degree, and up and down what neither setpoint nor material makes
+        phase = phases(levels)[:, k] + rng.normal(0, ERROR, 2) + wrong * np.array([1, -1]) * (-1) ** k
+        one["phase"] = (("y", "x"), phase[labels_at()] + rng.normal(0, 1.0, SHAPE))
+    scope = pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE))
+    found = pm.series(files, scope, sign=1, labels=labels_at(), phase_zero=0.0)
+    assert found.discrepancy_low <= np.hypot(1.0, wrong / ERROR) < found.discrepancy_high
+    assert (found.discrepancy_low > 1.5) == (wrong > 0)
+    assert ("whose errors would have to be" in found.attrs["verdict"]) == (wrong > 0)
+
+
 def test_a_tune_that_contradicts_the_others_is_named(found):
     settings = SimpleNamespace(tunes=np.array([0, 0, 1]), tune_count=2)
     problem = SimpleNamespace(settings=settings, errors=np.ones((2, 3)))
@@ -287,7 +301,7 @@ def test_a_typical_lever_of_quite_another_frequency_is_doubted():
 @pytest.mark.parametrize(("chi2", "said"), [(9.0, "reproduced within its errors"), (35.0, "hardly"), (60.0, "not:")])
 def test_a_fit_is_said_to_be_within_errors_only_if_chi2_is_likely(found, chi2, said):
     settings = settings_of(measure(phases(), phase_zero=0.0), ["a", "b", "c"], GIVEN)
-    problem = SimpleNamespace(settings=settings, errors=np.ones((4, 3)), names=["unknown"] * 7)
+    problem = SimpleNamespace(settings=settings, errors=np.ones((4, 3)), names=["unknown"] * 8)
     worse = found.assign(misfit=chi2)  # of 12 phases
     assert f"The magnitude is {said}" in _of_magnitude(worse, problem, is_poor(worse, problem))
 

@@ -42,6 +42,7 @@ def dataset_of(
     _add_contrasts(ds, problem, seen, fit)
     _add(ds, "setpoint", "file", state.ratios, "1", "setpoint")
     _add(ds, "free_amplitude", "file", state.amplitudes, "m", "free amplitude at the drive frequency")
+    _add(ds, "discrepancy", (), state.growth, "1", "factor by which errors are larger than stated, 1 at least")
     _add(ds, "phase_zero", "file", fit.zeros, "degree", "recorded phase of the free lever")
     for name, kind, values in (
         ("setpoint", settings.setpoint, settings.ratios),
@@ -70,7 +71,7 @@ def dataset_of(
     return ds
 
 
-def _add(ds: xr.Dataset, name: str, dims: str, values: Array, units: str, said: str) -> None:
+def _add(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Array, units: str, said: str) -> None:
     """Median and ends of the 95 % of draws."""
     low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
     put(ds, name, dims, middle, said, units)

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 OTHER = 0.25  # chance that of two branches the tip is on the one that it does not meet first
+WORSE = 3.0  # factor of the errors that is one standard deviation beyond the middle, where they are as stated
 MOST = 16  # ways to be on the branches in the files of one zero that are followed
 ALL = np.newaxis
 
@@ -34,6 +35,7 @@ class State(NamedTuple):
     # amplitudes, ratios: shape (n, m); free amplitudes at the drive frequency [m], and setpoints
     amplitudes: Array
     ratios: Array
+    growth: Array  # shape (n,); discrepancy: factor by which errors are larger than stated, 1 at least
 
 
 class Explained(NamedTuple):
@@ -83,17 +85,17 @@ class Problem:
             named += [f"free amplitude of file {i}" for i in range(len(self.settings))]
         if self.settings.setpoint == SHARED:
             named += [f"setpoint{one}" for one in tunes]
-        return named
+        return [*named, "discrepancy"]
 
     def state(self, x: Array) -> State:
         """Physical values at standard ones, shape (n, p)."""
         count, files, tunes = len(x), len(self.settings), self.settings.tune_count
         sizes = 3 * len(self.unknown), tunes, files * (self.settings.amplitude == FREE)
-        materials, scale, own, level = np.split(x, np.cumsum(sizes), axis=1)
+        materials, scale, own, level = np.split(x[:, :-1], np.cumsum(sizes), axis=1)
         logs = np.repeat(self.known[ALL], count, axis=0)
         logs[:, self.unknown] = (materials * np.tile(self.widths, len(self.unknown))).reshape(count, -1, 3)
         own = own if own.shape[1] else np.zeros((count, files))
-        return State(logs, *self.settings.at(scale, own, _share(level)))
+        return State(logs, *self.settings.at(scale, own, _share(level)), WORSE ** np.maximum(x[:, -1], 0.0))
 
     def solved(self, state: State) -> Array:
         """Phases [degree] of averaged orbits on both branches, shape (2, n, r, m), NaN without an orbit."""
@@ -108,16 +110,18 @@ class Problem:
 
     def likelihood(self, x: Array) -> Array:
         """Logarithm of the likelihood, shape (n,)."""
-        solved = self.solved(self.state(x))
-        signed = [sum(_total(ways.logs) for ways in self._ways(solved, sign)[0]) for sign in self._signs]
+        state = self.state(x)
+        solved = self.solved(state)
+        signed = [sum(_total(ways.logs) for ways in self._ways(solved, state.growth, sign)[0]) for sign in self._signs]
         whole: Array = _total(np.stack(signed, axis=1)) - np.log(len(signed))
         return whole
 
     def explained(self, x: Array, seed: int) -> Explained:
         """Draw what is not among the unknowns; zeros are those expected of the materials and branches drawn."""
         rng = np.random.default_rng(seed)
-        solved = self.solved(self.state(x))
-        parts = [self._ways(solved, sign) for sign in self._signs]
+        state = self.state(x)
+        solved, narrow = self.solved(state), self._narrow(state.growth)
+        parts = [self._ways(solved, state.growth, sign) for sign in self._signs]
         every = np.arange(len(x))
         turned = _drawn(np.stack([sum(_total(ways.logs) for ways in part[0]) for part in parts], axis=1), rng)
         chosen, zeros = np.empty((len(x), self.values.shape[1]), np.intp), np.empty((len(x), self.values.shape[1]))
@@ -127,7 +131,7 @@ class Problem:
                 best = _drawn(ways.logs, rng)
                 taken = ways.chosen[every, best]
                 common = ways.zeros[every, best, ALL]
-                gain = self._loose[files] / (self._loose[files] + self._narrow[files])
+                gain = self._loose[files] / (self._loose[files] + narrow[:, files])
                 apart = within_half_a_turn(means[taken, every[:, ALL], files] - common)
                 chosen[np.ix_(mine, files)] = taken[mine]
                 zeros[np.ix_(mine, files)] = (common + gain * apart)[mine]
@@ -158,13 +162,12 @@ class Problem:
         loose: Array = self.settings.zero_errors**2
         return loose
 
-    @property
-    def _narrow(self) -> Array:
-        """Variance of the zero of each file by its own data [degree^2]."""
+    def _narrow(self, growth: Array) -> Array:
+        """Variance of the zero of each file by its own data, shape (n, m) [degree^2]."""
         precision: Array = (1 / self.errors**2).sum(axis=0)
-        return np.where(precision > 0, 1 / np.maximum(precision, 1e-30), 1e30)
+        return np.where(precision > 0, growth[:, ALL] ** 2 / np.maximum(precision, 1e-30), 1e30)
 
-    def _ways(self, solved: Array, sign: int) -> tuple[list[_Ways], Array]:
+    def _ways(self, solved: Array, growth: Array, sign: int) -> tuple[list[_Ways], Array]:
         """Ways to explain the files of each zero, and zeros of the files by themselves, shape (2^r, n, m).
 
         Where the tip may be on either branch, both count, the one it meets first for more: the attractive one, if it
@@ -175,7 +178,8 @@ class Problem:
         before = np.where(left, OTHER, 1 - OTHER)
         first = np.where(there[0], np.where(there[1], before, 1.0), 0.0)
         second = np.where(there[1], np.where(there[0], 1 - before, 1.0), 0.0)
-        precision = (1 / self.errors**2)[:, ALL]  # (r, 1, m)
+        precision = (1 / self.errors**2)[:, ALL] / growth[:, ALL] ** 2  # (r, n, m)
+        narrow = self._narrow(growth)
         with np.errstate(divide="ignore"):
             chances = np.where(precision > 0, np.log(np.stack([first, second]).transpose(0, 2, 1, 3)), 0.0)
         apart = self.values[:, ALL] - sign * np.nan_to_num(solved).transpose(0, 2, 1, 3)  # (2, r, n, m)
@@ -183,33 +187,46 @@ class Problem:
         own, apart = chances[self._patterns, regions], apart[self._patterns, regions]  # (2^r, r, n, m)
         middle = np.degrees(np.angle((precision * np.exp(1j * np.radians(apart))).sum(axis=1, keepdims=True)))
         rest = within_half_a_turn(apart - middle)
-        mean = (precision * rest).sum(axis=1) * self._narrow
-        logs = own.sum(axis=1) - 0.5 * ((precision * rest**2).sum(axis=1) - mean**2 / self._narrow)
+        mean = (precision * rest).sum(axis=1) * narrow
+        contrasts = np.maximum(np.isfinite(self.errors).sum(axis=0) - 1, 0)
+        logs = own.sum(axis=1) - 0.5 * ((precision * rest**2).sum(axis=1) - mean**2 / narrow)
+        logs = logs - contrasts * np.log(growth)[:, ALL]
         means = middle[:, 0] + mean
         if self.settings.zero == HELD:
-            logs = logs - 0.5 * within_half_a_turn(means - self.settings.zeros) ** 2 / (self._loose + self._narrow)
+            logs = logs + _normal(within_half_a_turn(means - self.settings.zeros), self._loose + narrow)
             alone = self.settings.zeros + np.zeros_like(means)
         else:
             alone = means
-        return [self._joined(logs[..., files], alone[..., files], files) for files in self._groups], means
+        own_zeros = self._loose + narrow
+        return [_joined(logs[..., some], alone[..., some], own_zeros[:, some]) for some in self._groups], means
 
-    def _joined(self, logs: Array, means: Array, files: Indices) -> _Ways:
-        """The likeliest combinations of the ways to explain single files that have one zero, shape (2^r, n, files)."""
-        found = _Ways(logs[..., 0].T, means[..., 0].T, np.arange(len(logs))[ALL, :, ALL].repeat(logs.shape[1], axis=0))
-        variance = (self._loose + self._narrow)[files]
-        known = variance[0]
-        for k in range(1, len(files)):
-            apart = within_half_a_turn(means[..., k].T[:, ALL] - found.zeros[..., ALL])  # (n, K, 2^r)
-            total = found.logs[..., ALL] + logs[..., k].T[:, ALL] - 0.5 * apart**2 / (known + variance[k])
-            zeros = found.zeros[..., ALL] + apart * known / (known + variance[k])
-            known = 1 / (1 / known + 1 / variance[k])
-            count = total.shape[1] * total.shape[2]
-            best = np.argpartition(-total.reshape(-1, count), min(MOST, count) - 1, axis=1)[:, :MOST]
-            parent, branches = np.divmod(best, total.shape[2])
-            before = np.take_along_axis(found.chosen, parent[..., ALL], axis=1)
-            total, zeros = (np.take_along_axis(one.reshape(-1, count), best, axis=1) for one in (total, zeros))
-            found = _Ways(total, zeros, np.concatenate([before, branches[..., ALL]], axis=2))
-        return found
+
+def _joined(logs: Array, means: Array, variance: Array) -> _Ways:
+    """The likeliest combinations of the ways to explain single files that have one zero, shape (2^r, n, files).
+
+    `variance` (shape (n, files)): of the zero of each file [degree^2].
+    """
+    found = _Ways(logs[..., 0].T, means[..., 0].T, np.arange(len(logs))[ALL, :, ALL].repeat(logs.shape[1], axis=0))
+    known = variance[:, 0, ALL, ALL]
+    for k in range(1, variance.shape[1]):
+        more = variance[:, k, ALL, ALL]
+        apart = within_half_a_turn(means[..., k].T[:, ALL] - found.zeros[..., ALL])  # (n, K, 2^r)
+        total = found.logs[..., ALL] + logs[..., k].T[:, ALL] + _normal(apart, known + more)
+        zeros = found.zeros[..., ALL] + apart * known / (known + more)
+        known = 1 / (1 / known + 1 / more)
+        count = total.shape[1] * total.shape[2]
+        best = np.argpartition(-total.reshape(-1, count), min(MOST, count) - 1, axis=1)[:, :MOST]
+        parent, branches = np.divmod(best, total.shape[2])
+        before = np.take_along_axis(found.chosen, parent[..., ALL], axis=1)
+        total, zeros = (np.take_along_axis(one.reshape(-1, count), best, axis=1) for one in (total, zeros))
+        found = _Ways(total, zeros, np.concatenate([before, branches[..., ALL]], axis=2))
+    return found
+
+
+def _normal(apart: Array, variance: Array) -> Array:
+    """Logarithm of a normal density, up to a constant."""
+    density: Array = -0.5 * (apart**2 / variance + np.log(variance))
+    return density
 
 
 def _total(logs: Array) -> Array:

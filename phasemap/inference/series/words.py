@@ -142,12 +142,14 @@ def _of_nothing(ds: xr.Dataset) -> str:
 
 
 def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
-    data, unknown = _contrasts(problem), len(problem.names)
+    data, unknown = _contrasts(problem), len(problem.names) - 1  # the discrepancy explains nothing
     what = "contrasts" if problem.settings.zero == FREE else "phases"
     if poor:
         return (
-            f"The magnitude is not: chi2 is {float(ds['misfit']):.3g} for {data} {what}. Lever, tip, settings, "
-            "regions or the contact law are not those of the sample, or their errors are too small."
+            f"The magnitude is not: chi2 is {float(ds['misfit']):.3g} for {data} {what}, whose errors would have to be "
+            f"{float(ds['discrepancy']):.2g} times as large ({float(ds['discrepancy_low']):.2g} to "
+            f"{float(ds['discrepancy_high']):.2g}). Lever, tip, settings, regions or the contact law are not those of "
+            "the sample, or the errors are too small."
         )
     if data <= unknown:
         return (
