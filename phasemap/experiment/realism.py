@@ -129,10 +129,6 @@ class Realism(Shown):
         **changes : float, str or quantity
             Arguments that are to be other ones, such as ``seed``.
 
-        Returns
-        -------
-        Realism
-
         Examples
         --------
         >>> Realism.preset("typical", seed=3).detector_noise

@@ -258,10 +258,6 @@ class Surface(Maps):
     def compute(self) -> Surface:
         """Return the surface with all maps in memory; the same one if they are there already.
 
-        Returns
-        -------
-        Surface
-
         Examples
         --------
         >>> Surface(modulus=1e9, pixel_size=4e-9, shape=(2, 3)).compute().lazy

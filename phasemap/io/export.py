@@ -60,10 +60,6 @@ def export(
     overwrite : bool
         Whether an existing file may be replaced.
 
-    Returns
-    -------
-    Path
-
     Notes
     -----
     A .gwy file keeps values to the last bit. Gwyddion's fields have no NaN: pixels without a value, or whose ``status``

@@ -79,10 +79,6 @@ def contrast(
     cmap : str, optional
         Colour map of matplotlib; "coolwarm" by default.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import numpy as np, phasemap as pm

@@ -40,10 +40,6 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     path, overwrite
         As in `phasemap.plot.plot`.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import numpy as np, xarray as xr

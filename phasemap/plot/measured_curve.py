@@ -35,10 +35,6 @@ def fit(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: b
     path, overwrite
         As in `phasemap.plot.plot`.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import numpy as np, xarray as xr

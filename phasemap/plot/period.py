@@ -38,10 +38,6 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
     path, overwrite
         As in `phasemap.plot.plot`.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import numpy as np, phasemap as pm
@@ -111,10 +107,6 @@ def force(
         As in `phasemap.plot.plot`.
     ax : matplotlib.axes.Axes, optional
         Axes of your own figure to draw in.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Examples
     --------

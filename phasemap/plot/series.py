@@ -41,10 +41,6 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
         What `phasemap.series` returned.
     path, overwrite
         As in `phasemap.plot.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if not is_series(ds):
         raise InputError("the series", sorted(map(str, ds.data_vars))[:3], "what phasemap.series returned")

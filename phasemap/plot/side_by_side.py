@@ -67,10 +67,6 @@ def comparison(
     cmap : str, optional
         Colour map of both phases.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import phasemap as pm, xarray as xr

@@ -71,10 +71,6 @@ def curve(
     lag : bool
         Whether the phase is drawn as the lag behind the drive (`phasemap.phase_lag`), 90 degrees for the free lever.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import numpy as np, phasemap as pm

@@ -260,10 +260,6 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
     overrides : iterable of str
         ``"table.key=value"``, as in `phasemap.load_scene`; ``"ensemble.count=1000"`` too.
 
-    Returns
-    -------
-    Ensemble
-
     Examples
     --------
     >>> few = load_ensemble("samples/ensemble.toml", ["ensemble.count=2"])

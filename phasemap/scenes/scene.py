@@ -200,10 +200,6 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
         ``"table.key=value"``, such as ``"drive.free_amplitude=20e-9"`` or ``"materials.soft.modulus=2e9"``. The value
         is read as TOML, and as text where it is not TOML.
 
-    Returns
-    -------
-    Scene
-
     Examples
     --------
     >>> load_scene("samples/step.toml", ["tip.radus=20e-9"])

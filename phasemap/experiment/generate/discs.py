@@ -38,10 +38,8 @@ def particles(
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     radius : float
         Mean radius of a disc [m], one pixel or more.
     area_fraction : float

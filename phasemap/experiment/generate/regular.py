@@ -25,10 +25,8 @@ def stripes(
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     period : float
         Distance from stripe to stripe [m]; two pixels or more, seen along the image's rows and columns.
     duty : float
@@ -62,10 +60,8 @@ def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: Scalar) -
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     side : float
         Side of a square [m], one pixel or more.
 
@@ -97,10 +93,8 @@ def step(
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     position : float, optional
         Distance of the edge from the left or the top of the image [m]; None is the middle.
     axis : {"x", "y"}

@@ -39,10 +39,8 @@ def lamellae(
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     period : float
         Lamellar period [m], four pixels or more and at most half the image.
     fraction : float
@@ -93,10 +91,8 @@ def blend(
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     spacing : float
         Distance between domains [m], four pixels or more and at most half the image; it coarsens by about a tenth.
     fraction : float
@@ -155,10 +151,8 @@ def roughness(
 
     Parameters
     ----------
-    shape : (int, int)
-        (ny, nx).
-    pixel_size : float or (float, float)
-        Side of a pixel [m], or its (dy, dx).
+    shape, pixel_size
+        (ny, nx); side of a pixel [m], or its (dy, dx).
     rms : float
         Standard deviation of the heights [m], at least 0; met exactly.
     correlation_length : float
