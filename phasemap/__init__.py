@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from phasemap.inference.series.series import series
     from phasemap.io.curves import read_curve
     from phasemap.io.exchange import from_sidpy, to_sidpy
-    from phasemap.io.export import export, write_gsf, write_gwy
+    from phasemap.io.export import export
     from phasemap.io.read import read_image
     from phasemap.results.channels import channels
     from phasemap.results.status import Status
@@ -161,8 +161,6 @@ __all__ = [
     "sweep_parameter",
     "sweep_setpoint",
     "to_sidpy",
-    "write_gsf",
-    "write_gwy",
 ]  # fmt: skip
 
 

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TypeVar
 
+from phasemap._shared.notices import temporarily
+
 T = TypeVar("T")
 
 STOPPING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # what stops a command, in words
@@ -31,11 +33,8 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
 
     It is called between compiled functions, which cannot be stopped, and most of which take milliseconds.
     """
-    token = _check.set(check)
-    try:
+    with temporarily(_check, check):
         yield
-    finally:
-        _check.reset(token)
 
 
 def check_stopped() -> None:

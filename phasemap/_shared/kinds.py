@@ -35,20 +35,14 @@ KINDS = {
     "bool": Kind("True or False", "True and False", lambda value: type(value).__name__ == "bool"),
     "str": Kind("a string", "strings", lambda value: isinstance(value, str)),
     "os.PathLike[str]": Kind("a path", "paths", lambda value: isinstance(value, os.PathLike)),
-    "Progress": Kind(
-        "a function, called as progress(done, total)",
-        "functions",
-        lambda value: callable(value) and not isinstance(value, type),
-    ),
-}
+    "Progress": Kind("a function, called as progress(done, total)", "functions",
+                     lambda value: callable(value) and not isinstance(value, type)),
+}  # fmt: skip
 """By how an annotation says it."""
 
 
 def of_kind(name: str, value: object, annotation: object, hint: str = "") -> object:
-    """Return the value, as a list where it could be walked through only once, or without end.
-
-    Raises InputError if the value is of another kind.
-    """
+    """Return the value, as a list where it could be walked through only once, or without end."""
     kind = kind_of(annotation) if isinstance(annotation, str) else None
     if kind is None:
         return value
@@ -58,7 +52,9 @@ def of_kind(name: str, value: object, annotation: object, hint: str = "") -> obj
             given = list(islice(value, MOST + 1))
     if kind.takes(given):
         return given
-    shown = value if isinstance(value, (str, bool, int, float, type(None))) else _sort(value)
+    shown = value
+    if not isinstance(value, (str, bool, int, float, type(None))):
+        shown = Word(f"the class {value.__name__}" if isinstance(value, type) else f"of type {type(value).__name__}")
     allowed = kind.words.replace(" or ", ", ", kind.words.count(" or ") - 1)
     raise InputError(name, shown, allowed, hint)
 
@@ -104,7 +100,3 @@ def _instance_of(name: str) -> Kind:
     last, said = name.rpartition(".")[2], name.replace("xr.", "xarray.")
     words = f"an {said}" if said[0] in "AIx" else f"a {said}"
     return Kind(words, f"{said}s", lambda value: any(cls.__name__ == last for cls in type(value).__mro__))
-
-
-def _sort(value: object) -> Word:
-    return Word(f"the class {value.__name__}" if isinstance(value, type) else f"of type {type(value).__name__}")

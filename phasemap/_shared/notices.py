@@ -7,6 +7,9 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import TypeVar
+
+T = TypeVar("T")
 
 _TOLD_OTHERWISE: ContextVar[bool] = ContextVar("phasemap_told_otherwise", default=False)
 
@@ -38,13 +41,20 @@ def tell(lines: Iterable[str]) -> None:
 
 
 @contextmanager
-def untold() -> Iterator[None]:
-    """Give no such warnings: who asked is told in another way."""
-    token = _TOLD_OTHERWISE.set(True)
+def temporarily(variable: ContextVar[T], value: T) -> Iterator[None]:
+    """Let a variable of the context have a value within a ``with`` block."""
+    token = variable.set(value)
     try:
         yield
     finally:
-        _TOLD_OTHERWISE.reset(token)
+        variable.reset(token)
+
+
+@contextmanager
+def untold() -> Iterator[None]:
+    """Give no such warnings: who asked is told in another way."""
+    with temporarily(_TOLD_OTHERWISE, True):
+        yield
 
 
 def outside() -> int:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.notices import outside
+from phasemap._shared.notices import outside, temporarily
 from phasemap._shared.units import PREFIXES, UDUNITS, WRITTEN, say
 
 Usual = tuple[float, float]
@@ -61,24 +61,21 @@ def strict_units() -> Iterator[None]:
     ...
     phasemap.InputError: free_amplitude is 40 m; allowed: the usual 50 pm … 1 µm. Did you mean 40 nm?
     """
-    with _in_manner("raise"):
+    with temporarily(_MANNER, "raise"):
         yield
 
 
 @contextmanager
 def once() -> Iterator[None]:
     """Say a name only once, whatever numbers it has: in a command, or in an ensemble with many of them."""
-    token = _TOLD.set(set())
-    try:
+    with temporarily(_TOLD, set()):
         yield
-    finally:
-        _TOLD.reset(token)
 
 
 @contextmanager
 def unquestioned() -> Iterator[None]:
     """Take any number without a word: it is ours, or it was looked at already."""
-    with _in_manner("pass"):
+    with temporarily(_MANNER, "pass"):
         yield
 
 
@@ -86,12 +83,8 @@ def unquestioned() -> Iterator[None]:
 def gathered() -> Iterator[list[str]]:
     """Keep what there is to say of numbers outside all practice in a list, for who says it in another way."""
     kept: list[str] = []
-    token = _GATHERED.set(kept)
-    try:
-        with _in_manner("gather"):
-            yield kept
-    finally:
-        _GATHERED.reset(token)
+    with temporarily(_GATHERED, kept), temporarily(_MANNER, "gather"):
+        yield kept
 
 
 def question(name: str, value: float, unit: str, usual: Usual) -> None:
@@ -110,10 +103,8 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
         told.add(name)
     units = UDUNITS.get(unit, unit)
     text = WRITTEN.get(units, units)
-    given, range_ = (
-        f"{value:g} {text}".rstrip(),
-        f"usual {f'{say(low, units)} … ' if low else 'up to '}{say(high, units)}",
-    )
+    given = f"{value:g} {text}".rstrip()
+    range_ = f"usual {f'{say(low, units)} … ' if low else 'up to '}{say(high, units)}"
     meant = likely(value, unit, usual)
     if manner == "raise":
         raise InputError(name, Word(given), f"the {range_}", f"Did you mean {meant}?" if meant else "")
@@ -140,12 +131,3 @@ def likely(value: float, unit: str, usual: Usual) -> str:
     prefixes = LIKELY.get(units, ()) if TYPED[0] <= abs(value) < TYPED[1] else ()
     meant = next((one for one in prefixes if low <= abs(value) * one <= high), None)
     return f"{value:g} {PREFIXES[meant]}{WRITTEN.get(units, units)}" if meant else ""
-
-
-@contextmanager
-def _in_manner(manner: str) -> Iterator[None]:
-    token = _MANNER.set(manner)
-    try:
-        yield
-    finally:
-        _MANNER.reset(token)

@@ -33,10 +33,7 @@ def in_words(thing: Shown) -> str:
 
 
 def table(caption: str, rows: Mapping[str, str]) -> str:
-    """A table of two columns in HTML.
-
-    `rows`: what is said of each name, in HTML.
-    """
+    """A table of two columns in HTML, with what is said of each name, in HTML too."""
     lines = (f"<tr><th>{html.escape(name)}</th><td>{text}</td></tr>" for name, text in rows.items())
     return f"<table><caption>{html.escape(caption)}</caption>{''.join(lines)}</table>"
 
@@ -75,10 +72,7 @@ def _in_html(value: Any) -> str:
 
 
 def _rows(thing: Shown, written: Callable[[Any], str]) -> Iterator[tuple[str, str]]:
-    """What is set, in words.
-
-    `written`: how values that are not numbers are written.
-    """
+    """What is set, in words; `written` is how values that are not numbers are written."""
     for field in fields(thing):
         value = getattr(thing, field.name)
         if not field.init or (value in (None, ()) and value == field.default):

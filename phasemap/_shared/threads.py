@@ -22,7 +22,9 @@ SMALL = 8  # rows whose solution may take no longer than to begin with them
 
 def workers_of(threads: int | None) -> int:
     """How many threads to start: as asked for, all cores by default."""
-    return min(whole("threads", threads, 1), 64) if threads is not None else _cores()
+    if threads is not None:
+        return min(whole("threads", threads, 1), 64)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def chunk_of(count: int, workers: int, most: int) -> int:
@@ -98,7 +100,3 @@ def found_in(task: Callable[[int, int], T], bounds: Sequence[int], workers: int)
 
     spread(find, bounds, workers, None)
     return [found[first] for first in bounds[:-1]]
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

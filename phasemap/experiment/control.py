@@ -55,9 +55,21 @@ class Engage(Shown):
         return "tip lowered onto each pixel (no memory of its neighbours)"
 
 
+class _OverLines:
+    """What controls share that take the tip over lines, there and back."""
+
+    directions: ClassVar[tuple[str, ...]] = LINES
+    engage: str
+
+    @property
+    def carried(self) -> bool:
+        """Whether the tip is engaged only once."""
+        return self.engage == "image"
+
+
 @known_as()
 @dataclass(frozen=True, repr=False)
-class Raster(Shown):
+class Raster(_OverLines, Shown):
     """Quasi-static scan: the state of the oscillation is carried from pixel to pixel, along trace and retrace.
 
     The feedback and the lever are at rest at every pixel. Where two stable orbits hold the setpoint, the tip stays on
@@ -75,18 +87,12 @@ class Raster(Shown):
     'line'
     """
 
-    directions: ClassVar[tuple[str, ...]] = LINES
     in_time: ClassVar[bool] = False
 
     engage: str = "line"
 
     def __post_init__(self) -> None:
         check_choice("engage", self.engage, _WHEN)
-
-    @property
-    def carried(self) -> bool:
-        """Whether the tip is engaged only once."""
-        return self.engage == "image"
 
     def __str__(self) -> str:
         """What it does, in words."""
@@ -95,7 +101,7 @@ class Raster(Shown):
 
 @known_as()
 @dataclass(frozen=True, repr=False)
-class Feedback(Shown):
+class Feedback(_OverLines, Shown):
     """Scan in time: lock-in, PI controller and scanner follow the surface that passes under the tip.
 
     The surface passes at constant speed, there and back; a line with its overscan takes ``1 / line_rate``. The lock-in
@@ -134,7 +140,6 @@ class Feedback(Shown):
     0.407
     """
 
-    directions: ClassVar[tuple[str, ...]] = LINES
     in_time: ClassVar[bool] = True
 
     line_rate: Number[float] = Number("Hz", 1.0, above=0, usual=(1e-3, 1e4))
@@ -155,11 +160,6 @@ class Feedback(Shown):
             raise InputError(known, getattr(self, known), "both gains, or None for both, which tunes them")
         whole("order", self.order, 1, 4)
         check_choice("engage", self.engage, _WHEN)
-
-    @property
-    def carried(self) -> bool:
-        """Whether the tip is engaged only once."""
-        return self.engage == "image"
 
     def __str__(self) -> str:
         """What it does, in words."""

@@ -104,11 +104,8 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Any) ->
 
     beyond = np.sqrt(far * (FAINTEST ** (-1 / 3) - 1))
     if surface.relaxes:
-        raise InputError(
-            "relaxation_time",
-            Word("given"),
-            "None where edges are seen by the tip: how relaxing materials mix under it is not known",
-        )
+        allowed = "None where edges are seen by the tip: how relaxing materials mix under it is not known"
+        raise InputError("relaxation_time", Word("given"), allowed)
     loss = "viscosity" if surface.damping is None else "damping"
     poisson_ratio = seen(surface.poisson_ratio, pressure)
     plane = surface.modulus / (1 - surface.poisson_ratio**2)

@@ -68,9 +68,8 @@ class Prony(Shown):
             bounds = {"minimum": 0.0} if name == "moduli" else {"above": 0.0}
             object.__setattr__(self, name, tuple(number(name, one, unit, **bounds) for one in given))
         if len(self.moduli) != len(self.times):
-            raise InputError(
-                "times", Word(f"{len(self.times)} numbers"), f"one for each of the {len(self.moduli)} moduli"
-            )
+            allowed = f"one for each of the {len(self.moduli)} moduli"
+            raise InputError("times", Word(f"{len(self.times)} numbers"), allowed)
         if not self.lasting > 0:
             hint = "Such a solid flows: give dwell, for how long the tip taps on one place."
             raise InputError("equilibrium", self.equilibrium, "a modulus above 0 Pa that is left in the end", hint)
@@ -248,9 +247,8 @@ def prony_of(given: Mapping[str, Any]) -> Prony:
         return Prony.preset(given["preset"], None if dwell is None else number("dwell", dwell, "s", above=0))
     known = {"moduli", "shear_moduli", "times", "equilibrium", "dwell", "residual"}
     if unknown := sorted(set(given) - known):
-        raise InputError(
-            "relaxation", unknown[0], "moduli or shear_moduli, times, equilibrium and dwell, or preset and dwell"
-        )
+        allowed = "moduli or shear_moduli, times, equilibrium and dwell, or preset and dwell"
+        raise InputError("relaxation", unknown[0], allowed)
     if ("moduli" in given) == ("shear_moduli" in given) or "times" not in given:
         raise InputError("relaxation", Word(", ".join(given) or "empty"), "moduli or shear_moduli, and times")
     if "moduli" in given:

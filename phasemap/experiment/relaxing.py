@@ -34,9 +34,7 @@ def check_relaxing(maps: dict[str, Any]) -> None:
         raise InputError("relaxed_modulus", most, "at most modulus, that of a sudden touch", where(above))
     if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):
         allowed = "relaxation, or damping or viscosity, not both on one surface"
-        hint = (
-            "Give the other materials viscosity = 0, or a relaxation time too: a preset takes viscosity = 0 beside it."
-        )
+        hint = "Give the others viscosity = 0, or a relaxation time too: a preset takes viscosity = 0 beside it."
         raise InputError("relaxation_time", Word("given beside a damping or viscosity"), allowed, hint)
 
 
