@@ -2,7 +2,8 @@
 
 Both are built, and installed and run in environments of their own, two at a time, on every CPython of pyproject.toml's
 classifiers that is here: the first with the oldest dependencies that pyproject.toml allows, the others with the newest
-ones. All must give the same numbers, compiled and as plain Python. Needs Python 3.11, pip, and nothing else.
+ones. On one of them the wheel brings its compiled kernels. All must give the same numbers, compiled and as plain
+Python. Needs Python 3.11, pip, and nothing else.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ class Leg:
     distribution: Path
     limits: tuple[str, ...]  # the oldest dependencies; none for the newest
     folder: Path
+    ahead: bool = False  # whether the wheel brings compiled kernels, for this interpreter
 
     def run(self) -> str:
         """Install and run; return the numbers that were computed there."""
@@ -55,10 +57,17 @@ class Leg:
         uv, into = self.folder.parent / "build/bin/uv", ("--quiet", "--python", here / "python")
         binary = ("--only-binary", ":all:") if self.distribution.suffix == ".whl" else ()
         call(uv, "pip", "install", *into, *binary, self.distribution, *self.limits, cwd=self.folder)
+        if self.ahead:
+            call(uv, "pip", "install", *into, "wheel", cwd=self.folder)
+            call(here / "python", SOURCE / "tools/wheel/ahead.py", self.distribution, ".", "averaging", cwd=self.folder)
+            (wheel,) = self.folder.glob("*.whl")
+            call(uv, "pip", "install", *into, "--no-deps", "--reinstall", wheel, cwd=self.folder)
         call(uv, "pip", "check", *into, cwd=self.folder)
         call(here / "phasemap", "--help", cwd=self.folder)
         small = ("surface.shape=[8,16]", "scan.solver=averaging", "--quiet")
         call(here / "phasemap", "run", scene, "-o", "compiled.nc", *small, cwd=self.folder)
+        written = list(self.folder.glob("env/lib/*/site-packages/phasemap/_kernels/__pycache__/*.compiled"))
+        assert bool(written) != self.ahead, f"with kernels in the wheel: {self.ahead}, and compiled are {written}"
         call(here / "phasemap", "plot", "compiled.nc", "-o", "compiled.png", cwd=self.folder)
         call(here / "python", SOURCE / ".ci/smoke.py", scene, cwd=self.folder, NUMBA_DISABLE_JIT="1")
         return (self.folder / "numbers.json").read_text()
@@ -136,7 +145,7 @@ def main() -> None:
     first, *others = found.values()
     legs = [Leg(first, wheel, oldest(folder), folder / "oldest")]
     for count, python in enumerate(others or [first]):
-        legs.append(Leg(python, wheel if count else sdist, (), folder / f"newest-{count}"))
+        legs.append(Leg(python, wheel if count else sdist, (), folder / f"newest-{count}", ahead=count == 1))
     with ThreadPoolExecutor(2) as pool:
         reports = [json.loads(numbers) for numbers in pool.map(Leg.run, legs)]
     reference, failed = reports[0]["numbers"], False
