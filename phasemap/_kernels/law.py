@@ -22,8 +22,8 @@ from numba.extending import intrinsic
 from phasemap._kernels import forces
 from phasemap._kernels.columns import BIAS, ROW
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.disk_cache import DiskCache
-from phasemap._kernels.frozen import frozen
+from phasemap._kernels.compilation.disk_cache import DiskCache
+from phasemap._kernels.compilation.frozen import frozen
 
 Formula = Callable[[float, Any], float]
 

@@ -117,7 +117,7 @@ class Cost:
 def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
     """Do work of these kinds in this process."""
     from phasemap._kernels.compilation import compiled
-    from phasemap._kernels.disk_cache import written
+    from phasemap._kernels.compilation.disk_cache import written
 
     for kind in kinds:
         started, functions, size = time.process_time(), compiled(), written()

@@ -35,7 +35,7 @@ def warm(arguments: argparse.Namespace) -> None:
         in_processes(ALL if arguments.all else USUAL, told)
     except subprocess.CalledProcessError:
         raise PhasemapError("a process that compiled kernels failed; it said why above.") from None
-    from phasemap._kernels.disk_cache import folder
+    from phasemap._kernels.compilation.disk_cache import folder
 
     whole = Cost.of_all(costs)
     if not whole.functions:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasemap._kernels.columns import RELEASE, ROW
-from phasemap._kernels.frozen import frozen
+from phasemap._kernels.compilation.frozen import frozen
 from phasemap._shared.errors import FileError
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface

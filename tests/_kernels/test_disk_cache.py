@@ -17,8 +17,9 @@ import pytest
 from numba import float64
 from numba.core.registry import cpu_target
 
-from phasemap._kernels import disk_cache, law, private_files
-from phasemap._kernels.disk_cache import DiskCache
+from phasemap._kernels import law
+from phasemap._kernels.compilation import disk_cache, private_files
+from phasemap._kernels.compilation.disk_cache import DiskCache
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no owners and modes")
 

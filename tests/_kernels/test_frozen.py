@@ -19,8 +19,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba.extending import overload
 
-from phasemap._kernels import disk_cache, law
-from phasemap._kernels.frozen import frozen
+from phasemap._kernels import law
+from phasemap._kernels.compilation import disk_cache
+from phasemap._kernels.compilation.frozen import frozen
 
 HELPERS = """
 import math
@@ -190,7 +191,7 @@ def test_what_is_no_plain_function_is_named() -> None:
 def test_other_processes_find_the_same_digest() -> None:
     code = """
 import numba
-from phasemap._kernels.frozen import frozen
+from phasemap._kernels.compilation.frozen import frozen
 jitted = numba.njit(lambda x: x in {"contract", "nsz", "reassoc"}, fastmath={"contract", "nsz", "reassoc"})
 print(frozen(lambda d, p: jitted(d)).digest)
 """  # sets of strings are in another order with another seed

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import phasemap
-from phasemap._kernels import compilation
+from phasemap._kernels.compilation import entries as compilation
 
 PACKAGE = Path(phasemap.__file__).parent
 HERE = Path(__file__).parent / "python"

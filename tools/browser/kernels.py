@@ -28,8 +28,10 @@ from numba.core import types
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels import compilation, law, linked_code
-from phasemap._kernels.disk_cache import DiskCache
+from phasemap._kernels import law
+from phasemap._kernels.compilation import entries as compilation
+from phasemap._kernels.compilation import linked_code
+from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.interaction.longrange import Biased
 from phasemap.solvers.both_branches import stable_branches

@@ -26,7 +26,7 @@ LINUX = "manylinux_2_17"  # nothing is linked: of the C library, functions of <m
 COMPILE = """
 import json, sys
 from numba.core.registry import cpu_target
-from phasemap._kernels.disk_cache import versions
+from phasemap._kernels.compilation.disk_cache import versions
 from phasemap.cli.kinds_of_work import ALL, in_processes
 wanted, cache = sys.argv[2:], sys.argv[1]
 groups = [[kind for kind in group if kind in wanted or not wanted and kind != "one's own law"] for group in ALL]
@@ -48,7 +48,9 @@ def compile_into(unpacked: Path, kinds: list[str]) -> None:
     with tempfile.TemporaryDirectory() as cache:
         command = [sys.executable, "-c", COMPILE, cache, *kinds]
         environment = {**os.environ, **target, "PYTHONPATH": str(unpacked), "PYTHONDONTWRITEBYTECODE": "1"}
-        said = subprocess.run(command, check=True, env=environment, stdout=subprocess.PIPE, text=True).stdout
+        said = subprocess.run(
+            command, check=True, env=environment, cwd=unpacked, stdout=subprocess.PIPE, text=True
+        ).stdout  # from there, for the folder that one is in comes first
         magic, versions = json.loads(said)
         ahead = unpacked / "phasemap" / "_kernels" / "ahead"
         shutil.copytree(Path(cache, "phasemap"), ahead)

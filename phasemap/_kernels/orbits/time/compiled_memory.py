@@ -10,7 +10,7 @@ from numba.core import types
 from numba.core.ccallback import CFunc
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.disk_cache import DiskCache
+from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time.by_memory import ADDRESSES, IN_PYTHON
 from phasemap._kernels.orbits.time.relaxing_events import march_relaxing

@@ -39,8 +39,8 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
-from phasemap._kernels import array_elements
-from phasemap._kernels.calls import WholeCalls
+from phasemap._kernels.compilation import array_elements
+from phasemap._kernels.compilation.calls import WholeCalls
 
 
 class _Inherited(Flags):

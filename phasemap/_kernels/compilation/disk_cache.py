@@ -32,10 +32,10 @@ from numba.core import serialize
 from numba.core.compiler import CompileResult
 
 from phasemap._kernels import loaded_sources
-from phasemap._kernels.private_files import is_private_folder, read, user, write
+from phasemap._kernels.compilation.private_files import is_private_folder, read, user, write
 
 SUFFIX, KERNELS = ".compiled", "phasemap._kernels."
-AHEAD = pathlib.Path(__file__).parent / "ahead"
+AHEAD = pathlib.Path(__file__).parents[1] / "ahead"
 TARGET = "target.json"  # "magic": how numba names the processor; "needs": what it must have
 _DIGEST = hashlib.sha256().digest_size
 _written: list[int] = []  # sizes of files
@@ -152,7 +152,7 @@ def places() -> list[pathlib.Path]:
     """Where compiled code may be kept, best first."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    first = pathlib.Path(named) / "phasemap" if named else pathlib.Path(__file__).parent / "__pycache__"
+    first = pathlib.Path(named) / "phasemap" if named else pathlib.Path(__file__).parents[1] / "__pycache__"
     return [first, pathlib.Path(home) / "phasemap", pathlib.Path(tempfile.gettempdir()) / f"phasemap-{user()}"]
 
 

@@ -14,6 +14,7 @@ kernel, however deep in the chain of calls.
 
 from __future__ import annotations
 
+import functools
 import gc
 import sys
 from dataclasses import dataclass
@@ -28,13 +29,14 @@ from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
-from phasemap._kernels.calls import called
-from phasemap._kernels.disk_cache import DiskCache
-from phasemap._kernels.first_use import FirstUse
-from phasemap._kernels.linked_code import EntryCode, LinkedCode, VectorCode
+from phasemap._kernels.compilation.calls import called
+from phasemap._kernels.compilation.disk_cache import DiskCache
+from phasemap._kernels.compilation.first_use import FirstUse
+from phasemap._kernels.compilation.linked_code import EntryCode, LinkedCode, VectorCode
+from phasemap._kernels.compilation.probe import agrees
 
 try:
-    from phasemap._kernels import lean
+    from phasemap._kernels.compilation import lean
 except ImportError:  # another numba
     lean = None  # type: ignore[assignment]
 
@@ -55,6 +57,8 @@ class Names(set[str]):
 
 ANY_ORDER = Names({"contract", "reassoc", "nsz"})
 """`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
+
+OTHERWISE = "is not one that phasemap was made for: kernels are compiled by it alone, which takes minutes."
 
 RIGHTS = {"copy": 2}
 """Kernels that may be typed twice: for numbers and for indices."""
@@ -90,7 +94,7 @@ def kernel(
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
     if numba.config.DISABLE_JIT:
         return function
-    if not LINKS:
+    if not links():
         return _Plain(function, targetoptions=options)
     return (_Light if light else _Entry)(function, _compiler_of(shared, vectors), options)
 
@@ -216,6 +220,7 @@ class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[mis
     def compile_extra(self, func: Any) -> CompileResult:
         """Compile a function."""
         name = FunctionIdentity.from_function(func).func_qualname
+        cpu_target.target_context.refresh()  # numba's own functions: they are registered when it is first asked
         self.state.library = self.library(self.state.targetctx.codegen(), name)
         self.state.library.enable_object_caching()
         self.state.flags.no_cfunc_wrapper = True
@@ -355,4 +360,14 @@ def _fits() -> bool:
     return lean is not None and lean.fits() and all(hasattr(library, name) for name in parts + methods)
 
 
-LINKS = _fits()
+@functools.cache
+def links() -> bool:
+    """Whether kernels are compiled as is said above, and not as numba does it, which takes minutes."""
+    fits = _fits() and agrees(
+        lambda one: _Entry(one, _LinkedCompiler, OPTIONS),
+        lambda one: _Entry(one, _SharedCompiler, OPTIONS),
+        lambda one: _Plain(one, targetoptions=OPTIONS),
+    )
+    if not fits:
+        print(f"phasemap: numba {numba.__version__} {OTHERWISE}", file=sys.stderr)
+    return fits
