@@ -99,16 +99,13 @@ def series(
     Returns
     -------
     xarray.Dataset
-        Files in order from the gentlest tapping. Over ("region", "file"): `phase` (median as recorded),
-        `phase_error`, `measured_contrast` against region 0 and `contrast_error`, `fitted_contrast` with `contrast_low`
-        and `contrast_high` (95 %), as recorded [degree]; `repulsive`, the chance that the tip is on the repulsive
-        branch. Over "file": `setpoint`, `free_amplitude` [m], `phase_zero` [degree], each with ``_low`` and ``_high``.
-        Over "region": modulus [Pa], adhesion [J/m2], damping [1], each with ``_low`` and ``_high`` (95 %), and
-        `determination` over ("region", "property") as of `fit_regions`. `sign_chance`, of sign 1. `discrepancy`, the
-        factor by which errors are larger than stated, 1 at least, with ``_low`` and ``_high``. Over
-        ("curve", "branch_side", "region", "level"): `branch_phase` [degree], both branches of the likeliest
-        combination against the setpoint; `draws` of every unknown. Pictures of every file: `image_0`, `labels_0` ...
-        Sentences in the attributes ``verdict``, ``notes``, ``advice``.
+        Files in order from the gentlest tapping; ``_low`` and ``_high`` are ends of 95 %. Over ("region", "file"):
+        `phase` (median as recorded), `measured_contrast` against region 0, `fitted_contrast`, errors [degree], and
+        `repulsive`, the chance of the repulsive branch. Over "file": `setpoint`, `free_amplitude` [m], `phase_zero`
+        [degree]. Over "region": modulus [Pa], adhesion [J/m2], damping [1], and how well each is known,
+        `determination` as of `fit_regions`. `sign_chance`, of sign 1; `discrepancy`, the factor by which errors are
+        larger than stated, 1 at least. Curves against the setpoint, `draws` of every unknown, and pictures of every
+        file, `image_0`, `labels_0` ... Sentences in the attributes ``verdict``, ``notes``, ``advice``.
 
     Raises
     ------
