@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, conclude, whole
 from phasemap.cli.console import in_two_columns
-from phasemap.cli.series import SAID, changed
+from phasemap.cli.series import microscope_of
 
 if TYPE_CHECKING:
     from phasemap.inference.curves.result import Fit
@@ -62,17 +62,13 @@ def fit(arguments: argparse.Namespace) -> None:
     from phasemap._shared.notices import untold
     from phasemap.experiment.material import Material
     from phasemap.inference.curves.fit import fit_distance
-    from phasemap.inference.series.settings import scope_of
     from phasemap.inference.verdict import PRIOR
     from phasemap.io.curves import read_curve
 
     check_files(arguments)
     with untold():  # it is printed below
         curve = read_curve(arguments.file, **columns_of(arguments))
-    given = [word.partition("=")[0].strip().removeprefix("cantilever.") for word in arguments.overrides]
-    scope, told = scope_of([curve.assign_attrs(title=curve.attrs["source"])], None, given)
-    scope, names = changed(scope, arguments.overrides)
-    told = [one for one in told if not any(SAID.get(name, "-") in one for name in names)]
+    scope, told = microscope_of([curve.assign_attrs(title=curve.attrs["source"])], arguments.overrides)
     laws = arguments.law if arguments.law == "all" else [one.strip() for one in arguments.law.split(",")]
     start = PRIOR if arguments.sample is None else Material.preset(arguments.sample)
     found = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)

@@ -67,16 +67,13 @@ def series(arguments: argparse.Namespace) -> None:
     """Explain, write what is asked for, and say what was found."""
     from phasemap.inference.series.recorded import read_files
     from phasemap.inference.series.series import series as explain
-    from phasemap.inference.series.settings import scope_of
     from phasemap.scenes.scene import load_setup
 
     check_files(arguments)
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
-    given = [word.partition("=")[0].strip().removeprefix("cantilever.") for word in words]
-    scope, told = scope_of(images, arguments.scene and load_setup(arguments.scene, []).microscope, given)
-    scope, names = changed(scope, words)
+    scope, told = microscope_of(images, words, arguments.scene and load_setup(arguments.scene, []).microscope)
     options: dict[str, Any] = {
         name: one_each(name, getattr(arguments, name), unit, len(paths), "a file", ("shared", "free"))
         for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree"))
@@ -86,7 +83,6 @@ def series(arguments: argparse.Namespace) -> None:
         regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,
         phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed, **options,
     )  # fmt: skip
-    told = [one for one in told if not any(SAID.get(name, "") in one for name in names if name in SAID)]
     found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
     conclude(arguments, found, "series", summary(found))
 
@@ -109,9 +105,14 @@ def summary(found: xr.Dataset) -> list[str]:
     return in_two_columns(said)
 
 
-def changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
-    """The microscope with some of its numbers changed, and their names."""
-    names = set()
+def microscope_of(
+    images: list[xr.Dataset], words: list[str], scope: Microscope | None = None
+) -> tuple[Microscope, list[str]]:
+    """The microscope of files, or of a scene, with the numbers that the user says, and what is assumed of others."""
+    from phasemap.inference.series.settings import scope_of
+
+    names = [word.partition("=")[0].strip().rpartition(".")[2] for word in words]
+    scope, told = scope_of(images, scope, names)
     for word in words:
         key, _, text = word.partition("=")
         part, _, name = key.strip().partition(".")
@@ -124,8 +125,7 @@ def changed(scope: Microscope, words: list[str]) -> tuple[Microscope, set[str]]:
         except ValueError:
             value = text.strip()
         scope = replace(scope, **{part: replace(getattr(scope, part), **{name: value})})
-        names.add(name)
-    return scope, names
+    return scope, [one for one in told if not any(SAID.get(name, "-") in one for name in names)]
 
 
 def _labels(text: str | None, count: int) -> Any:
