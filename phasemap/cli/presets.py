@@ -42,7 +42,8 @@ def tables() -> Iterator[tuple[str, list[list[str]]]]:
         ones = list(every)
         columns = list(ones[0].numbers)
         heads = ["name", "", *(name.replace("_", " ") for name in columns)]
-        yield kind, [heads, *([one.name, one.title, *(_said(column, one) for column in columns)] for one in ones)]
+        rows = ([one.name, _in_words(one), *(_said(column, one) for column in columns)] for one in ones)
+        yield kind, [heads, *rows]
 
 
 def _listed() -> Iterator[str]:
@@ -54,6 +55,11 @@ def _listed() -> Iterator[str]:
             yield "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
         yield ""
     yield NOTE
+
+
+def _in_words(preset: Preset) -> str:
+    """What a table says beside the name: of a lever its maker, where the title repeats the name."""
+    return preset.title.removesuffix(f" {preset.name}") if "stiffness" in preset.numbers else preset.title
 
 
 NOTE = """\
@@ -85,7 +91,8 @@ def _shown(preset: Preset) -> Iterator[str]:
     yield f"{preset.name}: {preset.title} ({preset.kind})"
     if preset.also:
         yield f"  {'also called':<20}{', '.join(preset.also)}"
-    for name, quoted in preset.numbers.items():
-        value, low, high = (_in_unit(name, number) for number in (quoted.value, quoted.low, quoted.high))
-        yield f"  {name.replace('_', ' '):<20}{value}, in the range {low} to {high}"
-        yield from textwrap.wrap(quoted.source, WIDTH, initial_indent=" " * 22, subsequent_indent=" " * 22)
+    for source, numbers in itertools.groupby(preset.numbers.items(), lambda one: one[1].source):
+        for name, quoted in numbers:
+            value, low, high = (_in_unit(name, number) for number in (quoted.value, quoted.low, quoted.high))
+            yield f"  {name.replace('_', ' '):<20}{value}, in the range {low} to {high}"
+        yield from textwrap.wrap(source, WIDTH, initial_indent=" " * 22, subsequent_indent=" " * 22)

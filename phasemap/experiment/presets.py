@@ -42,12 +42,14 @@ class Preset:
     title: str  # in words
     kind: str  # in the plural, such as "polymers"
     also: tuple[str, ...]  # other names
-    numbers: Mapping[str, Quoted]  # by the arguments of `phasemap.Material` or `phasemap.Cantilever`
+    numbers: Mapping[
+        str, Quoted
+    ]  # by the arguments of `phasemap.Material` or `phasemap.Cantilever`; a lever's thickness
 
     @property
     def values(self) -> dict[str, float]:
-        """The arguments alone."""
-        return {name: quoted.value for name, quoted in self.numbers.items()}
+        """The arguments alone; the thickness of a lever is in its stiffness and its frequency."""
+        return {name: quoted.value for name, quoted in self.numbers.items() if name != "thickness"}
 
 
 def materials() -> Mapping[str, Preset]:
@@ -70,7 +72,8 @@ def preset_of(kind: str, name: object, said: str = "preset") -> Preset:
     sought = _letters(name) if isinstance(name, str) else ""
     if sought in known:
         return known[sought]
-    near = dict.fromkeys(known[key].name for key in difflib.get_close_matches(sought, known, 5))
+    parts = [key for key in known if sought and sought in key]
+    near = dict.fromkeys(known[key].name for key in (*parts, *difflib.get_close_matches(sought, known, 5)))
     hint = f"Did you mean {' or '.join(map(repr, list(near)[:3]))}?" if near else ""
     raise InputError(said, name, f"one of the {len(every)} names that `phasemap presets` lists", hint)
 
@@ -92,7 +95,7 @@ def stated_by(kind: str, name: object) -> set[str]:
     `kind` ("materials" or "levers"). Returns an empty set if there is no such preset.
     """
     try:
-        stated = set(preset_of(kind, name).numbers)
+        stated = set(preset_of(kind, name).values)
     except InputError:
         return set()
     return stated | LOSSES if stated & LOSSES else stated
