@@ -23,6 +23,15 @@ def whole(text: str) -> int:
     return int(text)
 
 
+OPTIONS: dict[str, dict[str, Any]] = {
+    "quiet": {"action": "store_true", "help": "no progress and no summary"},
+    "threads": {"type": whole, "metavar": "N", "help": "number of threads; default: all cores"},
+    "strict-units": {
+        "action": "store_true", "help": "refuse values outside the usual range instead of warning of them",
+    },
+}  # fmt: skip
+
+
 def add_scene(parser: argparse.ArgumentParser, about: str = "the scene file", overrides: bool = True) -> None:
     """Declare the arguments that name a scene; overrides may stand anywhere, `main` collects them."""
     parser.add_argument("scene", metavar="SCENE.toml", type=Path, help=about)
@@ -48,20 +57,10 @@ def add_files(
     parser.add_argument("--overwrite", action="store_true", help="replace existing files")
 
 
-def add_quiet(parser: argparse.ArgumentParser, about: str = "no progress and no summary") -> None:
-    """Declare --quiet."""
-    parser.add_argument("--quiet", action="store_true", help=about)
-
-
-def add_threads(parser: argparse.ArgumentParser) -> None:
-    """Declare --threads."""
-    parser.add_argument("--threads", type=whole, metavar="N", help="number of threads; default: all cores")
-
-
-def add_strict_units(parser: argparse.ArgumentParser) -> None:
-    """Declare --strict-units."""
-    about = "refuse values outside the usual range instead of warning of them"
-    parser.add_argument("--strict-units", action="store_true", help=about)
+def add_options(parser: argparse.ArgumentParser, *names: str) -> None:
+    """Declare some of the options that several commands have."""
+    for name in names:
+        parser.add_argument(f"--{name}", **OPTIONS[name])
 
 
 def check_files(arguments: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.interrupts import interruptible
 from phasemap._shared.sentences import image_size
-from phasemap.cli.arguments import add_quiet, add_threads, whole
+from phasemap.cli.arguments import add_options, whole
 from phasemap.cli.console import progress_bar
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "scene of the surface; default: the image's own"
     surface.add_argument("--scene", metavar="SCENE.toml", type=Path, help=about)
     surface.add_argument("--surface", metavar="SURFACE.nc", type=Path, help="file whose surface is used")
-    add_threads(parser)
-    add_quiet(parser, "the verdict only")
+    add_options(parser, "threads")
+    parser.add_argument("--quiet", action="store_true", help="the verdict only")
 
 
 def check(arguments: argparse.Namespace) -> int:

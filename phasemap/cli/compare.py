@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_quiet, check_files, conclude, whole
+from phasemap.cli.arguments import add_files, add_options, check_files, conclude, whole
 from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import in_two_columns
 from phasemap.cli.words import number_in, numbers_in
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--row", type=int, metavar="N", help=about)
     add_files(parser, plot="page to draw (.png, .pdf, .svg)")
     add_colours(parser, "both phases on the page", "-30")
-    add_quiet(parser, "no summary")
+    add_options(parser, "quiet")
 
 
 def compare(arguments: argparse.Namespace) -> None:

@@ -7,16 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.arguments import (
-    SURFACE_UNUSED,
-    add_files,
-    add_quiet,
-    add_scene,
-    add_strict_units,
-    add_threads,
-    check_files,
-    conclude,
-)  # fmt: skip
+from phasemap.cli.arguments import SURFACE_UNUSED, add_files, add_options, add_scene, check_files, conclude
 from phasemap.cli.colours import add_colours, colours_of
 from phasemap.cli.console import progress_bar, remarks
 from phasemap.cli.words import numbers_in
@@ -52,9 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
     add_files(parser)
     add_colours(parser, "the map's contrast", "-60")
-    add_quiet(parser)
-    add_threads(parser)
-    add_strict_units(parser)
+    add_options(parser, "quiet", "threads", "strict-units")
 
 
 def contrast(arguments: argparse.Namespace) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, conclude, whole
+from phasemap.cli.arguments import add_files, add_options, check_files, conclude, whole
 from phasemap.cli.console import in_two_columns
 from phasemap.cli.series import microscope_of
 
@@ -40,8 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sample", metavar="PRESET", help=about)
     parser.add_argument("--starts", type=whole, default=3, metavar="N", help="most starting points; default: 3")
     add_files(parser, plot="picture of data, fit and residuals (.png, .pdf, .svg)")
-    add_quiet(parser)
-    add_strict_units(parser)
+    add_options(parser, "quiet", "strict-units")
 
 
 def add_columns(parser: argparse.ArgumentParser) -> None:

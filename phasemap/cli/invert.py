@@ -10,16 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.arguments import (
-    SURFACE_UNUSED,
-    add_files,
-    add_quiet,
-    add_scene,
-    add_strict_units,
-    add_threads,
-    check_files,
-    conclude,
-)  # fmt: skip
+from phasemap.cli.arguments import SURFACE_UNUSED, add_files, add_options, add_scene, check_files, conclude
 from phasemap.cli.console import in_two_columns, progress_bar
 from phasemap.cli.words import labels_in, one_each
 
@@ -91,9 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "factor within which the first guess is right; default: 10"
     parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help=about)
     add_files(parser)
-    add_quiet(parser)
-    add_threads(parser)
-    add_strict_units(parser)
+    add_options(parser, "quiet", "threads", "strict-units")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from phasemap._shared.notices import untold
 from phasemap._shared.sentences import image_size
-from phasemap.cli.arguments import add_files, add_overrides, add_strict_units, whole
+from phasemap.cli.arguments import add_files, add_options, add_overrides, whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +41,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--phase", metavar="NAME", help="channel of the phase; default: the first")
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
     add_files(parser, "scene to write; default: IMAGE.toml", plot=None, metavar="SCENE.toml")
-    add_strict_units(parser)
+    add_options(parser, "strict-units")
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,7 @@ from phasemap._shared.sentences import image_size
 from phasemap._shared.shown import in_words
 from phasemap._shared.units import ELECTRONVOLT, say
 from phasemap.cli import ensemble as cli_ensemble
-from phasemap.cli.arguments import add_files, add_quiet, add_scene, add_strict_units, add_threads, whole
+from phasemap.cli.arguments import add_files, add_options, add_scene, whole
 from phasemap.cli.console import progress_bar, remarks
 from phasemap.experiment.material import Material
 
@@ -43,17 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``phasemap run``."""
     add_scene(parser)
     add_files(parser, "file to write; default: [output] file", plot=None)
-    add_quiet(parser)
-    add_threads(parser)
+    add_options(parser, "quiet", "threads")
     parser.add_argument("--workers", type=whole, metavar="N", help="processes for an ensemble; default: all cores")
     parser.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
-    add_strict_units(parser)
+    add_options(parser, "strict-units")
 
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``phasemap validate``."""
     add_scene(parser)
-    add_strict_units(parser)
+    add_options(parser, "strict-units")
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_quiet, add_strict_units, check_files, conclude, whole
+from phasemap.cli.arguments import add_files, add_options, check_files, conclude, whole
 from phasemap.cli.console import in_two_columns
 from phasemap.cli.words import labels_in, one_each
 
@@ -59,8 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--direction", metavar="NAME", help="trace or retrace; default: the first in the file")
     parser.add_argument("--seed", type=int, default=0, help="seed of the random draws; default: 0")
     add_files(parser, plot="page to draw (.png, .pdf, .svg)")
-    add_quiet(parser)
-    add_strict_units(parser)
+    add_options(parser, "quiet", "strict-units")
 
 
 def series(arguments: argparse.Namespace) -> None:

@@ -10,16 +10,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.arguments import (
-    SURFACE_UNUSED,
-    add_files,
-    add_quiet,
-    add_scene,
-    add_strict_units,
-    check_files,
-    conclude,
-    whole,
-)  # fmt: skip
+from phasemap.cli.arguments import SURFACE_UNUSED, add_files, add_options, add_scene, check_files, conclude, whole
 from phasemap.cli.console import remarks
 from phasemap.cli.words import number_in, numbers_in
 
@@ -81,8 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "also keep N points of deflection and force over a period"
     parser.add_argument("--samples", type=int, default=0, metavar="N", help=about)
     add_files(parser)
-    add_quiet(parser, "no summary")
-    add_strict_units(parser)
+    add_options(parser, "quiet", "strict-units")
 
 
 def sweep(arguments: argparse.Namespace) -> None:
