@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from phasemap.experiment.presets import Preset
 
 WIDTH = 110  # of a line
+HEADS = {"poisson_ratio": "Poisson ratio", "resonance_frequency": "resonance", "quality_factor": "Q"}
 EXAMPLES = """A scene takes them as preset = "PS" in [materials.NAME] or preset = "PPP-NCHR" in [cantilever], and other
 keys beside them; Python as pm.Material.preset("PS") and pm.Cantilever.preset("PPP-NCHR").
 
@@ -41,7 +42,7 @@ def tables() -> Iterator[tuple[str, list[list[str]]]]:
     for kind, every in itertools.groupby([*materials().values(), *levers().values()], lambda one: one.kind):
         ones = list(every)
         columns = list(ones[0].numbers)
-        heads = ["name", "", *(name.replace("_", " ") for name in columns)]
+        heads = ["name", "", *(HEADS.get(name, name) for name in columns)]
         rows = ([one.name, _in_words(one), *(_said(column, one) for column in columns)] for one in ones)
         yield kind, [heads, *rows]
 
@@ -63,9 +64,9 @@ def _in_words(preset: Preset) -> str:
 
 
 NOTE = """\
-~ marks an estimate. `phasemap presets NAME` says where each number comes from, its range, and other names. Those
-of levers are mostly from memory, and in air; pm.Cantilever.preset(NAME).in_liquid() is a rectangular one in water,
-as is liquid = {} beside the preset in a scene."""
+~ marks an estimate. `phasemap presets NAME` says where each number comes from, its range, and other names.
+Numbers of levers are mostly from memory, and in air; pm.Cantilever.preset(NAME).in_liquid() is a rectangular
+one in water, as is liquid = {} beside the preset in a scene."""
 
 
 def _said(name: str, preset: Preset) -> str:

@@ -193,6 +193,7 @@ def test_the_command_lists_them_and_shows_the_sources_of_one(capsys: pytest.Capt
     assert all(f"\n  {name} " in said for name in (*materials(), *levers()))
     assert said.index("polymers\n") < said.index("\nmetals\n") < said.index("\nstiff levers, for tapping in air\n")
     assert "~0.074 J/m²" in said and "~ marks an estimate." in said
+    assert "stiffness  resonance  length  width  thickness  Q" in said and max(map(len, said.splitlines())) <= 110
     assert main(["presets", "ps"]) == 0
     said = capsys.readouterr().out
     assert "2.8 GPa, in the range 2.28 GPa to 3.28 GPa" in said and "Callister" in said and "estimate" in said
