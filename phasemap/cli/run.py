@@ -97,9 +97,7 @@ def validate(arguments: argparse.Namespace) -> None:
     """Say what a scene would simulate."""
     import numpy as np
 
-    from phasemap.imaging.canvas import check_image
-    from phasemap.imaging.simulation import modelled, workspace
-    from phasemap.results.channels import inputs_of, split
+    from phasemap.imaging.simulation import check_job, modelled
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.problem import make_work
 
@@ -111,9 +109,8 @@ def validate(arguments: argparse.Namespace) -> None:
         cli_ensemble.print_ensemble(ensemble)
         print("the first sample:")
         scene = ensemble.scene(0)
-    surface, scope, control = scene.surface, scene.microscope, scene.options["control"]
-    names = inputs_of(*split(scene.options["variables"], control, scope), control)
-    check_image(surface.shape, names, control.directions, workspace(scene.options["realism"]))
+    surface, scope = scene.surface, scene.microscope
+    check_job(surface, scope, **scene.options)
     materials = surface.unique()[0]
     amplitude = scene.options["setpoint"] * scope.driven_amplitude
     viscous, amplitudes = surface.viscosity is not None, np.full(len(materials), amplitude)

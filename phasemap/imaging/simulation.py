@@ -166,15 +166,22 @@ class _Asked:
     accuracy: Accuracy
     realism: Realism
     variables: str | Iterable[str] | None
-    strict: bool
-    progress: Progress | None
-    threads: int | None
-    checkpoint: str | os.PathLike[str] | None
+    strict: bool = False
+    progress: Progress | None = None
+    threads: int | None = None
+    checkpoint: str | os.PathLike[str] | None = None
 
 
-def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked) -> xr.Dataset:
-    """The image at one setpoint."""
-    started, control = time.perf_counter(), asked.control
+def check_job(surface: Surface, scope: Microscope, setpoint: float, **options: Any) -> Job:
+    """Refuse what `simulate` with these options would refuse before it begins; what it would do is returned."""
+    return _checked(surface, scope, check_setpoint(setpoint), _Asked(**options))[0]
+
+
+def _checked(
+    surface: Surface, scope: Microscope, setpoint: float, asked: _Asked
+) -> tuple[Job, tuple[str, ...], tuple[str, ...], bool]:
+    """The work of an image; variables that stay in it, those derived, and whether they are derived with the orbits."""
+    control = asked.control
     _check_sample(surface, scope)
     simulator = simulator_of(control)
     realism = check_realism(asked.realism, control, surface.shape[0])
@@ -194,8 +201,16 @@ def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked)
     )
     simulator.check(job)
     _check_memory(job, (*stay, *derived))
+    return job, stay, derived, bool(early)
+
+
+def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked) -> xr.Dataset:
+    """The image at one setpoint."""
+    started = time.perf_counter()
+    job, stay, derived, early = _checked(surface, scope, setpoint, asked)
+    surface, control, realism = job.surface, job.control, job.realism
     configuration = {
-        "microscope": describe(scope), "setpoint": setpoint, "solver": method.name, "control": describe(control),
+        "microscope": describe(scope), "setpoint": setpoint, "solver": job.solver.name, "control": describe(control),
         "accuracy": describe(asked.accuracy), "realism": describe(realism), "shape": list(surface.shape),
         "pixel_size": list(surface.pixel_size),
     }  # fmt: skip
@@ -204,7 +219,8 @@ def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked)
     else:
         kept = None
         if asked.checkpoint is not None:
-            kept = Checkpoint(asked.checkpoint, surface, scope.interaction.law, {**configuration, "variables": names})
+            law, named = scope.interaction.law, {**configuration, "variables": job.names}
+            kept = Checkpoint(asked.checkpoint, surface, law, named)
         image = _in_memory(replace(job, memo=kept), kept, asked.strict)
         image.attrs["seconds"] = round(time.perf_counter() - started, 6)
     image.attrs.update(provenance(configuration, "simulated"))

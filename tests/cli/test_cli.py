@@ -223,6 +223,10 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
             ["validate", STEP, "drive.frequncy=1"],
             "[drive] frequncy is unknown; allowed: free_amplitude, frequency, excitation, second.",
         ),
+        (
+            ["validate", STEP, "interaction.contact=capillary", "control.kind=raster"],
+            "control is 'Raster'; allowed: Engage or Feedback where contacts remember or are wet. Raster goes from ",
+        ),
         (["validate", STEP, "scan.setpoint=1.2"], "[scan] setpoint is 1.2; allowed: a number above 0 and below 1 (the"),
         (["validate", STEP, "setpoint"], "override is 'setpoint'; allowed: table.key=value"),
         (["validate", STEP, "--fast"], "unknown argument '--fast'"),
