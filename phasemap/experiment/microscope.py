@@ -55,9 +55,13 @@ class Mode(Shown):
 
     Parameters
     ----------
-    stiffness, frequency, quality_factor : float, optional
-        k2 [N/m], f2 [Hz] and Q2 [1], where the lever has one mode: they become its second, with a warning. They will go
-        in the next release; `Cantilever.modes` has them.
+    stiffness : float, optional
+        k2 [N/m], where the lever has one mode: with the next two it becomes its second, with a warning. All three will
+        go in the next release; `Cantilever.modes` has them.
+    frequency : float, optional
+        f2 [Hz], likewise.
+    quality_factor : float, optional
+        Q2 [1], likewise.
     free_amplitude : float
         Of the second mode, free, at the tip [m], > 0.
     detection : {"fm", "am"}
