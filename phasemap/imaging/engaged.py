@@ -61,7 +61,10 @@ class Interpolants:
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
         rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, self.atlas.errors.T[:, piece], np.nan)
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
-        close(rows.T, lever_of(job.scope))
+        lever, shown = lever_of(job.scope), rows[[col.AMPLITUDE, col.PHASE]]
+        rows[col.AMPLITUDE], rows[col.PHASE] = of_tip(lever, *shown)
+        close(rows.T, lever)
+        rows[[col.AMPLITUDE, col.PHASE]] = shown
         return rows.T
 
 
@@ -79,15 +82,15 @@ def _check(_job: Job) -> None:
 
 
 def interpolates(job: Job) -> bool:
-    """An atlas holds the tip's amplitude, knows folds and grazing as borders, not ends of necks or memories.
+    """An atlas knows folds and grazing as borders, not ends of necks or memories.
 
     Materials differ in three properties in it: films have one thickness.
     """
-    direct, surface = job.scope.drive.excitation == "direct", job.surface
+    surface = job.surface
     plain = not job.scope.interaction.law.hysteretic
     if surface.thickness is not None:
         plain &= not surface.lazy and is_uniform(surface.thickness) and is_uniform(surface.poisson_ratio)
-    return job.solver.name == "auto" and plain and direct and not job.only_in_time
+    return job.solver.name == "auto" and plain and not job.only_in_time
 
 
 def _most(job: Job) -> int:
@@ -207,9 +210,10 @@ def _columns_of(names: tuple[str, ...]) -> list[int]:
 
 
 def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Array:
-    """omega_e^2 - 1 [1] that goes with what is seen [m, rad], since u0 sin(phase) = P + A (1 - omega^2) of the tip."""
-    amplitude, phase = of_tip(lever_of(scope), amplitude, phase)
-    return scope.base_amplitude / amplitude * np.sin(phase) - (1 - scope.frequency_ratio**2)
+    """omega_e^2 - 1 [1] that goes with what is seen [m, rad], since u0 sin(phase) = P + A kappa' of the tip."""
+    lever = lever_of(scope)
+    amplitude, phase = of_tip(lever, amplitude, phase)
+    return lever[col.DRIVE] / amplitude * np.sin(phase) - lever[col.DYNAMIC_STIFFNESS]
 
 
 def _fill_rest(job: Job, canvas: Canvas) -> None:

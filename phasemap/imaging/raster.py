@@ -70,7 +70,8 @@ def _check(_job: Job) -> None:
 
 def _interpolates(job: Job) -> bool:
     """Integrals over orbits are not interpolated beside what is solved."""
-    return interpolates(job) and not set(OF_ORBITS) & set(job.needs)
+    direct = job.scope.drive.excitation == "direct"
+    return direct and interpolates(job) and not set(OF_ORBITS) & set(job.needs)
 
 
 def _most(job: Job) -> int:

@@ -25,6 +25,9 @@ from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 TWO_MODES = replace(AIR, cantilever=replace(AIR.cantilever, modes=2))
+SHAKEN = pm.Microscope(
+    pm.Cantilever(0.3, 30e3, 3.0, modes=(pm.Eigenmode(7.5, 6.0),)), AIR.tip, pm.Drive(10e-9, excitation="base")
+)
 SHARP = pm.Microscope(pm.Cantilever(40.0, 300e3, 5000.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOFT = pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0), pm.Tip(10e-9), pm.Drive(40e-9))
 DAMPED = pm.Microscope(pm.Cantilever(5.0, 60e3, 30.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -75,6 +78,16 @@ CASES = (
     Case("low setpoint", AIR, 0.5, (2e9, 2e10), (0.05, 0.25), (0, 0.02), 0.0),
     Case("low Q", DAMPED, 0.7, (3e8, 3e9), (1e-3, 0.02), (0.001, 0.05), 0.9),
     Case("two modes", TWO_MODES, 0.7, (1e9, 1e10), (0.01, 0.05), (0, 0.05), 0.999),
+    Case("two modes in liquid on a shaker", SHAKEN, 0.7, (1e7, 1e9), (0, 0.003), (0, 0.1), 0.999),
+    Case(
+        "from repulsive to attractive on a shaker",
+        replace(AIR, drive=pm.Drive(20e-9, excitation="base")),
+        0.7,
+        (1e9, 1e10),
+        (0.01, 0.3),
+        (0, 0.05),
+        0.9,
+    ),
     Case("beside resonance", BESIDE, 0.7, (1e9, 1e10), (0.01, 0.1), (0, 0.05), 0.9),
     Case(
         "from repulsive to attractive, 1.01 of the resonance", ABOVE, 0.9, (5e8, 5e9), (0.005, 0.08), (1e-3, 0.02), 0.4

@@ -78,6 +78,8 @@ class ExactOrbits:
         `amplitude`: in place of that at the setpoint [m].
         `group`: so many points, one after another, are close to each other.
         """
+        if self.scope.drive.excitation == "base":  # the amplitude of the tip that is held is not known before its phase
+            return self(points, amplitude)
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
         offsets, means, phases = guesses[:, [HEIGHT, MEAN, PHASE]].T.copy()
