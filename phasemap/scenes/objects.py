@@ -127,7 +127,7 @@ def _interaction(tables: Table) -> Interaction:
             check_choice(f"{name} law", given["law"], laws)
             parameters = {field: value for field, value in given.items() if field != "law"}
             of_file = given["law"] == ForceTable.name and set(parameters) == {"file"}
-            made = ForceTable.read(**parameters) if of_file else _from_table(name, parameters, laws[given["law"]])
+            made = ForceTable.read(parameters["file"]) if of_file else _from_table(name, parameters, laws[given["law"]])
             table = {**table, key: made}
     return _from_table("[interaction]", table, Interaction)
 
