@@ -139,7 +139,7 @@ def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
 
     p, lever = curves.standing(m)
     value, path = held_value(curves.path, m), fixed_path(Oscillator(curves.law, p, lever), TABLES)
-    rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value)
+    rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value, False)
     for row in rows:
         if not curves.knows(row, m):
             curves.from_orbit(row, m, of_amplitude)

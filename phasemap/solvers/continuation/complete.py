@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
 FAINT = 1e-5  # of the free amplitude, where a curve is left
-HARDLY_MOVING = 0.03  # of an amplitude at which all orbits are sought: the curve may come back to it from less
+HARDLY_MOVING = 0.03  # of the amplitude at which orbits are sought, or the free one: a curve may come back from less
 FINE = 1  # level of refinement of these
 AROUND = (1.000001, 0.97, 1.03, 0.88, 1.12)  # shares of it, at which averaged orbits lead to small pieces
 THROWN_LIFT = 0.08  # of it: a strong pull throws the tip out of its harmonic orbit, whose contact is too deep to start
@@ -62,14 +62,24 @@ def orbits_of_amplitude(path: Path, amplitude: float) -> tuple[np.ndarray, bool]
     return _wanted(curves)
 
 
-def orbits_of_offset(path: Path, tip_offset: float) -> tuple[np.ndarray, bool]:
-    """Rows of every orbit at this tip offset [m], and whether all curves were followed."""
+def orbits_of_offset(path: Path, tip_offset: float, apart: bool = True) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit at this tip offset [m], and whether all curves were followed.
+
+    `apart`: whether pieces apart from the curve from far are looked for, and orbits that hardly move.
+    """
     from phasemap._kernels.continuation.path import ENTRY_Z0
 
     free, most = _free_amplitudes(path)
-    curves = Curves(path, ENTRY_Z0, np.array([tip_offset]), (tip_offset - most, np.inf, FAINT * free), 0)
+    curves = Curves(
+        path,
+        ENTRY_Z0,
+        np.array([tip_offset]),
+        (tip_offset - most, np.inf, (FAINT if apart else HARDLY_MOVING) * free),
+        0,
+    )
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
-    complete(curves, tip_offset)
+    if apart:
+        complete(curves, tip_offset)
     return _wanted(curves)
 
 
