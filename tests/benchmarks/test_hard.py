@@ -276,7 +276,11 @@ def test_auto_holds_the_setpoint_or_says_why_not(values: dict[str, float | None]
     hold_or_say_why(values, "auto", set(pm.Status) - NEVER - {pm.Status.no_averaged_orbit})
 
 
-@pytest.mark.xfail(strict=True, reason="23 of 300 since hunting is judged over the whole hold; two ended before")
+@pytest.mark.xfail(
+    strict=True,
+    reason="33 of 300 since hunting is judged over the whole hold: ten that were called unstable are not settled, and "
+    "five at Q above 10,000 that were good",
+)
 def test_few_of_any_cases_end_without_an_answer(thorough: bool) -> None:
     unsolved = 0 if thorough else len(DRAWN_UNSOLVED)
     for number in range(0, DRAWN, 1 if thorough else 4):
