@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def sweep(arguments: argparse.Namespace) -> None:
-    """Do the sweep, write what is asked for, and say what was found."""
+    """Sweep a material of a scene, write the files asked for, and print a summary."""
     from phasemap.scenes.scene import load_setup
     from phasemap.scenes.tables import check_choice
 
@@ -85,15 +85,15 @@ def sweep(arguments: argparse.Namespace) -> None:
     ends, points, overrides = _words(arguments.overrides, arguments.axis, arguments.points)
     setup = load_setup(arguments.scene, overrides)
     name, material = _material(setup, arguments.material)
-    values = _values(arguments, ends, points, material, setup.microscope)
+    values = _axis_values(arguments, ends, points, material, setup.microscope)
     check_files(arguments)
-    found = _sweep(arguments, values, material, setup)
+    found = _sweep_along_axis(arguments, values, material, setup)
     found.attrs["title"] = f"{name} of {arguments.scene.name}"
     conclude(arguments, found, "curve", summary(found), started)
 
 
 def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
-    """START and STOP, if they are given, how many values, and the keys to set."""
+    """START and STOP if given, the number of values, and the keys of the scene to set."""
     overrides = [word for word in words if "=" in word]
     ends = [word for word in words if "=" not in word]
     if len(ends) == 1 and ":" in ends[0]:
@@ -106,7 +106,7 @@ def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float
 
 
 def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
-    """What a word says that has the unit of an axis: a number, or START, STOP and N."""
+    """Numbers in a word in the unit of an axis: one, or START, STOP and N."""
     from phasemap.solvers.continuation.path import UNITS
 
     return numbers_in(name, text, {"distance": "m", "setpoint": "1"}.get(axis) or UNITS[axis])
@@ -127,14 +127,14 @@ def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
     return name, setup.materials[name]
 
 
-def _values(
+def _axis_values(
     arguments: argparse.Namespace,
     ends: tuple[float, float] | None,
     points: int,
     material: Material,
     scope: Microscope,
 ) -> np.ndarray:
-    """The values of the axis."""
+    """Values of the swept axis."""
     import numpy as np
 
     if points < 2:
@@ -164,8 +164,10 @@ def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float
     return value / SPREAD, value * SPREAD
 
 
-def _sweep(arguments: argparse.Namespace, values: np.ndarray, material: Material, setup: Setup) -> xr.Dataset:
-    """Call the function of the axis."""
+def _sweep_along_axis(
+    arguments: argparse.Namespace, values: np.ndarray, material: Material, setup: Setup
+) -> xr.Dataset:
+    """Sweep the material along the axis that the command names: distance, setpoint, frequency or a parameter."""
     from phasemap.sweeps import sweep as by
 
     scope, axis, samples = setup.microscope, arguments.axis, arguments.samples

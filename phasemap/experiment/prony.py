@@ -203,7 +203,7 @@ class Prony(Shown):
 
     @property
     def lasting(self) -> float:
-        """Young's modulus [Pa] that is left after `dwell`, that of slower arms with it."""
+        """Young's modulus [Pa] left after `dwell`, with the moduli of slower arms."""
         held = [
             E for E, time in zip(self.moduli, self.times, strict=True) if self.dwell is not None and time > self.dwell
         ]

@@ -70,7 +70,7 @@ def parameter(
 
     question, scale = Question(material, scope), Scale.over(axis)
     for value in (scale.low, scale.high):
-        question.at(name, value)
+        question.with_parameter(name, value)
     if question.only_in_time:
         return in_time.parameter(question, name, UNITS[name], axis, ratio, height, samples)
 
@@ -172,7 +172,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
 
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
         """Where the feedback holds the setpoint, coming from an orbit or from far."""
-        here = question.at(name, float(scale.value(m)))
+        here = question.with_parameter(name, float(scale.value(m)))
         feedback = SlowFeedback(held_curves(fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:

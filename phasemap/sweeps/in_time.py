@@ -9,7 +9,7 @@ import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.path import fixed_path
-from phasemap._kernels.engagement.in_time import carry_on, carry_to, free_state
+from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
@@ -40,7 +40,7 @@ class Passage:
     def go(self, work: Work, target: float, by_amplitude: bool) -> tuple[int, np.ndarray]:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""
         row = np.full(col.FULL, np.nan)
-        move = carry_on if by_amplitude else carry_to
+        move = move_to_amplitude if by_amplitude else move_to_tip_offset
         oscillator = Oscillator(work.law, parameters(work.rows[0]), work.lever)
         status = move(oscillator, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
@@ -81,7 +81,7 @@ def parameter(
     samples: int,
 ) -> xr.Dataset:  # fmt: skip
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`; each direction is begun far above the surface."""
-    every = [question.at(name, float(value)) for value in np.sort(axis)]
+    every = [question.with_parameter(name, float(value)) for value in np.sort(axis)]
     works = [one.work(marched=True) for one in every]
     n = len(axis)
 

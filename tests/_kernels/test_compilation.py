@@ -122,10 +122,10 @@ def test_two_processes_may_compile_at_once(tmp_path: Path) -> None:
 
 OTHER_MEANING = """
 from phasemap._kernels.compilation import array_elements
-true = array_elements.element_place
+true = array_elements.element_pointer
 def first_of_all(builder, array, dimensions, kinds, index):
     return builder.extract_value(array, array_elements._DATA), true(builder, array, dimensions, kinds, index)[1]
-array_elements.element_place = first_of_all
+array_elements.element_pointer = first_of_all
 """
 """As if numba had changed how arrays are laid out."""
 

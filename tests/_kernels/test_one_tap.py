@@ -17,9 +17,9 @@ from phasemap._kernels.scanning.pieces import (
     PIECE_NODES,
     Instant,
     PieceNodes,
-    fill_answer,
     fill_free_motion,
-    lever_on,
+    fill_response,
+    lever_with_spring,
     move_freely,
     place_contact_nodes,
     place_flight_nodes,
@@ -136,7 +136,7 @@ def test_a_tap_that_attraction_makes_or_not_is_marched_and_so_are_those_after_it
 
 @pytest.mark.parametrize("kappa", [0.0, 3.0])
 def test_the_lever_at_the_nodes_is_the_free_lever(kappa: float) -> None:
-    lever, m = lever_on(1.1, 0.02, 1e-9, kappa, 5e-9), PieceNodes()
+    lever, m = lever_with_spring(1.1, 0.02, 1e-9, kappa, 5e-9), PieceNodes()
     at = Instant(5e-9, 2e-9, complex(0.6, 0.8))
     place_contact_nodes(2.5, m)
     fill_free_motion(lever, at, 5e-9, m)
@@ -151,11 +151,11 @@ def test_the_lever_at_the_nodes_is_the_free_lever(kappa: float) -> None:
 def test_a_constant_force_moves_the_lever_by_the_formula_on_either_side_of_contact(sign: float) -> None:
     # From rest, w = -f/k' (1 - exp(-alpha0 t) (cos + alpha0/Omega sin) Omega t), k' = 1; before contact, the piece
     # begins at its far end, 2 before.
-    lever, m, alpha0 = lever_on(1.0, 0.05, 1e-9, 0.0, 0.0), PieceNodes(), 0.05
+    lever, m, alpha0 = lever_with_spring(1.0, 0.05, 1e-9, 0.0, 0.0), PieceNodes(), 0.05
     place_flight_nodes(0.3, 0.0, 2.0, sign, m)
     fill_free_motion(lever, Instant(0.0, 0.0, complex(1.0, 0.0)), 0.0, m)
     m.force[:] = 1e-10
-    fill_answer(lever, sign, m)
+    fill_response(lever, sign, m)
     t = m.time + (2.0 if sign < 0 else 0.0)
     own = math.sqrt(1 - alpha0**2)
     ringing = np.exp(-alpha0 * t) * (np.cos(own * t) + alpha0 / own * np.sin(own * t))

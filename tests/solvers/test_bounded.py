@@ -60,7 +60,7 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
 def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
     work = work_of_material(RUBBER, SLOW, 0.6 * SLOW.driven_amplitude)
     state, row = np.array([0.0, 0.0, 0.0, 80e-9]), np.full(col.COLUMNS, math.nan)
-    status = in_time.carry_to(Oscillator(work.law, work.rows[0], work.lever), 24e-9, 0.25, 10_000, state, row)
+    status = in_time.move_to_tip_offset(Oscillator(work.law, work.rows[0], work.lever), 24e-9, 0.25, 10_000, state, row)
     assert status == col.NOT_SETTLED
     assert state[3] == 80e-9
     assert np.isnan(row).all()

@@ -81,7 +81,7 @@ def take_modules() -> list[str]:
 def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
     from phasemap._kernels.continuation.piece import exact_orbit_at
-    from phasemap._kernels.engagement.in_time import carry_on, carry_to
+    from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
     from phasemap._kernels.orbits.collocation.system import new_orbit
@@ -115,8 +115,8 @@ def solve_one_of_each_kind() -> None:
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),
         (land_on, oscillator, 1.0, numbers, np.zeros((1, 2)), 1.0, 1),
-        (carry_to, oscillator, 1.0, 1.0, 1, numbers, numbers),
-        (carry_on, oscillator, 1.0, 1.0, 1, numbers, numbers),
+        (move_to_tip_offset, oscillator, 1.0, 1.0, 1, numbers, numbers),
+        (move_to_amplitude, oscillator, 1.0, 1.0, 1, numbers, numbers),
         (loop_energies, work.law, work.rows),
         (likely_amplitude, work.lever, 1.0, 1),
     ):

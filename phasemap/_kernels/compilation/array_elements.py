@@ -27,8 +27,10 @@ def index_types(array: types.Type, index: types.Type) -> tuple[types.Type, ...]:
     return kinds if whole and 0 < len(kinds) <= array.ndim else ()
 
 
-def element_place(builder: Any, array: Any, dimensions: int, kinds: Sequence[Any], index: Any) -> tuple[Any, list[Any]]:
-    """Pointer to the element or part at an index, and the sizes of the axes that are left."""
+def element_pointer(
+    builder: Any, array: Any, dimensions: int, kinds: Sequence[Any], index: Any
+) -> tuple[Any, list[Any]]:
+    """LLVM pointer to the element or subarray at an index, and the sizes of the axes that are left."""
     sizes = [builder.extract_value(array, (_SHAPE, axis)) for axis in range(dimensions)]
     offset = None
     for axis, kind in enumerate(kinds):
@@ -42,8 +44,8 @@ def element_place(builder: Any, array: Any, dimensions: int, kinds: Sequence[Any
     return builder.gep(builder.extract_value(array, _DATA), [offset]), sizes[len(kinds) :]
 
 
-def part_of(builder: Any, array: Any, kind: Any, place: Any, sizes: Sequence[Any]) -> Any:
-    """Part of an array that begins at a pointer and has these sizes, as a structure of LLVM."""
+def subarray(builder: Any, array: Any, kind: Any, place: Any, sizes: Sequence[Any]) -> Any:
+    """Structure of LLVM for the subarray that begins at a pointer and has these sizes."""
     dimensions, items, made = array.type.elements[_SHAPE].count, None, ir.Constant(kind, ir.Undefined)
     for field in (_MEMINFO, _PARENT, _ITEM_SIZE):
         made = builder.insert_value(made, builder.extract_value(array, field), field)

@@ -33,7 +33,7 @@ from phasemap._kernels.compilation.calls import called
 from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap._kernels.compilation.first_use import FirstUse
 from phasemap._kernels.compilation.linked_code import EntryCode, LinkedCode, VectorCode
-from phasemap._kernels.compilation.probe import agrees
+from phasemap._kernels.compilation.probe import agrees_with_numba
 
 try:
     from phasemap._kernels.compilation import lean
@@ -60,8 +60,8 @@ ANY_ORDER = Names({"contract", "reassoc", "nsz"})
 
 OTHERWISE = "is not one that phasemap was made for: kernels are compiled by it alone, which takes minutes."
 
-RIGHTS = {"copy": 2}
-"""Kernels that may be typed twice: for numbers and for indices."""
+EXPECTED_VERSIONS = {"copy": 2}
+"""Kernels that may be typed more than once: `copy` for numbers and for indices."""
 
 
 def kernel(
@@ -100,7 +100,7 @@ def kernel(
 
 
 def _plain_type(argument: types.Type) -> types.Type:
-    """What an argument of a call is compiled for: numba has a type of its own for each literal number."""
+    """Type of an argument without its literal value: numba has a type of its own for each literal number."""
     argument = types.unliteral(argument)
     return types.int64 if isinstance(argument, types.Integer) and argument.signed else argument
 
@@ -113,7 +113,7 @@ class _Plain(CPUDispatcher):
         self._cache = DiskCache(py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """For a call from another kernel."""
+        """Template of a call from another kernel."""
         _, args = self._compiler.fold_argument_types(args, kws)
         return super().get_call_template(tuple(_plain_type(one) for one in args), {})
 
@@ -127,7 +127,7 @@ class _Entry(_Plain):
         self.linked = (_Shared if shared else _Linked)(py_func, compiler, options)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """For a call from another kernel."""
+        """Template of a call from another kernel."""
         return self.linked.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
@@ -196,7 +196,7 @@ class _Linked(_Plain):
 
 
 def _make_known(context: Any, result: CompileResult) -> None:
-    """Let kernels call what was compiled."""
+    """Register compiled code, so that kernels can call it."""
     make = called(result.fndesc, [result.library])
     context._defns[result.entry_point] = known = OverloadSelector()
     known.append(make, result.fndesc.argtypes)
@@ -229,7 +229,7 @@ class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[mis
 
 
 class _EntryCompiler(_OurCompiler):
-    """For what Python calls."""
+    """Compiles the kernels that Python calls."""
 
     library = EntryCode
     first_use: FirstUse | None = None  # what is going on; numba compiles one function at a time
@@ -249,7 +249,7 @@ class _EntryCompiler(_OurCompiler):
 
 
 class _SharedCompiler(_OurCompiler):
-    """For what several entries call; its name is the same in every process."""
+    """Compiles the kernels that several entries call, under a name that is the same in every process."""
 
     library = EntryCode
 
@@ -263,13 +263,13 @@ class _SharedCompiler(_OurCompiler):
 
 
 class _VectorCompiler(_SharedCompiler):
-    """The same with more vector instructions."""
+    """Compiles shared kernels with more vector instructions."""
 
     library = VectorCode
 
 
 class _LinkedCompiler(_OurCompiler):
-    """For what other kernels call: up to LLVM code."""
+    """Compiles the kernels that other kernels call, up to LLVM code."""
 
     library = LinkedCode
 
@@ -283,12 +283,12 @@ class _LinkedCompiler(_OurCompiler):
 
 
 def _compiler_of(shared: bool, vectors: bool) -> type[_OurCompiler]:
-    """What makes the code that other kernels call."""
+    """Compiler class of the code that other kernels call."""
     return (_VectorCompiler if vectors else _SharedCompiler) if shared else _LinkedCompiler
 
 
 def _count(functions: int) -> None:
-    """So many functions on the way to an entry are done."""
+    """Count functions as compiled, for the progress of an entry."""
     if _EntryCompiler.first_use is not None:
         _EntryCompiler.first_use.done += functions
 
@@ -326,14 +326,14 @@ def compiled() -> int:
 
 
 def compiled_more_than_once() -> dict[str, int]:
-    """Kernels of this process typed for more sets of arguments than they have a right to, and for how many.
+    """Kernels of this process compiled for more sets of argument types than needed, and the number of sets.
 
-    One for each kind of plug-in, which are named tuples, is their right.
+    One set is needed for each kind of plug-in, which are named tuples.
     """
     found = {}
     for one in _all_kernels():
         sets, kinds = len(one.linked.overloads), len({_tuples_in(args) for args in one.linked.overloads})
-        if sets > max(kinds, RIGHTS.get(one.__name__, 1)):
+        if sets > max(kinds, EXPECTED_VERSIONS.get(one.__name__, 1)):
             found[f"{one.__module__}.{one.__name__}"] = sets
     return found
 
@@ -363,7 +363,7 @@ def _fits() -> bool:
 @functools.cache
 def links() -> bool:
     """Whether kernels are compiled as is said above, and not as numba does it, which takes minutes."""
-    fits = _fits() and agrees(
+    fits = _fits() and agrees_with_numba(
         lambda one: _Entry(one, _LinkedCompiler, OPTIONS),
         lambda one: _Entry(one, _SharedCompiler, OPTIONS),
         lambda one: _Plain(one, targetoptions=OPTIONS),

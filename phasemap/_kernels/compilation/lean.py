@@ -44,7 +44,7 @@ from phasemap._kernels.compilation.calls import WholeCalls
 
 
 class _Inherited(Flags):
-    """What numba's functions are compiled with, for all kernels the same; compared by identity, for that is often."""
+    """Compiler flags of numba's functions, the same for all kernels; compared by identity, since it happens often."""
 
     __slots__ = ()
     __hash__ = object.__hash__
@@ -54,7 +54,7 @@ class _Inherited(Flags):
 
 
 class _Typing(Context):
-    """What is known of types, with the calls of numba's functions that were typed before."""
+    """numba's typing context, which remembers the calls of numba's functions that were typed before."""
 
     known: ClassVar[dict[Any, Any]] = {}
     inherited: ClassVar[_Inherited | None] = None
@@ -85,19 +85,19 @@ class _Typing(Context):
 
 
 def _unliteral(of: types.Type) -> types.Type:
-    """A type of numbers for that of one number; words, which choose between functions, stay what they are."""
+    """The type of a literal number's kind; strings, which choose between functions, stay what they are."""
     return of if isinstance(of, types.StringLiteral) else types.unliteral(of)
 
 
 class _Target(CPUContext):
-    """How code is made of types; looks for what is new only where it misses something."""
+    """numba's target context, which looks for new extensions once a function."""
 
     looks = False
     numbered = True  # names of functions
     whole = False  # arguments of the function that is made
 
     def refresh(self) -> None:
-        """Take in what was registered since."""
+        """Register new extensions, once a function."""
         if self.looks:
             super().refresh()
             self.looks = False  # once a function
@@ -109,7 +109,7 @@ class _Target(CPUContext):
 
 @functools.cache
 def _counted_parts(model: Any) -> tuple[tuple[tuple[int, ...], types.Type], ...]:
-    """Where in a value the counted parts are, and their types; numba looks at every number in a tuple each time."""
+    """Paths to the reference-counted parts of a value, and their types; kept, since numba's search is slow."""
     if isinstance(model, UniTupleModel):
         parts = model.inner_models() * model._count
     elif isinstance(model, StructModel) and type(model).traverse is StructModel.traverse:
@@ -125,7 +125,7 @@ class _Lower(lowering.Lower):
     """Lowering that counts references only to what is counted, and goes straight to the elements of arrays."""
 
     def setup_function(self, fndesc: Any) -> None:
-        """Begin a function."""
+        """Begin the code of a function, whose calls pass whole arguments where it is to be linked."""
         context = self.context
         if context.whole:
             context.__dict__["declare_function"] = WholeCalls(context).declare
@@ -135,51 +135,51 @@ class _Lower(lowering.Lower):
             context.__dict__.pop("declare_function", None)
 
     def extract_function_arguments(self) -> Any:
-        """What it is given."""
+        """Load the arguments of a function in its LLVM code."""
         if not self.context.whole:
             return super().extract_function_arguments()
         self.fnargs = WholeCalls(self.context).decode_arguments(self.builder, self.fndesc.argtypes, self.function)
         return self.fnargs
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
-        """An element or a row."""
+        """Write the code that loads an element or a row of a contiguous array; other cases are numba's."""
         of, at = self.typeof(value.name), self.typeof(index.name)
         kinds = array_elements.index_types(of, at)
         if not kinds or self.context.enable_boundscheck:
             return super().lower_getitem(resty, expr, value, index, signature)
         array = self.loadvar(value.name)
-        place, sizes = array_elements.element_place(self.builder, array, of.ndim, kinds, self.loadvar(index.name))
+        place, sizes = array_elements.element_pointer(self.builder, array, of.ndim, kinds, self.loadvar(index.name))
         given = signature.return_type
         if sizes:
-            found = array_elements.part_of(self.builder, array, self.context.get_value_type(given), place, sizes)
+            found = array_elements.subarray(self.builder, array, self.context.get_value_type(given), place, sizes)
             self.incref(given, found)
         else:
             found = self.context.unpack_value(self.builder, of.dtype, place)
         return self.context.cast(self.builder, found, given, resty)
 
     def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
-        """An element is given a value."""
+        """Write the code that stores a number at an element of a contiguous array; other cases are numba's."""
         of, at, value = (self.typeof(one.name) for one in (target_var, index_var, value_var))
         kinds = array_elements.index_types(of, at)
         if len(kinds) != getattr(of, "ndim", -1) or not isinstance(value, types.Number | types.Boolean):
             return super().lower_setitem(target_var, index_var, value_var, signature)
         array = self.loadvar(target_var.name)
-        place, _ = array_elements.element_place(self.builder, array, of.ndim, kinds, self.loadvar(index_var.name))
+        place, _ = array_elements.element_pointer(self.builder, array, of.ndim, kinds, self.loadvar(index_var.name))
         number = self.context.cast(self.builder, self.loadvar(value_var.name), value, of.dtype)
         self.context.pack_value(self.builder, of.dtype, number, place)
         return None
 
     def _counted(self, of: types.Type) -> tuple[Any, ...]:
-        """Where in a value of a type the counted parts are, and of what type they are."""
+        """Paths to the reference-counted parts in a value of a type, and their types."""
         return _counted_parts(self.context.data_model_manager[of]) if self.context.enable_nrt else ()
 
     def incref(self, typ: types.Type, val: Any) -> None:
-        """One reference more."""
+        """Write the code that counts one reference more to the arrays in a value."""
         for kind, part in self._parts(typ, val):
             self.context.nrt.incref(self.builder, kind, part)
 
     def decref(self, typ: types.Type, val: Any) -> None:
-        """One reference less."""
+        """Write the code that counts one reference less to the arrays in a value."""
         for kind, part in self._parts(typ, val):
             self.context.nrt.decref(self.builder, kind, part)
 
@@ -188,7 +188,7 @@ class _Lower(lowering.Lower):
             yield kind, self.builder.extract_value(value, path) if path else value
 
     def delvar(self, name: str) -> None:
-        """A variable is not used any more."""
+        """Write the code at the end of a variable's life: one reference less, if its type has any."""
         if self._counted(self.typeof(name)):
             super().delvar(name)
         elif name not in self._blk_local_varmap:
@@ -197,11 +197,11 @@ class _Lower(lowering.Lower):
 
 
 _LENT = {"getitem", "static_getitem", "typed_getitem", "getattr", "cast", "phi", "build_tuple", "exhaust_iter"}
-"""Operations whose result is part of what there was."""
+"""Operations whose result is a part of their operand, and owns no new array."""
 
 
 class _Lowering(NativeLowering):
-    """To LLVM code."""
+    """The pass that writes LLVM code, by `_Lower`."""
 
     @property
     def lowering_class(self) -> Any:
@@ -224,7 +224,7 @@ class _Lowering(NativeLowering):
 
 
 class _ArrayRewrites(NopythonRewrites):
-    """Expressions of whole arrays become loops."""
+    """The pass that turns expressions of whole arrays into loops."""
 
     def run_pass(self, state: Any) -> bool:
         """Rewrite, where there are some."""
@@ -236,7 +236,7 @@ _SUMS = {"binop", "inplace_binop", "unary", "call"}
 
 
 class _SSA(ReconstructSSA):
-    """Each variable assigned once."""
+    """The pass after which each variable is assigned once."""
 
     def run_pass(self, state: Any) -> bool:
         """Rename; what follows asks for no lifetimes."""
@@ -287,7 +287,7 @@ class LeanCompiler(Compiler):
         self.state.targetctx.looks = True
 
     def define_pipelines(self) -> list[Any]:
-        """What is run."""
+        """The pipelines to run: one."""
         return [_Pipeline()]
 
 

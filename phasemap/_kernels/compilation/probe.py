@@ -32,7 +32,7 @@ def in_part(row: np.ndarray, pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def emitted_once(table: np.ndarray, i: int) -> float:
-    """What several entries call."""
+    """A shared function: a product of elements of a row."""
     row = table[i]
     return float(row[0] * row[1] - table[i, 2])
 
@@ -57,8 +57,8 @@ def whole(table: np.ndarray, first: int, pair: tuple[float, float]) -> tuple[flo
     return total - made[1] / 3, made
 
 
-def agrees(entry: Callable[[Any], Any], shared: Callable[[Any], Any], plain: Callable[[Any], Any]) -> bool:
-    """Whether functions wrapped as entries and shared functions give what they give wrapped as numba has them."""
+def agrees_with_numba(entry: Callable[[Any], Any], shared: Callable[[Any], Any], plain: Callable[[Any], Any]) -> bool:
+    """True if the small kernel has the same numbers compiled as entries and shared functions, and by numba alone."""
     name = f"agrees-{disk_cache.versions()}.{_digest()}"
     if (disk_cache.AHEAD / name).exists():
         return True
@@ -66,7 +66,7 @@ def agrees(entry: Callable[[Any], Any], shared: Callable[[Any], Any], plain: Cal
     if place is not None and (place / name).exists():
         return True
     try:
-        ours, numbas = _numbers(entry, shared), _numbers(plain, plain)
+        ours, numbas = _probe_numbers(entry, shared), _probe_numbers(plain, plain)
     except Exception:  # of whatever kind numba's are
         return False
     if not np.allclose(ours, numbas, rtol=ROUNDING, atol=0.0):
@@ -77,8 +77,8 @@ def agrees(entry: Callable[[Any], Any], shared: Callable[[Any], Any], plain: Cal
     return True
 
 
-def _numbers(entry: Callable[[Any], Any], shared: Callable[[Any], Any]) -> np.ndarray:
-    """All numbers that the kernel gives and changes, compiled anew."""
+def _probe_numbers(entry: Callable[[Any], Any], shared: Callable[[Any], Any]) -> np.ndarray:
+    """Compile the small kernel anew and run it; returns its results and the table that it changed."""
     scope = dict(globals())
     for function, wrapped in ((in_part, entry), (emitted_once, shared), (filled, entry), (whole, entry)):
         made = wrapped(FunctionType(function.__code__, scope, function.__name__))
@@ -91,6 +91,6 @@ def _numbers(entry: Callable[[Any], Any], shared: Callable[[Any], Any]) -> np.nd
 
 
 def _digest() -> str:
-    """Of the sources of this folder."""
+    """Digest of the sources of this folder."""
     sources = sorted(pathlib.Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"\0".join(one.read_bytes() for one in sources)).hexdigest()[:16]

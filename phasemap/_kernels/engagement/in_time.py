@@ -61,9 +61,9 @@ from phasemap._kernels.engagement.lowering import (
 )
 from phasemap._kernels.engagement.ringing import LONG_RINGING, engage_ringing
 from phasemap._kernels.engagement.stuck import (
-    COMES_TO_IT,
     JUMPS_FREE,
-    JUMPS_LOOSE,
+    JUMPS_TO_TAPPING,
+    REACHES_AMPLITUDE,
     raise_stuck_tip,
     sticks,
 )
@@ -93,17 +93,17 @@ PARTS_BY = 0.3  # of its way, by which the amplitude may not go with z0: else it
 TAMER = 0.5  # of the change from period to period before, below which it may not fall: the same
 LANDING_FALL = 0.1  # of the amplitude that is left, by which it falls in that time
 FINEST_FALL = 64.0  # least part of SLOW_FALL
-# Of the periods allowed, in which a motion rings down that is left all of them before `ringing`'s turn
+# Of the periods allowed: a lever that rings down within this share may use all of them before `engage_ringing` starts
 PATIENT_SHARE = 0.25
-HASTY_SHARE = 0.05  # of them, after which it is others' turn
-NONE_LEFT = 2.0
+HASTY_SHARE = 0.05  # of them, after which `engage_ringing` starts for another lever
+WITHOUT_RINGING = 2.0  # in place of a share: all periods, and `engage_ringing` is not tried
 SAME_PHASE = math.radians(1e-3)  # by which phases of one pattern may differ
 NEXT_TRY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 
 
 @kernel
-def pace_of(lever: np.ndarray) -> float:
-    """How far [m] z0 moves in a period where no periodic orbit is followed."""
+def slow_pace(lever: np.ndarray) -> float:
+    """Change of the tip offset [m] per period where no periodic orbit is followed."""
     return SLOW_FALL * free_amplitude(lever) / max(FEWEST_AVERAGED, ring_down_periods(lever))
 
 
@@ -123,7 +123,7 @@ def amplitude_after_jump(oscillator: Oscillator, eta: float, block: int, most: i
 def move_slowly(
     oscillator: Oscillator, amplitude: float, least: float, tolerance: Tolerance, most: int, tip: Tip
 ) -> int:
-    """Lower or raise the tip period by period until the mean amplitude is reached; says how it ends.
+    """Lower or raise the tip period by period until the mean amplitude is reached; returns how the motion ends.
 
     Past a contact with hysteresis it goes faster as long as amplitude and z0 change alike and the motion stays as
     irregular as it was (else once more, slowly), and ever slower near the end, for the way decides on the pattern of
@@ -131,7 +131,7 @@ def move_slowly(
     has changed by `least` [m].
     """
     p, lever = oscillator.p, oscillator.lever
-    block, slow, from_z0 = block_of(lever), pace_of(lever), tip.u[Z0]
+    block, slow, from_z0 = block_of(lever), slow_pace(lever), tip.u[Z0]
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
     eta = ROUGH_STEPS * tolerance.eta if hasty else tolerance.eta
     lock_in, u, acc = LockIn(), tip.u.copy(), PeriodResult()
@@ -179,7 +179,7 @@ def move_slowly(
 def lower_to_setpoint(
     oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
-    """Lower a tip that swings freely until its amplitude first reaches the setpoint, and hold it; as `approach`."""
+    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
     tolerance = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
@@ -205,9 +205,9 @@ def lower_to_setpoint(
             comes = raise_stuck_tip(oscillator, amplitude, periodic, pace > 0.0, tolerance, most, tip)
             if comes == JUMPS_FREE:
                 return col.NO_STABLE_ORBIT
-            if comes == COMES_TO_IT:
+            if comes == REACHES_AMPLITUDE:
                 ends = ORBIT_HELD
-            if comes == JUMPS_LOOSE:
+            if comes == JUMPS_TO_TAPPING:
                 loose = True
                 continue
         if periodic or ends == ORBIT_HELD:
@@ -222,24 +222,24 @@ def lower_to_setpoint(
 
 @kernel
 def free_state(law: Law, lever: np.ndarray, z0: float) -> np.ndarray:
-    """Return the state of a tip at z0 [m] that touches nothing, of a lever that swings as it does freely."""
+    """State of a freely swinging lever whose tip offset is z0 [m]."""
     free = free_phasor(lever)
     return new_state(law, lever, 0.0, free.real, -lever[col.OMEGA] * free.imag, z0)
 
 
 @kernel
-def share_of(oscillator: Oscillator, most: int) -> float:
-    """Share of the periods allowed that `lower` has, before `engage_ringing` has its turn: NONE_LEFT if it has none.
+def share_before_ringing(oscillator: Oscillator, most: int) -> float:
+    """Share of the periods allowed for `lower_to_setpoint` before `engage_ringing` starts, or WITHOUT_RINGING.
 
-    A contact with hysteresis or memory leads to one pattern or another, as it is lowered.
+    A contact with hysteresis or memory leads to other tapping patterns, depending on how the tip is lowered.
     """
     law, p, lever = oscillator
     if ring_down_periods(lever) < LONG_RINGING or p[col.RELEASE] != 0.0 or law.memory != 0:
-        return NONE_LEFT
+        return WITHOUT_RINGING
     # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
     if pace_of_leap(oscillator) > 0.0:
         far = abs(lever[col.DYNAMIC_STIFFNESS]) > FAR_BESIDE
-        return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else NONE_LEFT
+        return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else WITHOUT_RINGING
     return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most else HASTY_SHARE
 
 
@@ -263,7 +263,7 @@ def approach_by_march(
     """
     law, lever = oscillator.law, oscillator.lever
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
-    share = share_of(oscillator, most)
+    share = share_before_ringing(oscillator, most)
     row[:] = math.nan
     status = lower_to_setpoint(oscillator, amplitude, step, eta, int(min(share, 1.0) * most), tip, row)
     if status != col.NOT_SETTLED or share > 1.0:
@@ -286,14 +286,14 @@ def approach_by_march(
 
 
 @kernel
-def carry_to(oscillator: Oscillator, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray) -> int:
-    """Move a tip in state u = (z, z', touching, its tip offset) slowly to z0 [m], and fill a row with its motion there.
+def move_to_tip_offset(oscillator: Oscillator, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray) -> int:
+    """Move a tip in state u = (z, z', touching, tip offset) slowly to z0 [m], and fill a result row with its motion.
 
     Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
     """
     p, lever = oscillator.p, oscillator.lever
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
-    count = int(abs(u[Z0] - z0) / pace_of(lever))
+    count = int(abs(u[Z0] - z0) / slow_pace(lever))
     if count >= most or not march_tip(oscillator, eta, tip):
         return col.NOT_SETTLED
     move, lock_in = ((u[Z0] - z0) / max(count, 1), 0.0, 0.0), LockIn()
@@ -309,8 +309,10 @@ def carry_to(oscillator: Oscillator, z0: float, eta: float, most: int, u: np.nda
 
 
 @kernel
-def carry_on(oscillator: Oscillator, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray) -> int:
-    """Move a tip in state u slowly until its amplitude is the one asked for, hold it, and fill a row; as `approach`."""
+def move_to_amplitude(
+    oscillator: Oscillator, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
+) -> int:
+    """Move a tip in state u slowly to the amplitude [m], hold it, and fill a result row; as `approach_by_march`."""
     lever = oscillator.lever
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
     if not march_tip(oscillator, eta, tip):

@@ -19,7 +19,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, forces_are_plain, leaps, near_resonance
-from phasemap._kernels.engagement.stuck import presses
+from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
@@ -236,7 +236,7 @@ def end_of_fall(
             return AMPLITUDE_SEEN
         return ORBIT_AGAIN if math.hypot(seen.cos, seen.sin) > amplitude else ORBIT_HELD
     if still and held:
-        if presses(oscillator.p, tip):
+        if in_contact_throughout(oscillator.p, tip):
             return ORBIT_AGAIN if amplitude_of(oscillator.lever, tip.acc) > amplitude else ORBIT_HELD
         if skip(oscillator, tolerance, amplitude, tip):
             return ORBIT_HELD

@@ -1,4 +1,4 @@
-"""Engaging a lever that rings on for long, where `in_time.approach` does not settle: by what the surface takes from it.
+"""Engaging a lever that rings on for long, where `lower_to_setpoint` does not settle: by the energy the surface takes.
 
 Far from the resonance a tip that loses its orbit bounces with all that the lever has stored. What rings down is then
 faster than the lever alone, by what each period loses to the surface, theory, Eq. (time-6); and much of it locks to the
@@ -94,16 +94,16 @@ class Descent:
 
 
 @kernel
-def with_ringing(lever: np.ndarray, periods: float) -> np.ndarray:
-    """The lever, with so many periods in which motion rings down."""
+def with_ring_down(lever: np.ndarray, periods: float) -> np.ndarray:
+    """A copy of the lever whose motion rings down in this number of periods."""
     other = lever.copy()
     other[col.RINGING] = periods
     return other
 
 
 @kernel
-def fill_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.ndarray) -> int:
-    """Fill a result row from a tip at rest on a pattern."""
+def fill_row_of_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.ndarray) -> int:
+    """Fill a result row with means over a motion that repeats itself after `tip.periods.pattern` drive periods."""
     lever = oscillator.lever
     count = tip.periods.pattern
     if count <= 1:
@@ -124,12 +124,12 @@ def fill_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.ndarray) 
 def follow_and_hold(
     oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
-    """Lower a tip along its pattern, or from far, and hold the amplitude where it comes by it.
+    """Lower a tip along a periodic pattern of taps, or from far, and hold the amplitude when it reaches it.
 
     Returns GOOD; NOT_CONVERGED where the pattern ends, or UNSTABLE where it ends as it is held; else what is final.
     """
     law, p, lever = oscillator
-    quick, periods, ends = with_ringing(lever, QUICK_RINGING), tip.periods, AMPLITUDE_SEEN
+    quick, periods, ends = with_ring_down(lever, QUICK_RINGING), tip.periods, AMPLITUDE_SEEN
     coarse = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
     exact = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     if amplitude_of(lever, tip.acc) > amplitude:
@@ -146,12 +146,12 @@ def follow_and_hold(
         return col.UNSTABLE
     if not shorten(oscillator, exact, amplitude, tip):
         return col.UNSTABLE
-    return fill_pattern(oscillator, exact.eta, tip, row)
+    return fill_row_of_pattern(oscillator, exact.eta, tip, row)
 
 
 @kernel
-def renew(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
-    """Take up what a block of periods showed: phasor, and in how many periods the motion rings down."""
+def update_ring_down(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
+    """Update the filtered phasor and energy losses, and the lever's ring-down time, from a block of periods."""
     total = lock_in.total
     count, (x, y) = total.count, mean_phasor(lever, total)
     share = min(1.0, count / lever[col.RINGING])
@@ -164,10 +164,10 @@ def renew(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
 
 
 @kernel
-def move(
+def move_until(
     oscillator: Oscillator, amplitude: float, eta: float, until: int, tip: Tip, lock_in: LockIn, way: Descent
 ) -> int:
-    """Lower or raise the tip slowly for some periods, or until it reaches the amplitude; `way` goes along."""
+    """Lower or raise the tip slowly until a period or the amplitude is reached; update `way`, return how it ends."""
     lever = oscillator.lever
     free, periods = free_amplitude(lever), tip.periods
     while periods.marched < until:
@@ -176,7 +176,7 @@ def move(
         pace = 0.0 if waits else way.side * RINGING_PACE * free / ring
         if not average(oscillator, eta, block, (pace, 0.0, 0.0), tip, lock_in):
             return OUT_OF_TIME
-        renew(lever, lock_in, way)
+        update_ring_down(lever, lock_in, way)
         now = mean_amplitude(lever, lock_in)
         if waits:
             if periods.marched >= way.still:
@@ -200,9 +200,9 @@ def move(
 def engage_ringing(
     oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
 ) -> int:
-    """Lower a tip that swings freely until its amplitude first reaches the setpoint, and hold it; as `approach`."""
+    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
     law, p, lever = oscillator
-    slow, periods, acc = with_ringing(lever, LONG_RINGING), tip.periods, tip.acc
+    slow, periods, acc = with_ring_down(lever, LONG_RINGING), tip.periods, tip.acc
     coarse = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
     exact = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     way, wait, found = Descent(), FIRST_LOOK, march_tip(oscillator, coarse.eta, tip)
@@ -220,7 +220,7 @@ def engage_ringing(
             begin_lock_in(lever, acc, lock_in)
             way.cos, way.sin = seen_phasor(lever, acc.cos, acc.sin)
             way.before, way.still = math.inf, 0.0
-        ends = move(
+        ends = move_until(
             Oscillator(law, p, slow), amplitude, coarse.eta, min(most, periods.marched + wait), tip, lock_in, way
         )
         if ends == OUT_OF_TIME:
@@ -229,7 +229,7 @@ def engage_ringing(
             return col.NO_STABLE_ORBIT
         if ends == AT_SETPOINT:
             if find_pattern(Oscillator(law, p, slow), exact, amplitude, tip):
-                return fill_pattern(oscillator, exact.eta, tip, row)
+                return fill_row_of_pattern(oscillator, exact.eta, tip, row)
             if periods.marched + 3 * GROUP * block_of(slow) < most:
                 return hold_mean(Oscillator(law, p, slow), amplitude, SLOW_GAIN, eta, most, tip, row)
             way.still = most  # no time for a mean, but a pattern may be found

@@ -37,7 +37,7 @@ from phasemap._kernels.orbits.time.tip import (
 
 FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
 SWING = 1.5  # least depth that a tip comes to: so many amplitudes of the first harmonic above its mean
-TOO_STIFF = 2.0  # over what the drive has for P
+PUSH_MARGIN = 2.0  # of the least in-phase force P of an orbit in contact, over the largest that the drive balances
 BEYOND_FREE = 2.0  # over the largest amplitude of the free lever
 ANGLES = 32  # at depths along the neck, and at angles of a swing
 RAISING_STRIDE = 0.1  # of the amplitude, the first step of a tip that is raised
@@ -49,15 +49,15 @@ LINEAR_SWING = 0.3  # of the depth, a swing that the surface answers like a spri
 # Of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
 LEAD_OF_LOOSE = 2.0
 # What becomes of a tip that is raised.
-COMES_TO_IT = 0  # to the amplitude
-JUMPS_FREE = 1  # across it, and touches nothing
-JUMPS_LOOSE = 2  # across it, and touches
+REACHES_AMPLITUDE = 0
+JUMPS_FREE = 1  # across the amplitude, and touches nothing
+JUMPS_TO_TAPPING = 2  # across the amplitude, and taps
 NOT_KNOWN = 3
 
 
 @kernel
-def presses(p: np.ndarray, tip: Tip) -> bool:
-    """Whether the tip was in contact, or the neck, all the last period."""
+def in_contact_throughout(p: np.ndarray, tip: Tip) -> bool:
+    """True if tip or neck touched the sample during the whole last period."""
     acc = tip.acc
     touches = p[col.RELEASE] == 0.0 or tip.u[TOUCHES] != 0.0
     return touches and acc.mean_z - tip.u[Z0] - SWING * math.hypot(acc.cos, acc.sin) >= p[col.RELEASE]
@@ -65,13 +65,13 @@ def presses(p: np.ndarray, tip: Tip) -> bool:
 
 @kernel
 def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
-    """Whether the tip fell across this amplitude [m], and stays in contact."""
-    return amplitude_of(lever, tip.acc) < FALLEN * amplitude and presses(p, tip)
+    """True if the oscillation collapsed below this amplitude [m] and the tip stays in contact."""
+    return amplitude_of(lever, tip.acc) < FALLEN * amplitude and in_contact_throughout(p, tip)
 
 
 @kernel
-def pull_off(oscillator: Oscillator) -> float:
-    """Highest tip offset [m] at which the lever rests in contact or neck."""
+def pull_off_tip_offset(oscillator: Oscillator) -> float:
+    """Tip offset [m] of pull-off: the highest one at which the lever rests in contact or neck."""
     law, p, lever = oscillator
     highest = -math.inf
     for i in range(ANGLES + 1):
@@ -81,8 +81,8 @@ def pull_off(oscillator: Oscillator) -> float:
 
 
 @kernel
-def least_push(oscillator: Oscillator, amplitude: float) -> float:
-    """In-phase force P [m] of a swing in contact that just reaches release."""
+def least_in_phase_force(oscillator: Oscillator, amplitude: float) -> float:
+    """Least in-phase force P [m] of an oscillation in permanent contact: of one that just reaches release."""
     law, p, lever = oscillator
     total = 0.0
     for i in range(ANGLES):
@@ -92,20 +92,19 @@ def least_push(oscillator: Oscillator, amplitude: float) -> float:
 
 
 @kernel
-def too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
-    """Whether no orbit swings by this amplitude [m] in contact, and a tip that comes loose touches nothing.
+def contact_too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
+    """True if the drive cannot force this amplitude [m] in permanent contact, and a lever pulled off swings freely.
 
-    Without a neck, an attraction that reaches beyond contact lets a tip leave it for a part of each period: the forces
-    do not say then.
+    False where that is not known: without a neck, a long-range attraction lets the tip leave contact in each period.
     """
     p, lever = oscillator.p, oscillator.lever
     if p[col.RELEASE] == 0.0 and p[col.LONGRANGE] != 0.0:
         return False
     of_tip, drive = likely_amplitude(lever, amplitude, 1), lever[col.DRIVE]
-    if not of_tip > 0.0 or pull_off(oscillator) < BEYOND_FREE * drive / lever[col.DYNAMIC_LOSS]:
+    if not of_tip > 0.0 or pull_off_tip_offset(oscillator) < BEYOND_FREE * drive / lever[col.DYNAMIC_LOSS]:
         return False
     needed = drive + of_tip * abs(lever[col.DYNAMIC_STIFFNESS])
-    return least_push(oscillator, of_tip) > TOO_STIFF * needed
+    return least_in_phase_force(oscillator, of_tip) > PUSH_MARGIN * needed
 
 
 @kernel
@@ -146,10 +145,10 @@ def resting_amplitude(oscillator: Oscillator, d: float) -> float:
 
 
 @kernel
-def loosened(oscillator: Oscillator, z0: float, amplitude: float) -> float:
-    """Tip offset to which the resting lever can be retracted before it swings by much of its depth or the setpoint.
+def highest_tip_offset_at_rest(oscillator: Oscillator, z0: float, amplitude: float) -> float:
+    """Highest tip offset [m] at which the lever in contact still oscillates little, against its depth and the setpoint.
 
-    So far the oscillation is linear about the rest, and there is no need to follow it.
+    Up to there the oscillation is linear about the static deflection, and need not be followed.
     """
     law, p, lever = oscillator
     d = static_depth(oscillator, z0)
@@ -165,17 +164,18 @@ def loosened(oscillator: Oscillator, z0: float, amplitude: float) -> float:
 
 
 @kernel
-def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most: int, tip: Tip) -> int:
-    """Raise a tip that sticks along its orbits in contact, to where they end.
+def raise_along_contact_orbits(
+    oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most: int, tip: Tip
+) -> int:
+    """Raise a tip that sticks to the sample along its orbits in contact, to where they end.
 
-    As long as it swings by little about the lever's rest there is nothing to follow. Returns COMES_TO_IT with the tip
-    near the amplitude, JUMPS_FREE or JUMPS_LOOSE where it jumps across it at the end, which is known to `LAST_STRIDE`,
-    or NOT_KNOWN.
+    Returns REACHES_AMPLITUDE with the tip near the amplitude, JUMPS_FREE or JUMPS_TO_TAPPING where the motion jumps
+    across the amplitude at the end of the orbits, which is known to `LAST_STRIDE`, or NOT_KNOWN.
     """
     p, lever = oscillator.p, oscillator.lever
     u, acc, linear, before, slopes = tip.u, tip.acc, tip.linear, np.empty(motion_size(lever)), Way()
     copy_state(u, before)
-    z0 = loosened(oscillator, u[Z0], amplitude)
+    z0 = highest_tip_offset_at_rest(oscillator, u[Z0], amplitude)
     if z0 > u[Z0]:
         rest_at = z0 + static_depth(oscillator, z0)
         u[TOUCHES], u[Z0] = 1.0, z0
@@ -195,11 +195,11 @@ def comes_loose(oscillator: Oscillator, amplitude: float, tolerance: Tolerance, 
                 slope = slopes_of_orbit(linear, slopes)
             stride = max(stride, 2.0 * step) if ceiling == math.inf else 2.0 * step
             low, ceiling = now, ceiling if u[Z0] < ceiling else math.inf
-        elif rests and presses(p, tip) and now >= amplitude:
-            return COMES_TO_IT
+        elif rests and in_contact_throughout(p, tip) and now >= amplitude:
+            return REACHES_AMPLITUDE
         elif least:
             if rests and step > 0.0 and now > low + END_JUMP * amplitude:
-                return JUMPS_FREE if acc.deepest < p[col.RELEASE] else JUMPS_LOOSE
+                return JUMPS_FREE if acc.deepest < p[col.RELEASE] else JUMPS_TO_TAPPING
             break
         else:
             if not (rests and now < amplitude):
@@ -218,15 +218,15 @@ def raise_stuck_tip(
 ) -> int:
     """Raise a tip that fell across the amplitude and sticks, from a `periodic` motion, or as it was lowered slowly.
 
-    JUMPS_FREE where nothing holds the amplitude, JUMPS_LOOSE where the tip is ready to be lowered again, COMES_TO_IT;
-    NOT_KNOWN with the tip as it was: a feedback may lower it faster than it was lowered.
+    Returns JUMPS_FREE where no orbit holds the amplitude, JUMPS_TO_TAPPING where the tip can be lowered again,
+    REACHES_AMPLITUDE, or NOT_KNOWN with the tip as it was: a feedback may lower it faster than it was lowered.
     """
     p, lever, u = oscillator.p, oscillator.lever, tip.u
-    if (periodic or p[col.RELEASE] != 0.0) and too_stiff(oscillator, amplitude):
+    if (periodic or p[col.RELEASE] != 0.0) and contact_too_stiff(oscillator, amplitude):
         return JUMPS_FREE
     fell = u.copy()
-    comes = comes_loose(oscillator, amplitude, tolerance, most, tip)
-    if comes == COMES_TO_IT or (comes == JUMPS_FREE and periodic):
+    comes = raise_along_contact_orbits(oscillator, amplitude, tolerance, most, tip)
+    if comes == REACHES_AMPLITUDE or (comes == JUMPS_FREE and periodic):
         return comes
     if comes == NOT_KNOWN or not (periodic or slow):
         copy(fell, u)
@@ -234,4 +234,4 @@ def raise_stuck_tip(
         return NOT_KNOWN
     if comes == JUMPS_FREE:
         u[Z0] = min(u[Z0], fell[Z0] + LEAD_OF_LOOSE * (amplitude_of(lever, tip.acc) - amplitude))
-    return JUMPS_LOOSE
+    return JUMPS_TO_TAPPING

@@ -24,15 +24,15 @@ from phasemap._kernels.scanning.pieces import (
     Instant,
     PieceNodes,
     SprungLever,
-    fill_answer,
     fill_attraction,
     fill_contact_force,
     fill_free_motion,
+    fill_response,
     force_harmonic,
     last_coefficients,
-    lever_on,
+    lever_with_spring,
+    move_by_series,
     move_freely,
-    move_shortly,
     place_contact_nodes,
     place_flight_nodes,
 )
@@ -117,7 +117,7 @@ def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: PeriodResult
         Left by the period before; zeros at first.
     """
     law, p, lever = oscillator
-    alone = lever_on(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], 0.0, z0)
+    alone = lever_with_spring(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], 0.0, z0)
     period = 2.0 * math.pi / alone.omega
     start = Instant(y[Z], y[V], complex(1.0, 0.0))
     surface = Surface(law, p, 1.0 / lever[col.STIFFNESS], reach_of(law, p), z0)
@@ -155,9 +155,9 @@ def _free_landing(lever: SprungLever, start: Instant, z0: float) -> tuple[float,
         more = (z0 - at.z) / at.v
         time += more
         if abs(more) < NEAR_CONTACT:
-            at = move_shortly(lever, at, more)
+            at = move_by_series(lever, at, more)
             more = (z0 - at.z) / at.v
-            return time + more, move_shortly(lever, at, more)
+            return time + more, move_by_series(lever, at, more)
         at = move_freely(lever, start, time)
     return math.nan, start
 
@@ -183,15 +183,15 @@ def _solve_landing(surface: Surface, lever: SprungLever, at: Instant, time: floa
         if not (abs(more) < NEAR_CONTACT and time + more > 0.0):
             break
         time += more
-        at = move_shortly(lever, at, more)
+        at = move_by_series(lever, at, more)
         _place_nodes(surface, at, 0.0, time, BEFORE_CONTACT, m)
         fill_free_motion(lever, at, surface.z0, m)
         deepest = fill_attraction(surface.law, surface.p, surface.compliance, m)
-        kick, change = fill_answer(lever, BEFORE_CONTACT, m)
+        kick, change = fill_response(lever, BEFORE_CONTACT, m)
         more = (surface.z0 - at.z - kick.z) / (at.v + kick.v)
         change = max(change, abs(at.v * more))
         if change < SETTLED_PATH * surface.reach:
-            end = move_shortly(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), more)
+            end = move_by_series(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), more)
             good = deepest < SETTLED_PATH * surface.reach and last_coefficients(m) < ROUGH_FLIGHT * lever.base
             return Piece(good, time + more, end, force_harmonic(0.0, m) * at.drive.conjugate())
         if not change < SLOWEST_PASSES * last:
@@ -229,7 +229,7 @@ def _solve_flight(
     fill_free_motion(lever, at, surface.z0, m)
     for _ in range(MOST_PIECE_PASSES):
         deepest = fill_attraction(surface.law, surface.p, surface.compliance, m)
-        kick, change = fill_answer(lever, side, m)
+        kick, change = fill_response(lever, side, m)
         if change < SETTLED_PATH * surface.reach:
             end = move_freely(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), to)
             good = deepest < 0.0 and end.z < surface.z0 and last_coefficients(m) < ROUGH_FLIGHT * lever.base
@@ -256,14 +256,14 @@ def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps
             h = 2.0 * math.atan2(at.v * math.sqrt(1.0 + kappa), max(z0, 0.0)) / math.sqrt(1.0 + kappa)
         for j in range(PIECE_NODES):
             m.w[j] = m.w_speed[j] = 0.0
-    lever = lever_on(alone.omega, alone.alpha0, alone.base, kappa, z0)
+    lever = lever_with_spring(alone.omega, alone.alpha0, alone.base, kappa, z0)
     for i in range(MOST_PIECE_PASSES):
         if not 0.0 < h < LONGEST_TAP:
             break
         place_contact_nodes(h, m)
         fill_free_motion(lever, at, z0, m)
         deepest = fill_contact_force(law, p, compliance, kappa, m)
-        kick, change = fill_answer(lever, AFTER_CONTACT, m)
+        kick, change = fill_response(lever, AFTER_CONTACT, m)
         end = move_freely(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), h)
         more = (z0 - end.z) / end.v
         if not (end.v < 0.0 and abs(more) < 0.5 * h):
@@ -271,7 +271,7 @@ def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps
         h += more
         change = max(change, abs(end.v * more))
         if change < SETTLED_PATH * deepest:
-            end = move_shortly(lever, end, more)
+            end = move_by_series(lever, end, more)
             taps.duration, taps.kappa = h, SPRING_SHARE * contact_slope(law, deepest, p) * compliance
             push = force_harmonic(kappa, m) * at.drive.conjugate()
             return Piece(last_coefficients(m) < ROUGH_TAP * lever.base, h, Instant(z0, end.v, end.drive), push)

@@ -1,6 +1,6 @@
 """Pieces of the lever's motion between two instants, each at a fixed number of nodes that suit the force on the tip.
 
-Over a piece the lever moves as it would freely, which is known in closed form, and answers to the force f [m] of the
+Over a piece the lever moves as it would freely, which is known in closed form, and responds to the force f [m] of the
 surface, over k, with
 
     w(t) = -integral of exp(-alpha0 (t - s)) sin(Omega (t - s))/Omega f(s) ds,    Omega^2 = 1 + kappa - alpha0^2
@@ -37,7 +37,7 @@ _BUT_ONE = (2 * PIECE_NODES - 3) * _PIECE_WEIGHTS * _ORDER[:, -2]
 
 @record
 class PieceNodes:
-    """Nodes of a piece: time, free motion, force and the answer to it at each."""
+    """Nodes of a piece: time, free motion, force and the response to it at each."""
 
     time: np.ndarray = column(PIECE_NODES)  # t from the contact [tau]
     step: np.ndarray = column(PIECE_NODES)  # dt/dx [tau]
@@ -49,14 +49,14 @@ class PieceNodes:
     depth: np.ndarray = column(PIECE_NODES)  # of the free lever [m]
     speed: np.ndarray = column(PIECE_NODES)  # of the free lever [m per tau]
     force: np.ndarray = column(PIECE_NODES)  # f [m]
-    w: np.ndarray = column(PIECE_NODES)  # answer of the lever to the force [m]
+    w: np.ndarray = column(PIECE_NODES)  # response of the lever to the force [m]
     w_speed: np.ndarray = column(PIECE_NODES)  # w' [m per tau]
     sum_cos: np.ndarray = column(PIECE_NODES)  # two running integrals of the force
     sum_sin: np.ndarray = column(PIECE_NODES)
 
 
 class SprungLever(NamedTuple):
-    """A lever without a surface, that may stand on a spring which is at rest at z0.
+    """A lever away from the surface, that a second spring without force at z0 may stiffen.
 
     omega, alpha0, u0 [m], stiffness 1 + kappa over its own, own frequency Omega, its place [m] without a drive, and
     swing [m], Re(swing exp(i psi)) about that, with it.
@@ -87,8 +87,8 @@ class Kick(NamedTuple):
 
 
 @kernel
-def lever_on(omega: float, alpha0: float, base: float, kappa: float, z0: float) -> SprungLever:
-    """Lever on a spring of stiffness kappa, over its own, that is at rest at z0 [m]."""
+def lever_with_spring(omega: float, alpha0: float, base: float, kappa: float, z0: float) -> SprungLever:
+    """The lever with a second spring, of stiffness kappa over the lever's, that exerts no force at z0 [m]."""
     stiffness = 1.0 + kappa
     swing = base / complex(stiffness - omega * omega, 2.0 * alpha0 * omega)
     own = math.sqrt(stiffness - alpha0 * alpha0)
@@ -113,8 +113,8 @@ def move_freely(lever: SprungLever, at: Instant, time: float) -> Instant:
 
 
 @kernel
-def move_shortly(lever: SprungLever, at: Instant, time: float) -> Instant:
-    """Position, speed and drive phase of the free lever a short time later or sooner, to the fourth order."""
+def move_by_series(lever: SprungLever, at: Instant, time: float) -> Instant:
+    """Position, speed and drive phase of the free lever a short time later or earlier, by a series of fourth order."""
     omega, alpha0, base, stiffness, _, place, _ = lever
     z, v, drive = at
     a = base * drive.real - stiffness * (z - place) - 2.0 * alpha0 * v
@@ -129,7 +129,7 @@ def move_shortly(lever: SprungLever, at: Instant, time: float) -> Instant:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _swing(angle: float) -> tuple[float, float]:
+def _cosine_and_sine(angle: float) -> tuple[float, float]:
     """Cosine and sine of an angle of at most a turn and a quarter, by Taylor's series of an eighth of it."""
     c, s = turn(0.125 * angle)
     c, s = c * c - s * s, 2.0 * c * s
@@ -183,10 +183,10 @@ def fill_free_motion(lever: SprungLever, at: Instant, z0: float, m: PieceNodes) 
         t = m.time[j]
         x = 0.125 * alpha0 * t
         fall = _eighth_power(_exponential(-x))
-        cosine, sine = _swing(own * t)
+        cosine, sine = _cosine_and_sine(own * t)
         m.gain[j] = 1.0 / (fall * fall)
         m.cosine[j], m.sine[j] = fall * cosine, fall * sine
-        cosine, sine = _swing(omega * t)
+        cosine, sine = _cosine_and_sine(omega * t)
         m.drive_cos[j], m.drive_sin[j] = cosine, sine
         m.depth[j] = re * cosine - im * sine + y * m.cosine[j] + u * m.sine[j] + low
         m.speed[j] = -omega * (re * sine + im * cosine) + q * m.cosine[j] - p * m.sine[j]
@@ -219,8 +219,8 @@ def fill_contact_force(law: Law, p: tuple[float, ...], compliance: float, kappa:
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_answer(lever: SprungLever, sign: float, m: PieceNodes) -> tuple[Kick, float]:
-    """Fill in the lever's answer w to the force; returns the kick at t = 0 and the change of w.
+def fill_response(lever: SprungLever, sign: float, m: PieceNodes) -> tuple[Kick, float]:
+    """Fill in the lever's response w to the force; returns the kick at t = 0 and the change of w.
 
     It is 0 where the piece begins: before contact (sign -1) at the last node, for nodes there run back in time.
     """

@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
 from phasemap._kernels.engagement.holding import COARSER_STEPS
-from phasemap._kernels.engagement.in_time import pace_of
+from phasemap._kernels.engagement.in_time import slow_pace
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state
 
@@ -28,7 +28,7 @@ def reach_rows(
     reach : ndarray, shape (n,)
         Up to which tip offset [m]; infinite where the branch is not left.
     """
-    block, up = block_of(lever), (-pace_of(lever), 0.0, 0.0)
+    block, up = block_of(lever), (-slow_pace(lever), 0.0, 0.0)
     for i in range(len(rows)):
         orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
         z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)

@@ -61,7 +61,7 @@ class LinearLoop:
     def __init__(self, control: Feedback, scope: Microscope, work: Work) -> None:
         self._control, self._scope, self._alpha0 = control, scope, float(work.lever[ALPHA0])
         self._tau = tau_per_second(scope)
-        self._system = _linear(control, scope, work)
+        self._system = _loop_jacobians(control, scope, work)
 
     def tuned(self) -> Feedback:
         """See `tune`."""
@@ -112,7 +112,7 @@ def _stable(system: Jacobians, proportional: float, integral: float) -> bool:
     return bool((values.real < 0).all())
 
 
-def _linear(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
+def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
     """Jacobians of the loop at all stable orbits: without gains, and what a unit of each gain adds; (n, m, m) each."""
     parts: list[tuple[Array, ...]] = []
     valid = np.flatnonzero(work.refused() == GOOD)

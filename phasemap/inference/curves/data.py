@@ -107,8 +107,8 @@ class Setup:
     amplitude_scale: float = 1.0  # amplitude that the instrument says over the true one [1]
     phase_offset: float = 0.0  # phase that the instrument says less the true one [degree]
 
-    def at(self, name: str, value: float) -> Setup:
-        """The same with one parameter changed."""
+    def with_parameter(self, name: str, value: float) -> Setup:
+        """The setup with one parameter changed."""
         if name == "phase_offset":
             return replace(self, phase_offset=value)
         if name == "amplitude_scale":
@@ -117,7 +117,7 @@ class Setup:
             return replace(self, height=value)
         if name == "sensitivity":  # the free amplitude read is known, so that the true one changes
             free = self.scope.drive.free_amplitude * self.amplitude_scale * value
-            return replace(self.at("free_amplitude", free), amplitude_scale=1 / value)
+            return replace(self.with_parameter("free_amplitude", free), amplitude_scale=1 / value)
         scope = self.scope
         with unquestioned():
             if name == "neck_length":
@@ -125,7 +125,7 @@ class Setup:
             if name == "resonance_frequency":
                 lever = replace(scope.cantilever, resonance_frequency=value)
                 return replace(self, scope=replace(scope, cantilever=lever))
-        changed = Question(self.material, scope).at(name, value)
+        changed = Question(self.material, scope).with_parameter(name, value)
         return replace(self, material=changed.material, scope=changed.scope)
 
     def value(self, name: str) -> float | None:

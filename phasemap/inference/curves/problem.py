@@ -75,17 +75,17 @@ class Problem:
         self.evaluations = 0
         self._kept: dict[bytes, Branches] = {}
 
-    def at(self, q: np.ndarray) -> Setup:
-        """The setup at q."""
+    def setup_at(self, q: np.ndarray) -> Setup:
+        """Material and microscope at the fitted parameters q."""
         setup = self.setup
         for parameter, number in zip(self.parameters, q, strict=True):
-            setup = setup.at(parameter.name, parameter.value(float(number)))
+            setup = setup.with_parameter(parameter.name, parameter.value(float(number)))
         return setup
 
     def choose(self, q: np.ndarray, ruler: Ruler, near: Choice | None = None) -> Choice:
         """The orbits at q that are nearest to others, or to the data."""
         wanted = near or Choice(self.data.measured, np.zeros(self._shape))
-        setup, found = self.at(q), self._branches(q)
+        setup, found = self.setup_at(q), self._branches(q)
         read = {
             "amplitude": setup.amplitude_scale * found.amplitude[:, None],
             "phase": found.phase[:, None] + setup.phase_offset,
@@ -149,7 +149,7 @@ class Problem:
         kept, self._kept = self._kept, {}
         new = [q for q in places if q.tobytes() not in kept]
         with ThreadPoolExecutor(workers_of(None)) as pool:
-            found = pool.map(lambda q: branches(self.at(q), self.data.axis, self.data.values), new)
+            found = pool.map(lambda q: branches(self.setup_at(q), self.data.axis, self.data.values), new)
             kept.update(zip([q.tobytes() for q in new], found, strict=True))
         self._kept = {q.tobytes(): kept[q.tobytes()] for q in places}
         self.evaluations += len(new)

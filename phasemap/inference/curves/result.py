@@ -162,7 +162,7 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
 
     data, q = problem.data, solution.q
     names = [parameter.name for parameter in problem.parameters]
-    setup = problem.at(q)
+    setup = problem.setup_at(q)
     choice = problem.choose(q, Ruler.strict(data))
     curve = _sweep(setup, data)
     off, excused = _off_branch(setup, data, choice, curve)

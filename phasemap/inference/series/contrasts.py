@@ -175,14 +175,14 @@ def _height_serves(images: Sequence[xr.Dataset], found: dict[str, list[Labels]],
     if of_height <= PREFERRED * of_phase or float(np.median(least)) < SMALLEST:
         return False
     shares = {
-        way: float(np.median([_explained(one, mine) for one, mine in zip(images, found[way], strict=True)]))
+        way: float(np.median([_explained_variance(one, mine) for one, mine in zip(images, found[way], strict=True)]))
         for way in ("phase", "height")
     }
     return shares["height"] >= MUCH * shares["phase"]
 
 
-def _explained(image: xr.Dataset, labels: Labels) -> float:
-    """Share of what varies in the phase, rows aligned and noise smoothed away, that regions account for."""
+def _explained_variance(image: xr.Dataset, labels: Labels) -> float:
+    """Share of the phase's variance, rows aligned and noise smoothed, that the regions explain."""
     from scipy.ndimage import uniform_filter
 
     _, flat, _ = _aligned(on_one_turn(image["phase"].values), labels, 1 + int(labels.max()))

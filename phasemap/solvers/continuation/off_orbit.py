@@ -30,7 +30,7 @@ class OffOrbit:
         `column`: of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
         """
         from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_value
-        from phasemap._kernels.engagement.in_time import carry_on, carry_to
+        from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
         from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.time.landing import state_in_row
 
@@ -41,7 +41,7 @@ class OffOrbit:
             row[col.PARAMETER] = x
         if self._state is None:
             self._state = state_in_row(lever, self._edge)
-        move = carry_on if by_amplitude else carry_to
+        move = move_to_amplitude if by_amplitude else move_to_tip_offset
         status = move(Oscillator(curves.law, p, lever), target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
             row[: col.COLUMNS] = np.nan

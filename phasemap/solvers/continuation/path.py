@@ -38,13 +38,13 @@ BEYOND = 1.01  # where a curve is begun and left, just outside the values wanted
 
 @dataclass(frozen=True)
 class Question:
-    """A material under a microscope, with one number of either changed."""
+    """A material under a microscope, of which a sweep changes one parameter."""
 
     material: Material
     scope: Microscope
 
-    def at(self, name: str, value: float) -> Question:
-        """The same with one parameter changed."""
+    def with_parameter(self, name: str, value: float) -> Question:
+        """The material and microscope with one parameter changed."""
         if name in MATERIAL:
             other = {"damping": "viscosity", "viscosity": "damping"}.get(name)
             changes: dict[str, Any] = {name: value}
@@ -122,11 +122,11 @@ def swept_path(
     from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept_path
     from phasemap._kernels.quadrature import TABLES
 
-    work = question.at(name, float(scale.value(0.0))).work()
+    work = question.with_parameter(name, float(scale.value(0.0))).work()
     table = np.zeros((0, 0))
     for order in ORDERS:
         nodes = np.cos(np.pi * (np.arange(order) + 0.5) / order)
-        columns = np.stack([_column(question.at(name, float(scale.value(m))), held) for m in nodes], axis=1)
+        columns = np.stack([_column(question.with_parameter(name, float(scale.value(m))), held) for m in nodes], axis=1)
         if not np.isfinite(columns).all():
             raise InputError(name, (scale.low, scale.high), "values at which the law has finite parameters")
         table = np.polynomial.chebyshev.chebfit(nodes, columns.T, order - 1).T

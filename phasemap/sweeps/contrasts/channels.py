@@ -23,7 +23,7 @@ def derived(
         for k, free in enumerate(axes[1]):
             rows = engaged.rows[:, i, k]
             orbit = {name: FLOATS[name].value(rows) for name in pair.needs}
-            scope = pair.at(frequency, free)
+            scope = pair.microscope_at(frequency, free)
             motion = motion_of(scope, rows[..., col.AMPLITUDE], np.degrees(rows[..., col.PHASE]), orbit)
             for name in names:
                 values[name][:, i, k] = CHANNELS[name].value(motion)

@@ -252,7 +252,9 @@ def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> t
         for line in range(first // count, last // count):
             i, k = divmod(line, shape[2])
             work = pair.work(axes[0][i], axes[1][k], axes[2])
-            for whole, part in zip(engaged, pair.engage(work, scope=pair.at(axes[0][i], axes[1][k])), strict=True):
+            for whole, part in zip(
+                engaged, pair.engage(work, scope=pair.microscope_at(axes[0][i], axes[1][k])), strict=True
+            ):
                 whole[:, i, k] = part
             regime[:, i, k] = regimes(work, pair.accuracy.periods).reshape(2, count) | regime_of(engaged.rows[:, i, k])
 

@@ -68,7 +68,7 @@ class Pair:
         bare = [bare_rows(properties(*row, scope)[0], scope, film_of(row[0])) for row in given]
         return cls(both, scope, solver, accuracy, np.concatenate(bare), needs)
 
-    def at(self, frequency: float, free_amplitude: float) -> Microscope:
+    def microscope_at(self, frequency: float, free_amplitude: float) -> Microscope:
         """The microscope driven at a frequency [Hz] with a free amplitude at resonance [m]."""
         with unquestioned():  # the axes were looked at
             drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
@@ -80,7 +80,7 @@ class Pair:
         `frequency`: of the drive [Hz].
         `free_amplitude`: at resonance [m]; the setpoints are over that at the drive frequency.
         """
-        scope = self.at(frequency, free_amplitude)
+        scope = self.microscope_at(frequency, free_amplitude)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
 

@@ -51,7 +51,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, ju
     found, size = np.isfinite(contrast), np.abs(contrast)
     single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0)
     distance = _distances(axes, single, jumps)
-    safe = single & (distance >= MARGIN) & ~_beside(axes, single, jumps)
+    safe = single & (distance >= MARGIN) & ~_near_jump(axes, single, jumps)
     for grade, allowed in enumerate((safe, single, found)):
         largest = size[allowed].max(initial=0.0)
         if largest >= NOTABLE:
@@ -73,13 +73,13 @@ def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, ju
 
 
 def _first(values: Array) -> tuple[int, int, int]:
-    """Where the smallest value is."""
+    """Indices of the smallest value."""
     frequency, free_amplitude, setpoint = np.unravel_index(int(np.argmin(values)), values.shape)
     return int(frequency), int(free_amplitude), int(setpoint)
 
 
 def _distances(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
-    """How far in setpoint each point is from the nearest jump, second regime or failure; infinite without any."""
+    """Distance in setpoint of each point from the nearest jump, second regime or failure; infinite without any."""
     setpoints = axes[2]
     distance = np.full(single.shape, np.inf)
     for frequency, free_amplitude in np.ndindex(single.shape[:2]):
@@ -91,8 +91,8 @@ def _distances(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
     return distance
 
 
-def _beside(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
-    """Whether a jump, second regime or failure is on the way to a neighbour in free amplitude or frequency."""
+def _near_jump(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
+    """True where a jump, second regime or failure lies before the next free amplitude or frequency of the map."""
     beside = np.zeros(single.shape, bool)
     for axis in (0, 1):
         count = single.shape[axis]
@@ -121,7 +121,7 @@ def _regimes(names: Sequence[str], regime: Array) -> str:
 
 
 def _caution(grade: int, distance: float) -> str:
-    """How far the point is from trouble, and what to beware of."""
+    """Sentence on the distance of the point from a jump or second regime, and what to beware of."""
     if grade == 2:
         return "but not safe: where a material is bistable, its phase depends on what the tip met before."
     if np.isinf(distance):

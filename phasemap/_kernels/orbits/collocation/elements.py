@@ -53,7 +53,7 @@ LONGEST_OSCILLATION = 5.0  # [rad] of the contact's own oscillation that an elem
 
 @kernel
 def append_element(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: float, scale: float) -> bool:
-    """Append one element."""
+    """Append element `n` of the tables to the orbit's mesh; False if there is no room."""
     e = head_of(orbit).count
     if e + 1 >= len(orbit.elements):
         return False
@@ -72,8 +72,8 @@ def append_element(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: 
 
 
 @kernel
-def _straight(tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, longest: float) -> bool:
-    """Elements of one length, none longer than `longest`."""
+def _append_equal(tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, longest: float) -> bool:
+    """Append elements of equal length, none longer than `longest` [rad]; False if there is no room."""
     count, ok = math.ceil(length / longest), True
     for i in range(count):
         ok = append_element(tables, orbit, STRAIGHT, side, start + length * i / count, length / count) and ok
@@ -81,32 +81,32 @@ def _straight(tables: np.ndarray, orbit: Orbit, side: int, start: float, length:
 
 
 @kernel
-def _half(
+def _append_from_contact(
     tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int,
     longest: float,
 ) -> bool:  # fmt: skip
-    """Elements over `length` away from `start` (or towards it): graded ones, straight ones where those are too long.
+    """Append the elements over `length` [rad] after a contact that ends at `start`, or before one (`incoming`).
 
-    The smallest is about as long as `scale`.
+    Graded: the smallest, at the contact, is about as long as `scale`; equal where graded ones would be too long.
     """
     graded = length
     if longest < length:
         graded = min(length, longest / (1.0 - math.exp(-GRADED_WIDTHS[head_of(orbit).level]))) if scale > 0.0 else 0.0
     rest, ok = length - graded, True
     if incoming == 1 and rest > 0.0:
-        ok = _straight(tables, orbit, side, start - length, rest, longest) and ok
+        ok = _append_equal(tables, orbit, side, start - length, rest, longest) and ok
     if graded > 0.0:
-        ok = _graded(tables, orbit, side, start, graded, scale, incoming) and ok
+        ok = _append_graded(tables, orbit, side, start, graded, scale, incoming) and ok
     if incoming == 0 and rest > 0.0:
-        ok = _straight(tables, orbit, side, start + graded, rest, longest) and ok
+        ok = _append_equal(tables, orbit, side, start + graded, rest, longest) and ok
     return ok
 
 
 @kernel
-def _graded(
+def _append_graded(
     tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int
 ) -> bool:
-    """Graded elements over `length` away from `start` (or towards it), the smallest about as long as `scale`."""
+    """Append elements over `length` [rad] whose size grows away from `start`, from about `scale` at it."""
     level = head_of(orbit).level
     width = GRADED_WIDTHS[level]
     most = int(GRADED_REACH / width)
@@ -132,7 +132,7 @@ def longest_flight(lever: np.ndarray, level: int) -> float:
 
 @kernel
 def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level: int) -> int:
-    """Which of CONTACT_COUNTS resolves a contact of this half length: its angle, its own frequency, its damping."""
+    """Index in CONTACT_COUNTS of the elements that resolve a contact of this half length, its frequency and damping."""
     law, p, lever = oscillator
     deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
     rate = fastest_turn(lever, contact_slope(law, deepest, p))
@@ -143,7 +143,7 @@ def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level:
 
 @kernel
 def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, level: int) -> int:
-    """Which of CONTACT_COUNTS resolves a whole period in contact.
+    """Index in CONTACT_COUNTS of the elements that resolve a whole period in contact.
 
     Short elements also keep what is lost of a large force that stays, against which all else is a difference.
     """
@@ -158,7 +158,7 @@ def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, l
 
 @kernel
 def _neck_count(oscillator: Oscillator, half: float, level: int) -> int:
-    """Which of CONTACT_COUNTS resolves a neck of this half length, with the root at its end."""
+    """Index in CONTACT_COUNTS of the elements that resolve a neck of this half length, with the root at its end."""
     law, p, lever = oscillator
     rate = fastest_turn(lever, contact_slope(law, 0.5 * p[RELEASE], p))
     return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
@@ -166,7 +166,7 @@ def _neck_count(oscillator: Oscillator, half: float, level: int) -> int:
 
 @kernel
 def _pick(wanted: float) -> int:
-    """The first of CONTACT_COUNTS that is as large."""
+    """Index of the first of CONTACT_COUNTS that is at least `wanted`, or of the last."""
     pick = 0
     while pick < len(CONTACT_COUNTS) - 1 and CONTACT_COUNTS[pick] < wanted:
         pick += 1
@@ -175,7 +175,7 @@ def _pick(wanted: float) -> int:
 
 @kernel
 def _span(tables: np.ndarray, orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
-    """Elements between two borders at which the force may start like a root."""
+    """Append the elements of a contact, between two ends at which the force may start like a root."""
     ok = True
     for e in range(CONTACT_COUNTS[pick]):
         ok = (
@@ -205,7 +205,7 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUT_OF_CONTACT else 0.0)) / amplitude)
         if side == OUT_OF_CONTACT and p[LONGRANGE] == 0.0:
             scale = 0.0
-        return _half(tables, orbit, side, theta, math.pi, scale, 0, longest) and _half(
+        return _append_from_contact(tables, orbit, side, theta, math.pi, scale, 0, longest) and _append_from_contact(
             tables, orbit, side, theta + TWO_PI, math.pi, scale, 1, longest
         )
     ok = True
@@ -225,7 +225,7 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
             slope = amplitude * abs(math.sin(at))
             root = math.sqrt(slope * slope + 2.0 * amplitude * reach)
             scale = 0.0 if p[LONGRANGE] == 0.0 else 2.0 * reach / (slope + root)
-            ok = _half(tables, orbit, OUT_OF_CONTACT, at, gap, scale, incoming, longest) and ok
+            ok = _append_from_contact(tables, orbit, OUT_OF_CONTACT, at, gap, scale, incoming, longest) and ok
     return ok
 
 
@@ -264,8 +264,8 @@ def interpolate_motion(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
 
 
 @kernel(light=True)
-def _slip(one: Element, bend: float, amplitude: float, z0: float) -> float:
-    """Angle between the start of an element and the contact point [rad]; `bend` is w'' at the start."""
+def _contact_shift(one: Element, bend: float, amplitude: float, z0: float) -> float:
+    """Shift [rad] of the contact point from the start of its element; `bend` is w'' at the start."""
     c, s = math.cos(one.edge), math.sin(one.edge)
     depth, slope = amplitude * c + one.edge_w - z0, one.edge_u - amplitude * s
     slip = -depth / slope
@@ -295,8 +295,8 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
         element_of(orbit, 0).edge,
         element_of(orbit, inner).edge,
     )
-    entry = _slip(element_of(orbit, 0), element_of(orbit, 0).bend[0], amplitude, z0)
-    exit_ = _slip(element_of(orbit, inner), element_of(orbit, inner - 1).bend[NODES - 1], amplitude, z0)
+    entry = _contact_shift(element_of(orbit, 0), element_of(orbit, 0).bend[0], amplitude, z0)
+    exit_ = _contact_shift(element_of(orbit, inner), element_of(orbit, inner - 1).bend[NODES - 1], amplitude, z0)
     if not max(abs(entry), abs(exit_)) < 0.5 * MOST_SLIP * (end - begin):
         return False
     longer = 1.0 + (entry - exit_) / (begin + TWO_PI - end)

@@ -143,7 +143,7 @@ def edge_of(contact: Any, event: int, time: float) -> tuple[float, float]:
 
 @Chosen
 def stop_at_event(contact: Any, here: Here, motion: Motion) -> None:
-    """Shorten a step to what happens in it first, if anything does (`period.to_event`); ``motion.event`` says what."""
+    """End a step at the first event in it, if any (`period.end_step_at_event`), and note it in ``motion.event``."""
     raise NotImplementedError
 
 

@@ -43,10 +43,10 @@ from phasemap._kernels.orbits.time.period import (
     beam_over,
     begin_period,
     end_period,
+    end_step_at_event,
     march_through,
     stop_at_touch,
     stop_at_turn,
-    to_event,
     try_turn,
 )
 from phasemap._kernels.orbits.time.step_density import (
@@ -166,7 +166,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
         return
     in_neck = now.mode == IN_NECK
     if u.v > 0 > end.v and now.withdrawn == 0.0 and withdrawal_pull(contact) > 0.0:
-        to_event(here, motion, TURNED)
+        end_step_at_event(here, motion, TURNED)
         return
     if u.v > 0 > end.v:
         h, top = try_turn(here, motion)
@@ -179,9 +179,9 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
         if inside.x <= 0:
             stop_at_turn(motion, h)
     if in_neck and end.x > contact.neck:
-        to_event(here, motion, NECK_CLOSES)
+        end_step_at_event(here, motion, NECK_CLOSES)
     elif end.x <= 0:
-        to_event(here, motion, RELEASE if in_neck else LAST_TOUCH)
+        end_step_at_event(here, motion, RELEASE if in_neck else LAST_TOUCH)
 
 
 @kernel

@@ -121,8 +121,8 @@ def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, 
 
 
 @kernel
-def to_event(here: Here, motion: Motion, event: int) -> None:
-    """Shorten a step across an event to end on it: Newton's method, kept between one side and the other.
+def end_step_at_event(here: Here, motion: Motion, event: int) -> None:
+    """Shorten a step across an event to end at the event, by Newton's method within a bracket.
 
     The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
     """
@@ -162,7 +162,7 @@ def stop_at_touch(here: Here, motion: Motion) -> None:
         else:
             motion.sums.deepest = max(motion.sums.deepest, top)
     if _past(here, motion, FIRST_TOUCH, motion.end)[0] > 0:
-        to_event(here, motion, FIRST_TOUCH)
+        end_step_at_event(here, motion, FIRST_TOUCH)
 
 
 @kernel(inline=True)
@@ -177,7 +177,7 @@ def _take_step(here: Here, eta: float, motion: Motion) -> None:
     advance(here, motion, min(h, motion.left) if off else h)
     stop_at_event(here.contact, here, motion)
     if not off and motion.end.at.passed >= motion.left:
-        to_event(here, motion, PERIOD_ENDS)
+        end_step_at_event(here, motion, PERIOD_ENDS)
         motion.event = NO_EVENT
 
 

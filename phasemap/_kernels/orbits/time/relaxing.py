@@ -117,8 +117,8 @@ def dent_at(contact: Relaxing, t: float) -> tuple[float, float]:
 
 
 @kernel(inline=True)
-def seen_by(u: Moved, a: int) -> float:
-    """D of an arm."""
+def filtered_depth(u: Moved, a: int) -> float:
+    """Depth D [m] that an arm sees, low-passed by its relaxation time."""
     return u.seen if a == 0 else u.arms[2 * (col.MOST_ARMS - 1 - a)]
 
 
@@ -137,8 +137,8 @@ def work_from_far(law: Law, p: Any, d: float) -> float:
 
 
 @kernel
-def potential(contact: Relaxing, q: float, d: float, t: float) -> float:
-    """Energy [J] over stiffness that the tip has to give back: of the attraction, and of springs in viscous contacts.
+def stored_energy(contact: Relaxing, q: float, d: float, t: float) -> float:
+    """Recoverable energy over stiffness [m^2]: of the attraction, or of the springs of a Kelvin-Voigt contact.
 
     0 in contact with a solid that relaxes, whose steps add up all the work. Where the energy into the surface is not
     F z' but what dashpots and a recovering dent take, it does not close by itself if steps are too long.
@@ -151,7 +151,7 @@ def potential(contact: Relaxing, q: float, d: float, t: float) -> float:
 
 
 @kernel(inline=True)
-def at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) -> tuple[float, float, float]:
+def dent_at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) -> tuple[float, float, float]:
     """Dent w [m] at the edge q, its slope by xi, and the rate at which it comes back; y of each arm is filled in.
 
     Not where a Kelvin-Voigt surface lets go.
@@ -162,7 +162,7 @@ def at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) -> tupl
         arms.y[0] = u.seen - xi - arms.value[0]
         if many:
             for a in range(1, arms.count):
-                arms.y[a] = seen_by(u, a) - xi - arms.value[a]
+                arms.y[a] = filtered_depth(u, a) - xi - arms.value[a]
         for a in range(arms.count):
             w += arms.share[a] * arms.y[a]
             slope -= arms.share[a] * (1 + arms.slope[a])
@@ -185,7 +185,7 @@ def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
         return u.x
     if contact.now.mode == on.SHRINKING and contact.t0 > 0:
         return u.x * u.x - contact.t0 * u.v
-    return u.x * u.x + at_edge(contact, True, u, u.x, t)[0]
+    return u.x * u.x + dent_at_edge(contact, True, u, u.x, t)[0]
 
 
 @push_of.of(Relaxing)
@@ -200,7 +200,7 @@ def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pr
     if mode == on.SHRINKING and t0 > 0:
         force = stiff * x * xi * (2 / 3) + contact.pull
         return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, -t0 * v)
-    dent, slope, rise = at_edge(contact, many, y, x, t)
+    dent, slope, rise = dent_at_edge(contact, many, y, x, t)
     d = xi + dent
     speed = (v + rise) / (1 + slope)
     whole = x * (d - xi * THIRD)

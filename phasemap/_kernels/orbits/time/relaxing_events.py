@@ -38,12 +38,20 @@ from phasemap._kernels.orbits.time.period import (
     beam_over,
     begin_period,
     end_period,
+    end_step_at_event,
     march_through,
     stop_at_touch,
     time_of_crossing,
-    to_event,
 )
-from phasemap._kernels.orbits.time.relaxing import Memory, Relaxing, at_edge, dent_at, potential, seen_by, tip_depth
+from phasemap._kernels.orbits.time.relaxing import (
+    Memory,
+    Relaxing,
+    dent_at,
+    dent_at_edge,
+    filtered_depth,
+    stored_energy,
+    tip_depth,
+)
 from phasemap._kernels.orbits.time.relaxing_nodes import lay_between, lay_edge, total
 from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
@@ -106,7 +114,7 @@ def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
         return math.sqrt(max(d + contact.t0 * u.v, 0.0))
     q = u.x if u.x > 0 else math.sqrt(max(d, 0.0))
     for _ in range(MOST_TURN_STEPS):
-        w, slope, _ = at_edge(contact, True, u, q, 0.0)
+        w, slope, _ = dent_at_edge(contact, True, u, q, 0.0)
         off = q * q + w - d
         if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
             break
@@ -157,13 +165,13 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
         advance(here, motion, 0.5 * motion.h)
         find_slopes(here, motion, end)
     if now.mode == on.SHRINKING and end.at.x <= 0:
-        to_event(here, motion, LAST_TOUCH)
+        end_step_at_event(here, motion, LAST_TOUCH)
         find_slopes(here, motion, end)
     elif (end.slope.x < 0) == (now.mode == on.GROWING):
         to_turn(here, motion)
     if now.mode == on.GROWING:
         if u.x < on.passing(m) < (1 - contact.pace.past_turn) * end.at.x:
-            to_event(here, motion, OLD_TURN)
+            end_step_at_event(here, motion, OLD_TURN)
             find_slopes(here, motion, end)
             end.at.x = (1 + JUST_PAST) * on.passing(m)
         whole = motion.event in (NO_EVENT, CONTACT_TURN) and end.at.passed < motion.left
@@ -201,10 +209,10 @@ def see_depth(contact: Relaxing, u: Moved, depth: float) -> None:
 def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
     """Let a contact begin at the depth to which the tip has come."""
     u, depth = motion.here.at, motion.here.at.x
-    motion.sums.loss += potential(contact, 0.0, depth, motion.time)
+    motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
     contact.now.mode, u.x = on.GROWING, 0.0
     see_depth(contact, u, depth)
-    motion.sums.loss -= potential(contact, 0.0, depth, motion.time)
+    motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
     contact.m[on.INNER_COUNT] = 0.0
     expect_depth(contact, here.beam, 0.0, here.beam.z0, u)
 
@@ -213,12 +221,12 @@ def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
 def end_contact(contact: Relaxing, motion: Motion) -> None:
     """Let a contact end, over the dent that it leaves."""
     now, arms, m, depth = contact.now, contact.arms, contact.m, tip_depth(contact, motion.here.at, motion.time)
-    motion.sums.loss += potential(contact, 0.0, depth, motion.time)
+    motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
     on.outside(m, 0.0, motion.time, arms)
     for j in range(arms.count):
         now.dents[j] = arms.value[j]
     now.mode, now.dented, now.since, motion.here.at.x, m[on.INNER_COUNT] = OFF_SURFACE, 1, motion.time, depth, 0.0
-    motion.sums.loss -= potential(contact, 0.0, depth, motion.time)
+    motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
 
 
 @kernel
@@ -272,7 +280,7 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
             u.arms[j], u.arms[j + 1] = m[on.DASHPOT_DEPTH + a], m[on.INNER_SUM + a]
         q = find_edge(contact, d, u)
         if contact.t0 == 0:
-            at_edge(contact, True, u, q, 0.0)
+            dent_at_edge(contact, True, u, q, 0.0)
             u.inside += arms.y[0] * (q - u.x)
             for a in range(1, arms.count):
                 u.arms[2 * (MOST_ARMS - 1 - a) + 1] += arms.y[a] * (q - u.x)
@@ -293,7 +301,7 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
         motion.here.known = 0
     if now.mode != OFF_SURFACE:
         expect_depth(contact, here.beam, max(u.x, 0.0), here.beam.z0 + d, u)
-    motion.sums.loss = -potential(contact, u.x, d, 0.0)
+    motion.sums.loss = -stored_energy(contact, u.x, d, 0.0)
 
 
 @kernel
@@ -341,11 +349,11 @@ def march_relaxing(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray,
     begin_on_surface(contact, here, motion)
     steps, t = march_through(here, eta, motion), motion.time
     depth = tip_depth(contact, u, t)
-    motion.sums.loss += potential(contact, u.x, depth, t)
+    motion.sums.loss += stored_energy(contact, u.x, depth, t)
     y[on.CONTACT_MODE], y[on.CONTACT_EDGE] = now.mode, u.x
     for a in range(arms.count):
         j = 2 * (MOST_ARMS - 1 - a) + 1
-        y[on.DASHPOT_DEPTH + a], y[on.INNER_SUM + a] = seen_by(u, a), u.inside if a == 0 else u.arms[j]
+        y[on.DASHPOT_DEPTH + a], y[on.INNER_SUM + a] = filtered_depth(u, a), u.inside if a == 0 else u.arms[j]
     on.shift(y, t)
     y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE else 0.0
     end_period(lever, here, motion, depth, y, acc)

@@ -8,7 +8,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.orbits.time import elements as on
 from phasemap._kernels.orbits.time.arms import Arms, turn_to
 from phasemap._kernels.orbits.time.contact import Motion, Moved
-from phasemap._kernels.orbits.time.relaxing import Relaxing, seen_by
+from phasemap._kernels.orbits.time.relaxing import Relaxing, filtered_depth
 
 
 @kernel(inline=True)
@@ -33,7 +33,7 @@ def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
             turn_to(arms.to_arms, arms.count, arms.curve, arms.laid_curve)
             for a in range(arms.count):
                 bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
-                arms.laid_value[a] = seen_by(u, a) - xi - arms.laid_value[a]
+                arms.laid_value[a] = filtered_depth(u, a) - xi - arms.laid_value[a]
                 arms.laid_slope[a], arms.laid_curve[a] = -1 - arms.laid_slope[a], -arms.laid_curve[a] - bent
             on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
         on.take_outer(m, xi)
@@ -44,7 +44,7 @@ def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
         on.fill_curves(m, on.inside(m, xi, t, arms), xi, t, arms.rate, arms)
         slope = 0.0
         for a in range(arms.count):
-            arms.value[a], arms.slope[a] = seen_by(u, a) - xi - arms.value[a], -1 - arms.slope[a]
+            arms.value[a], arms.slope[a] = filtered_depth(u, a) - xi - arms.value[a], -1 - arms.slope[a]
             slope += arms.share[a] * arms.slope[a]
         for a in range(arms.count):
             bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
@@ -74,7 +74,8 @@ def lay_between(contact: Relaxing, motion: Motion) -> None:
     q = 35 * end.passed / (32 * h) - 19 * (q0 + q1) / 32 + h * ((v1 - v0) / 16 - h * (a0 + a1) / 384)
     v = 15 * (q1 - q0) / (8 * h) - 7 * (v0 + v1) / 16 + h * (a1 - a0) / 32
     for a in range(arms.count):
-        rate, d0, b0, d1, b1 = arms.rate[a], seen_by(u, a), seen_by(of, a), seen_by(end, a), seen_by(to, a)
+        rate, d0, b0 = arms.rate[a], filtered_depth(u, a), filtered_depth(of, a)
+        d1, b1 = filtered_depth(end, a), filtered_depth(to, a)
         w0, w1 = 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # slopes of d - D
         c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
         e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
