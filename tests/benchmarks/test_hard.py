@@ -264,7 +264,7 @@ NEVER = {pm.Status.good, pm.Status.invalid}
 SETTINGS = settings(deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
 
 
-@settings(SETTINGS, max_examples=100)  # what has no periodic orbit is handed to time, which takes up to a second
+@settings(SETTINGS, max_examples=50)  # what has no periodic orbit is handed to time, which takes up to a second
 @given(values=anywhere)
 def test_orbit_holds_the_setpoint_or_says_why_not(values: dict[str, float | None]) -> None:
     hold_or_say_why(values, "orbit", set(pm.Status) - NEVER - {pm.Status.no_averaged_orbit})

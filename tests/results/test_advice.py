@@ -40,9 +40,9 @@ GENTLE: Case = {
     "lever": (39.6, 70e3, 11.4), "radius": 35.4e-9, "amplitude": 6.6e-9, "material": (1.36e6, 0.00229, 0.0025),
     "setpoint": 0.654, "solver": "averaging",
 }  # fmt: skip
-SLOW: Case = {
-    "lever": (0.118, 70e3, 6.87), "radius": 34.7e-9, "amplitude": 6.73e-9, "material": (72.9e6, 0.00349, 0.00961),
-    "setpoint": 0.673,
+HURRIED: Case = {
+    "lever": (3.0, 300e3, 100.0), "radius": 10e-9, "amplitude": 40e-9, "material": (30e6, 0.05, 0.01), "setpoint": 0.6,
+    "contact": "jkr", "periods": 1000,
 }  # fmt: skip
 NECK: Case = {
     "lever": (5.0, 70e3, 100.0), "radius": 10e-9, "amplitude": 20e-9, "material": (100e9, 0.05, 0.0), "setpoint": 0.7,
@@ -57,7 +57,7 @@ NECK: Case = {
         (BESIDE, pm.Status.no_stable_orbit, "Raise the free amplitude", {"amplitude": 5 * 30.3e-9}),
         (BESIDE, pm.Status.no_stable_orbit, "another setpoint", {"setpoint": 0.65}),
         (GENTLE, pm.Status.no_averaged_orbit, "Use solver='orbit'", {"solver": "orbit"}),
-        (SLOW, pm.Status.not_settled, "Allow more with Accuracy(periods=...)", {"periods": 10**6}),
+        (HURRIED, pm.Status.not_settled, "Allow more with Accuracy(periods=...)", {"periods": 20_000}),
         (NECK, pm.Status.creates_energy, "'dmt'", {"contact": "dmt"}),
         (NECK, pm.Status.creates_energy, "a shorter decay_length", {"decay_length": 0.02e-9}),
         (NECK, pm.Status.creates_energy, "decay_length=None", {"decay_length": None}),

@@ -9,6 +9,7 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement import holding, in_time, lowering
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
@@ -37,23 +38,36 @@ def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
     return Tip(u, PeriodResult(), PeriodMap(), Periods())
 
 
+WHATS = ("hold", "hold_mean", "move_slowly", "follow_down", "fall", "rest")
+
+
+@kernel
+def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, row: np.ndarray) -> None:
+    """One of these: they are compiled together."""
+    tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
+    if what == 0:
+        holding.hold(problem, amplitude, 0.25, most, tip, row)
+    elif what == 1:
+        holding.hold_mean(problem, amplitude, holding.EAGER_GAIN, 0.25, most, tip, row)
+    elif what == 2:
+        in_time.move_slowly(problem, amplitude, 0.0, tolerance, most, tip)
+    elif what == 3:
+        lowering.follow_down(problem, amplitude, 1e-10, 0.0, tolerance, most, tip)
+    elif what == 4:
+        lowering.fall_to_setpoint(problem, amplitude, 1e-12, 0.0, tolerance, most, tip)
+    else:
+        period_map.rest(problem, tolerance, most, tip)
+
+
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])
 @pytest.mark.parametrize("most", [1, 300, 5000])
-@pytest.mark.parametrize("what", ["hold", "hold_mean", "move_slowly", "follow_down", "fall", "rest"])
+@pytest.mark.parametrize("what", WHATS)
 def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int, what: str) -> None:
     amplitude = 0.6 * scope.driven_amplitude
     work = work_of_material(RUBBER, scope, amplitude)
     problem = Oscillator(work.law, work.rows[0], work.lever)
     tip, row = tip_at(work.law, scope, 24e-9), np.empty(col.COLUMNS)
-    tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
-    {
-        "hold": lambda: holding.hold(problem, amplitude, 0.25, most, tip, row),
-        "hold_mean": lambda: holding.hold_mean(problem, amplitude, holding.EAGER_GAIN, 0.25, most, tip, row),
-        "move_slowly": lambda: in_time.move_slowly(problem, amplitude, 0.0, tolerance, most, tip),
-        "follow_down": lambda: lowering.follow_down(problem, amplitude, 1e-10, 0.0, tolerance, most, tip),
-        "fall": lambda: lowering.fall_to_setpoint(problem, amplitude, 1e-12, 0.0, tolerance, most, tip),
-        "rest": lambda: period_map.rest(problem, tolerance, most, tip),
-    }[what]()
+    do(WHATS.index(what), problem, amplitude, most, tip, row)
     assert tip.periods.marched <= most + MORE
 
 
