@@ -49,7 +49,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     (3 pi/8) sqrt(2/A) K sqrt(R) D^2/(pi k) - f0 (2 sqrt(2 D/A) + tail)/(pi k), where tail is that of the attraction
     outside, and S = (omega alpha1/(4 A^2 sqrt(R))) (2 A)^(3/2) D^2 of the damping.
 
-    `materials` (shape (n, 4) or (n, 5)): as for `phasemap.experiment.properties.properties`.
+    `materials` (shape (n, 4) or (n, 10)): as for `phasemap.experiment.properties.properties`.
     """
     stiffness, adhesion, damping = properties(materials, viscous, scope)
     lever = lever_of(scope)

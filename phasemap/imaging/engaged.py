@@ -72,7 +72,7 @@ class Interpolants:
 class Plan:
     """What all pixels of an image share: a table of its materials, or an atlas of more, or neither."""
 
-    materials: Array | None = None  # shape (n, 4) or (n, 5), or None; all that the image has
+    materials: Array | None = None  # shape (n, 4) or (n, 10), or None; all that the image has
     values: Values | None = None  # their variables
     interpolants: Interpolants | None = None
 

@@ -7,7 +7,8 @@ The tables are ``[scan]`` (setpoint, solver, strict_units), ``[surface]`` (see `
 of the Python objects of the same name, in SI units or as text with a unit ("40 nm"); nothing unknown is passed over.
 ``preset = "PS"`` in a material or the lever stands for its numbers, beside which others may be given. Higher modes of
 the lever are a number, ``modes = 2``, or tables ``[[cantilever.modes]]``. A contact law with parameters is a table:
-``contact = { law = "cone", half_angle = 30 }``, of "cone", "film", "punch", "maugis" or "neck".
+``contact = { law = "cone", half_angle = 30 }``, of "capillary", "cone", "film", "lossy dmt", "maugis",
+"neck", "punch" or "table".
 """
 
 from __future__ import annotations

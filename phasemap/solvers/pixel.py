@@ -68,7 +68,8 @@ class Pixel:
     motion : str
         "periodic", "irregular" or "none".
     solver : str
-        "averaging", "orbit", "march", or "none" where there was nothing to solve.
+        "averaging", "corrected" (exact, by the lever's response), "orbit" (exact, by collocation), "march", or "none"
+        where there was nothing to solve.
     status : Status
         Its value is a sentence of advice.
     period : xarray.Dataset or None

@@ -18,16 +18,12 @@ resonance that move irregularly, from 0.68 to 0.99; of 100,000 ordinary pixels n
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from phasemap._kernels.columns import OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.resonance import near_resonance
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.response.passes import beside_resonance
-
-if TYPE_CHECKING:
-    pass
 
 LASTS = 2.943  # of the depth over the velocity: time of a Hertzian impact, 2 pi^(1/2) Gamma(7/5)/Gamma(9/10)
 STORED = 0.4  # of depth times force: energy of a Hertzian contact

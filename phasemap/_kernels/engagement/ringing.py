@@ -10,7 +10,6 @@ raised if it rests below the setpoint.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -55,9 +54,6 @@ from phasemap._kernels.orbits.time.pattern import find_pattern, shorten
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, march_tip
 from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of
 from phasemap._kernels.records import record
-
-if TYPE_CHECKING:
-    pass
 
 LONG_RINGING = 320.0  # periods in which a lever rings down for which this is worth the while, and by which it begins
 RINGING_PACE = 8e-3  # of the free amplitude, by which z0 falls in the periods in which the motion rings down

@@ -46,7 +46,7 @@ class DetectorSignal(NamedTuple):
 class Setpoints(NamedTuple):
     """Levers and setpoints of m images of n materials, and where their orbits are."""
 
-    levers: np.ndarray  # shape (m, 5)
+    levers: np.ndarray  # as `phasemap._kernels.columns` has them, each in a row
     amplitudes: np.ndarray  # shape (m,); as the detector sees them [m]
     sides: np.ndarray  # int8, shape (n, m); -1 attractive, 1 repulsive, 0 where there is nothing to compare with
     places: np.ndarray  # shape (n, m); c of the orbits: a guess, and what was found

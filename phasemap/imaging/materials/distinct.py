@@ -25,7 +25,7 @@ class Distinct:
 
     @property
     def materials(self) -> Array:
-        """The members, in the order in which they came; shape (n, 4) or (n, 5)."""
+        """The members, in the order in which they came; shape (n, 4) or (n, 10)."""
         return self._known[: self._count].view(np.float64)
 
     def add(self, materials: Array) -> int:

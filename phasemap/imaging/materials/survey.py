@@ -53,10 +53,10 @@ def _drawn(pixels: int) -> NDArray[np.int64]:
 class Survey:
     """Materials of a surface, or of a part of it."""
 
-    # shape (n, 4) or (n, 5), or None; the distinct ones, as `Surface.unique` gives them; None if there are more
+    # shape (n, 4) or (n, 10), or None; the distinct ones, as `Surface.unique` gives them; None if there are more
     # than were asked for
     materials: Array | None
-    # shape (m, 4) or (m, 5); those of the drawn pixels that have one, each once and in order; of no interest
+    # shape (m, 4) or (m, 10); those of the drawn pixels that have one, each once and in order; of no interest
     # where the whole has few
     sample: Array
     # uint64; the smallest digests of the distinct materials, in order, at most KEPT; of no interest where
