@@ -76,7 +76,7 @@ def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Nam
 
 
 def _header(image: xr.Dataset) -> list[str]:
-    """What is checked."""
+    """Lines about the image that is checked."""
     from phasemap.validation.checking.claims import claims_of
 
     claims = claims_of(image)

@@ -103,7 +103,7 @@ def _at(parts: list[Segment], x: float) -> Segment | None:
 
 
 def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | OffOrbit | None:
-    """Where a sweep down to x has ended."""
+    """Segment of the curve, or motion off it, on which a sweep down to x has ended."""
     if isinstance(visit.ended, OffOrbit):
         return visit.ended
     row = visit.rows[0]
@@ -171,7 +171,7 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
         return engaged(m, edge) or (OffOrbit(edge) if question.scope.interaction.law.hysteretic else None)
 
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
-        """Where the feedback holds the setpoint, coming from an orbit or from far."""
+        """Orbit on which the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.with_parameter(name, float(scale.value(m)))
         feedback = SlowFeedback(held_curves(fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)

@@ -23,7 +23,7 @@ class _Whole:
 
     @property
     def argument_types(self) -> tuple[Any, ...]:
-        """What LLVM takes."""
+        """LLVM types of the arguments."""
         return tuple(
             model.get_value_type() if isinstance(part, tuple) else part
             for model, part in zip(self._models, self._parts, strict=True)
@@ -31,7 +31,7 @@ class _Whole:
         )
 
     def as_arguments(self, builder: Any, values: Sequence[Any]) -> list[Any]:
-        """Values as they are passed."""
+        """Values in the form in which a call passes them."""
         return [
             value if isinstance(part, tuple) else model.as_argument(builder, value)
             for model, part, value in zip(self._models, self._parts, values, strict=True)

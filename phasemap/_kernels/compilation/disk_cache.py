@@ -61,7 +61,7 @@ class DiskCache:
 
     @property
     def cache_path(self) -> str:
-        """Where the files are."""
+        """Folder of the files."""
         return str(folder() or "")
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
@@ -113,7 +113,7 @@ class DiskCache:
 
 
 def _loaded(path: pathlib.Path | None, target_context: Any) -> CompileResult | None:
-    """What is in a file; None where there is none, or it is not what was written there."""
+    """Compiled code in a file; None where there is none, or it is not what was written there."""
     try:
         if path is None:
             return None

@@ -54,7 +54,7 @@ class Total:
 
 @record
 class LockIn:
-    """What a lock-in shows over some periods: sums, and what is carried on from one average to the next."""
+    """A lock-in over some periods: its sums, and the state handed from one average to the next."""
 
     total: Total
     low_cos: float  # phasor behind the low-pass [m]

@@ -78,7 +78,7 @@ def fine(p: np.ndarray, eta: float) -> float:
 
 
 class Controller(NamedTuple):
-    """What holds a mean amplitude, and how averages are taken meanwhile.
+    """A controller that holds a mean amplitude, and how averages are taken meanwhile.
 
     Attributes
     ----------

@@ -90,7 +90,7 @@ def too_far(lever: np.ndarray, from_z0: float, z0: float) -> bool:
 
 @kernel
 def pace_of_leap(oscillator: Oscillator) -> float:
-    """How far [m] a tip is lowered in a period that may be carried over its resonance; 0 where it is not.
+    """Step down of the tip per period [m] where attraction may carry the lever over its resonance; 0 where it does not.
 
     Forces no more attractive than f0 have an in-phase force P >= -2/pi f0/k. Where that leaves A (1 - omega^2) + P
     above zero from the free amplitude on, no orbit comes to the resonance.
@@ -110,7 +110,7 @@ def pace_of_leap(oscillator: Oscillator) -> float:
 def follow_down(
     oscillator: Oscillator, amplitude: float, step: float, trail: float, tolerance: Tolerance, most: int, tip: Tip
 ) -> int:
-    """Lower the tip along periodic orbits until the amplitude is reached; says how it ends.
+    """Lower the tip along periodic orbits until the amplitude is reached; returns how the motion ends.
 
     LOWEST_OFFSET is said a hundredth of a metre down.
 
@@ -161,7 +161,7 @@ def follow_down(
 
 
 class Fall(NamedTuple):
-    """How a tip is lowered in time."""
+    """Settings of a tip that is lowered in time."""
 
     amplitude: float  # at which a feedback takes over [m]
     pace: float  # by which it is lowered in a period until then [m]
@@ -171,7 +171,7 @@ class Fall(NamedTuple):
 
 @record
 class Seen:
-    """What is seen of it behind a low-pass of one ring-down time."""
+    """The motion of a falling tip behind a low-pass of one ring-down time."""
 
     cos: float  # phasor [m]
     sin: float
@@ -228,7 +228,7 @@ def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip,
 def end_of_fall(
     oscillator: Oscillator, fall: Fall, tolerance: Tolerance, far: bool, most: int, tip: Tip, seen: Seen
 ) -> int:
-    """How a fall ends by what is seen; ORBIT_LEFT while it does not. An orbit above the amplitude counts if `far`."""
+    """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. An orbit above the amplitude counts if `far`."""
     ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), fall.amplitude
     still, held = seen.change < STILL_MOTION * amplitude, seen.held > 0
     if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * most):

@@ -101,7 +101,7 @@ def kappa_of_pull(share: float, reach: float, amplitude: float, c: float) -> flo
 
 @kernel
 def tip_shift(oscillator: Oscillator, reach: float, amplitude: float, c: float, push: float, shares: Shares) -> float:
-    """How far [m] higher harmonics carry the tip towards the surface on a harmonic orbit of this P: (slow-flow-5)."""
+    """Tip displacement [m] towards the surface by higher harmonics, on a harmonic orbit of this P: (slow-flow-5)."""
     pull = pull_of(oscillator, reach, amplitude, c)
     kappa = KAPPA_OF_SHORT_PUSH - shares.push * (KAPPA_OF_SHORT_PUSH - kappa_of_push(c))
     return kappa * (push - pull) + kappa_of_pull(shares.attraction, reach, amplitude, c) * pull

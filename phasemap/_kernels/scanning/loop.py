@@ -72,7 +72,7 @@ class Tally:
 
 
 class Setup(NamedTuple):
-    """What stays along a scan: formulas of the force, lever, feedback loop, and the source of noise."""
+    """Setup that stays the same along a scan: formulas of the force, lever, feedback loop, and the source of noise."""
 
     law: Law
     lever: np.ndarray
@@ -105,13 +105,13 @@ def state_length(loop: Loop) -> int:
 
 @kernel
 def seen_in_loop(loop: Loop, a: complex) -> complex:
-    """What the detector sees [m] of a complex amplitude of z."""
+    """Signal of the detector [m] for a complex amplitude of z."""
     return complex(loop.factor_re, loop.factor_im) * a + complex(loop.offset_re, loop.offset_im)
 
 
 @kernel
 def last_filter(loop: Loop, y: np.ndarray) -> complex:
-    """What the detector sees [m] of the complex amplitude behind the filters."""
+    """Signal of the detector [m] behind the filters."""
     last = state_length(loop) - 2
     return seen_in_loop(loop, complex(y[last], y[last + 1]))
 

@@ -56,7 +56,7 @@ FIRST_SHARE = col.ROW  # first of the two columns that rows have beyond those of
 
 @record
 class StepEnd:
-    """What is recorded, at one end of a step, and its rates."""
+    """Recorded channels at one end of a step, and their rates."""
 
     scanner: float  # Z [m]
     amplitude: float  # that the lock-in shows [m]

@@ -206,7 +206,7 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
 
 
 def _codes(problem: Problem, solution: Solution) -> np.ndarray:
-    """How well each parameter is known: as `codes_of`, and better than beforehand."""
+    """Codes of how well each parameter is known: as `codes_of`, and better than beforehand."""
     own, held = np.sqrt(np.diag(solution.covariance)), 1 / np.sqrt(np.diag(np.linalg.inv(solution.covariance)))
     sizes = np.array([max(p.size, 1.0) if p.logarithmic else 1.0 for p in problem.parameters])
     codes = codes_of(own * sizes, held * sizes)

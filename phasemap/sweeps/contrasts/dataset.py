@@ -75,7 +75,7 @@ def record(
 
 
 def _points(dim: str, what: str, found: Sequence[Jump] | Sequence[Inversion]) -> dict[str, Any]:
-    """Where jumps or inversions are."""
+    """Variables with the positions of jumps or inversions."""
     points = np.array([one.point for one in found]).reshape(-1, 3)
     return {
         f"{dim}_{name}": (dim, points[:, i], {**ABOUT[name], "long_name": f"{ABOUT[name]['long_name']} of the {what}"})

@@ -159,5 +159,5 @@ def _close_in(
 
 
 def _sign(phases: Array) -> float:
-    """Of the contrast."""
+    """Sign of the contrast."""
     return float(np.sign(phases[1] - phases[0]))

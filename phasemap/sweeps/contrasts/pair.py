@@ -86,7 +86,7 @@ class Pair:
 
     @property
     def columns(self) -> int:
-        """How many a row of the map has."""
+        """Number of columns in a row of the map."""
         return col.COLUMNS if set(OF_ORBITS).isdisjoint(self.needs) else WIDE
 
     def engage(self, work: Work, solver: Solver | None = None, scope: Microscope | None = None) -> Engaged:

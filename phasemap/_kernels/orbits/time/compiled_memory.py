@@ -27,7 +27,7 @@ _KEPT: list[CFunc] = []
 
 @functools.cache
 def address() -> int:
-    """Where the compiled march is; 1 where numba's compiler is off."""
+    """Address of the compiled march; 1 where numba's compiler is off."""
     if numba.config.DISABLE_JIT:
         IN_PYTHON.append(march_relaxing)
         return 1

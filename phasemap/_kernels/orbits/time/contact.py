@@ -90,14 +90,14 @@ class Beam(NamedTuple):
 
 
 class Here(NamedTuple):
-    """What moves: the lever, and a contact of any kind."""
+    """The moving system: the lever, and a contact of any kind."""
 
     contact: Any
     beam: Beam
 
 
 class Push(NamedTuple):
-    """What a contact does to the tip."""
+    """Force of a contact on the tip, and what it depends on."""
 
     w: float  # slope of time
     depth: float  # of the tip [m]
@@ -107,7 +107,7 @@ class Push(NamedTuple):
 
 @Chosen
 def push_of(contact: Any, off: bool, many: bool, time: float, y: Moved) -> Push:
-    """What the contact does in a step that began at a time, `off` the surface or not; a kind may add more numbers.
+    """Force of the contact in a step that began at a time, `off` the surface or not; a kind may add more numbers.
 
     `many`: whether it may have several arms.
     """
@@ -116,7 +116,7 @@ def push_of(contact: Any, off: bool, many: bool, time: float, y: Moved) -> Push:
 
 @Chosen
 def first_moved(contact: Any, many: bool) -> int:
-    """Which number of `Moved` is the first that a step in contact moves: x, or one before where it has its own."""
+    """Index in `Moved` of the first number that a step in contact moves: x, or one before where it has its own."""
     raise NotImplementedError
 
 
@@ -137,7 +137,7 @@ def step_length(contact: Any, beam: Beam, eta: float, motion: Motion) -> float:
 
 @Chosen
 def edge_of(contact: Any, event: int, time: float) -> tuple[float, float]:
-    """Where x is when an event happens that x decides, and how fast that moves, off the surface."""
+    """Value of x at which an event happens that x decides, and its rate off the surface."""
     raise NotImplementedError
 
 

@@ -72,7 +72,7 @@ RELEASE = 4
 
 @record
 class Touch:
-    """What the contact does now."""
+    """State of the contact now."""
 
     mode: int
     bottom: float  # depth where x = 0 [m]

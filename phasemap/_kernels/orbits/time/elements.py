@@ -66,7 +66,7 @@ def memory_size(arms: int) -> int:
 
 @kernel(inline=True)
 def node_at(m: np.ndarray, outside: bool, j: int) -> int:
-    """Where a node begins."""
+    """Index at which a node begins."""
     width = (len(m) - FIRST_NODE) // (2 * STACK_NODES)
     return FIRST_NODE + ((STACK_NODES if outside else 0) + j) * width
 

@@ -31,7 +31,7 @@ def state_in_row(lever: np.ndarray, row: np.ndarray) -> np.ndarray:
 def land_on(
     oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most: int
 ) -> tuple[int, int]:
-    """Which of the orbits a tip settles on; -1 if none within `most` periods. Also the periods that it took.
+    """Index of the orbit that a tip settles on, -1 if none within `most` periods, and the periods that it took.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ LEAST_GROWTH = 0.2  # the same, at least
 
 @record
 class Flow:
-    """What is carried on from step to step of many periods."""
+    """State handed from step to step of many periods."""
 
     z: float  # change of z in the period to come [m]
     v: float  # and of z' [m]

@@ -28,7 +28,7 @@ SAME_STATE = 1e-3  # of the free amplitude, below which a fraction of n may do
 
 @kernel
 def distance_after(oscillator: Oscillator, eta: float, count: int, tip: Tip) -> float:
-    """How far [m] the tip, which stays where it is, would be after so many periods."""
+    """Distance [m] between the motion now and after `count` periods at the same tip offset."""
     lever = oscillator.lever
     y = tip.u.copy()
     tip.periods.marched += count

@@ -53,14 +53,14 @@ def _cubic(x0: float, v0: float, x1: float, v1: float, h: float) -> tuple[float,
 
 @kernel
 def time_of_turn(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
-    """Where in a step with v0 > 0 > v1 the cubic is highest."""
+    """Time in a step with v0 > 0 > v1 at which the cubic is highest."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     return h * a / (math.sqrt(b * b - 3 * a * c) - b)
 
 
 @kernel
 def time_of_crossing(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
-    """Where in a step the cubic last changes sign before its end."""
+    """Time in a step at which the cubic last changes sign before its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     low, high, t = 0.0, 1.0, 1.0
     for _ in range(8):
@@ -101,7 +101,7 @@ def stop_at_turn(motion: Motion, h: float) -> None:
 
 @kernel(inline=True)
 def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, float]:
-    """How far x is past the edge of an event at a point of the step, or the time past the period's end; its slope.
+    """Distance of x past the edge of an event at a point of the step, or time past the period's end; and its slope.
 
     All slopes are found where a contact makes that of x other than v.
     """

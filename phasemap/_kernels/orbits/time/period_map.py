@@ -120,7 +120,7 @@ def pass_from(oscillator: Oscillator, eta: float, tip: Tip, start: np.ndarray, z
 
 @kernel
 def neighbour_distance(lever: np.ndarray, tip: Tip) -> float:
-    """How far beside a motion [m] others are marched for its derivatives."""
+    """Displacement [m] of the neighbours that are marched for the derivatives of a motion."""
     return (DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP) * motion_scale(lever, tip.u)
 
 

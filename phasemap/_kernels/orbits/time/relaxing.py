@@ -42,7 +42,7 @@ THIRD = 1 / 3
 
 
 class Pace(NamedTuple):
-    """What the lengths of steps in a period depend on."""
+    """Numbers that set the lengths of steps in a period."""
 
     kelvin: bool  # whether the surface is a Kelvin-Voigt one
     free: float  # free amplitude [m]
@@ -57,7 +57,7 @@ class Pace(NamedTuple):
 
 @record
 class Memory:
-    """What the contact does now, beside what its elements remember."""
+    """State of the contact now, beside its elements."""
 
     mode: int
     dented: int  # 1 over a dent that is not forgotten
@@ -86,7 +86,7 @@ class Relaxing(NamedTuple):
 
 
 class Pressed(NamedTuple):
-    """What the contact does to the tip, as `contact.Push` has it, and slopes of its own."""
+    """Force of the contact on the tip, as in `contact.Push`, and slopes of its own."""
 
     w: float
     depth: float

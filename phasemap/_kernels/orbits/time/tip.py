@@ -31,7 +31,7 @@ MOST_COORDINATES = 2 * col.MOST_MODES  # z, z' and those of the higher modes
 
 @record
 class PeriodResult:
-    """What a period gives: its means where many periods count."""
+    """Observables of one period, or their means over many."""
 
     cos: float  # cosine and sine part of the first harmonic of z [m]
     sin: float
@@ -44,7 +44,7 @@ class PeriodResult:
 
 @record
 class Change:
-    """What a period changes of coordinates (z, z', those of higher modes), and its amplitude [m]; or derivatives."""
+    """Change in one period of the coordinates (z, z', those of higher modes), and its amplitude [m]; or derivatives."""
 
     amplitude: float
     motion: np.ndarray = column(MOST_COORDINATES)
@@ -114,7 +114,7 @@ def motion_size(lever: np.ndarray) -> int:
 
 @kernel(light=True)
 def entry_of(i: int) -> int:
-    """Where coordinate i is in a state."""
+    """Index of coordinate i in a state."""
     return i if i < 2 else PLAIN_STATE - 2 + i
 
 
