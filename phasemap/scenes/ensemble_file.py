@@ -126,7 +126,7 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
 
     with replacing(path, overwrite) as temporary, netCDF4.Dataset(temporary, "w", format="NETCDF4") as target:
         form, _, _ = _read(files[0])
-        with _opened(files[0]) as first:
+        with _open_part(files[0]) as first:
             names = _define(target, first, len(files), keys)
             numbers = {name: np.full(len(files), first.getncattr(name)) for name in first.ncattrs()}
         target.setncatts(attributes)
@@ -149,8 +149,8 @@ def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes:
             made[:] = values
 
 
-def _opened(file: Path) -> netCDF4.Dataset:
-    """A part, open for reading, with its values as they are."""
+def _open_part(file: Path) -> netCDF4.Dataset:
+    """Open a part of an ensemble for reading, with its values not masked or scaled."""
     try:
         source = opened(file)
     except Exception as error:  # as in _read
@@ -161,7 +161,7 @@ def _opened(file: Path) -> netCDF4.Dataset:
 
 def _read(file: Path) -> tuple[Form, dict[str, np.ndarray], Table]:
     """Form, variables and attributes of a part."""
-    with _opened(file) as source:
+    with _open_part(file) as source:
         try:
             arrays = {name: variable[...] for name, variable in source.variables.items()}
             return _form(source), arrays, {name: source.getncattr(name) for name in source.ncattrs()}

@@ -228,7 +228,7 @@ def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip,
 def end_of_fall(
     oscillator: Oscillator, fall: Fall, tolerance: Tolerance, far: bool, most: int, tip: Tip, seen: Seen
 ) -> int:
-    """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. An orbit above the amplitude counts if `far`."""
+    """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. Orbits above the amplitude count if `far`."""
     ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), fall.amplitude
     still, held = seen.change < STILL_MOTION * amplitude, seen.held > 0
     if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * most):

@@ -76,7 +76,7 @@ _POLYNOMIAL = np.linalg.solve(np.vander(_NODES), _kappa_of_pushes((0.5 + 0.5 * _
 
 @kernel
 def kappa_of_push(c: float) -> float:
-    """kappa_0 of a tip that touches where cos(theta) > c."""
+    """Factor kappa_0 of the tip shift by the contact force, for a contact where cos(theta) > c."""
     u, kappa = 2.0 * math.sqrt(min(max(0.5 * (1.0 - c), 0.0), 1.0)) - 1.0, 0.0
     for n in range(KAPPA_TERMS):
         kappa = u * kappa + _POLYNOMIAL[n]

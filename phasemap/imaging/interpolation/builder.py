@@ -134,7 +134,7 @@ class _Builder:
         share = min(max(MARGIN, LEFT / (self.weight * len(materials))), WIDEST)
         whole = Cell((*box[:4], 0.0, 1.0), lower, upper)
         grazes = self.exact is not self.exact.bare
-        cells = [cell.margins(float(np.min(high - low)), share, grazes) for cell in whole.forms()]
+        cells = [cell.without_margins(float(np.min(high - low)), share, grazes) for cell in whole.forms()]
         cell = best_of(self.exact, cells, self.tolerances)
         outside = (abs(cell.inside(materials)) > 1).any(axis=1)
         return self.cell(cell, materials[~outside], depth)

@@ -62,8 +62,8 @@ class Cell:
         forms = [EVEN_PLACE] + [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
         return [replace(self, form=form) for form in forms]
 
-    def margins(self, thickness: float, least: float, grazes: bool) -> Cell:
-        """Leave out what is too near to a border for its error: of a jump at least the share `least` of the layer.
+    def without_margins(self, thickness: float, least: float, grazes: bool) -> Cell:
+        """The cell without margins at its borders, as wide as their error: at a jump at least `least` of the layer.
 
         Where the tip grazes only if `grazes`: integrals over contacts go with the root of the distance.
         """

@@ -79,7 +79,7 @@ def borders(
     `progress`: called in lines between neighbours that are looked into.
     """
     sure = SURE * pair.accuracy.phase
-    lines = [line for axis in range(3) for line in _suspects(axis, axes, phases, branch, sure)]
+    lines = [line for axis in range(3) for line in _lines_with_jump(axis, axes, phases, branch, sure)]
     found: list[tuple[list[Jump], list[Inversion]]] = [([], [])] * len(lines)
 
     def follow(first: int, last: int) -> None:
@@ -92,8 +92,8 @@ def borders(
     return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros if both]
 
 
-def _suspects(axis: int, axes: Axes, phases: Array, branch: Array, sure: float) -> Iterator[_Line]:
-    """Lines along one axis on which something may happen: a change of sign or of branch, or a step that is large."""
+def _lines_with_jump(axis: int, axes: Axes, phases: Array, branch: Array, sure: float) -> Iterator[_Line]:
+    """Lines along one axis on which the contrast changes sign, or a phase changes branch or takes a large step."""
     step = np.abs(np.diff(phases, axis=axis + 1))
     known = np.isfinite(step)
     beside = np.pad(np.where(known, step, 0.0), [(int(i == axis + 1),) * 2 for i in range(4)])

@@ -48,12 +48,12 @@ def repeat(picture: Picture, again: Again) -> tuple[Claim, NDArray[np.intp]]:
     found = f"{len(names)} variables of {again.materials} materials, by {picture.claims.solver!r}"
     claim = judged("solved again by the same solver: the same", picture, worst > 1, worst, at, found)
     if claim.result == FAILS:
-        claim = _told(picture, claim, differ)
+        claim = _with_difference(picture, claim, differ)
     return claim, pixels[share > 1]
 
 
-def _told(picture: Picture, claim: Claim, differ: list[str]) -> Claim:
-    """The claim, with the variables that differ; another version of the package may find something else."""
+def _with_difference(picture: Picture, claim: Claim, differ: list[str]) -> Claim:
+    """The claim with the names of the variables that differ; open if another version of phasemap made the image."""
     names = ", ".join(differ[:NAMED]) + (f" and {len(differ) - NAMED} more" if len(differ) > NAMED else "")
     claim = replace(claim, found=f"{names} {claim.found}")
     made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]

@@ -125,10 +125,10 @@ def add_times(factor: float, x: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _feel_kicks(
+def _add_response(
     lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, i: int, slopes: Slopes, m: np.ndarray
 ) -> None:
-    """Add to m[k], or set it by the first mode, what the force at node k does to the forces at all nodes by mode i.
+    """Add to m[k] the change of the forces at all nodes by the force at node k through mode i; mode 0 sets it.
 
     A mode answers a kick of one with Im exp(lambda theta) / (omega^2 nu): theory, Eq. (collocation-4).
     """
@@ -178,7 +178,7 @@ def _force_in_element(
         m[NODES + RZ, j], m[NODES + RA, j] = -gd, gd * c - gu * s
         m[NODES + RM, j] = g - gd * d - gu * turn
     for i in range(count):
-        _feel_kicks(lever, orbit, e, table, i, slopes, m)
+        _add_response(lever, orbit, e, table, i, slopes, m)
     for k in range(NODES):
         add_times(one.cos[k], m[k], m[NODES + RP])
         add_times(one.sin[k], m[k], m[NODES + RS])
