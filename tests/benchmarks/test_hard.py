@@ -276,6 +276,7 @@ def test_auto_holds_the_setpoint_or_says_why_not(values: dict[str, float | None]
     hold_or_say_why(values, "auto", set(pm.Status) - NEVER - {pm.Status.no_averaged_orbit})
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(
     strict=True,
     reason="33 of 300 since hunting is judged over the whole hold: ten that were called unstable are not settled, and "

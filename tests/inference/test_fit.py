@@ -296,10 +296,10 @@ def test_as_many_parameters_as_data_are_refused() -> None:
 def test_a_curve_of_a_law_with_a_neck_gives_back_what_made_it(law: Any) -> None:
     # Without an attraction from afar the orbits that touch lie on a piece apart from the curve from far.
     scope = replace(SCOPE, interaction=pm.Interaction(law, decay_length=None))
-    offsets = np.linspace(148e-9, 138e-9, 8)
+    offsets = np.linspace(148e-9, 138e-9, 5)
     data = {**noisy(pm.sweep_distance(FILM, scope, offsets), "approach", 12), "scope": scope}
     fit = pm.fit_distance(offsets, **data, start=pm.Material(1.2e9, 0.3, 0.02), starts=1)
-    assert (abs(pulls(fit)) < 3).all() and fit.chi2 / fit.degrees < 2.1, str(fit)  # 13 degrees: 1 +- 0.39
+    assert (abs(pulls(fit)) < 3).all() and fit.chi2 / fit.degrees < 2.6, str(fit)  # 7 degrees: 1 +- 0.53
 
 
 def test_laws_are_ranked_by_how_likely_they_make_the_data() -> None:
@@ -361,7 +361,7 @@ def test_a_law_that_is_not_there_is_refused() -> None:
 def test_the_film_of_water_comes_back_from_a_curve_both_ways() -> None:
     law = pm.Interaction(pm.interaction.Capillary(tip_film=0.0))
     scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9), law)
-    wet, far = pm.Material(2e9, 0.05, damping=0.01, liquid_film=0.8e-9), np.linspace(21.5e-9, 13e-9, 12)
+    wet, far = pm.Material(2e9, 0.05, damping=0.01, liquid_film=0.8e-9), np.linspace(21.5e-9, 13e-9, 7)
     both = pm.sweep_distance(wet, scope, far)
     # The tip turns repulsive at another distance than it lets go of the neck: both ways show different branches.
     assert (np.sign(both.phase[0]) != np.sign(both.phase[1])).any()

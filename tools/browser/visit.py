@@ -26,7 +26,7 @@ from typing import Any
 
 PATIENCE = 120.0  # s
 SAMPLE = "bistable"  # of 128 x 128 pixels and two materials
-DRAGS = 20
+DRAGS = 10
 STATE, PROBLEM = (f"document.getElementById({name!r}).textContent" for name in ("state", "problem"))
 LINK = "#sample=step&tip.radius=2e-8&interaction.contact=hertz"
 DRAG = """(() => {
