@@ -13,7 +13,6 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
-MUCH_BENT = 0.4  # of the amplitude, by which adhesion bends a lever
 
 
 class Mode(NamedTuple):
@@ -182,13 +181,6 @@ def bend_by_adhesion(oscillator: Oscillator) -> float:
 def low_q(lever: np.ndarray) -> bool:
     """Whether the lever forgets a kick within a few periods, as in liquid."""
     return bool(lever[ALPHA0] > 0.5 / LOWEST_Q)
-
-
-@kernel
-def is_sticky(oscillator: Oscillator, amplitude: float) -> bool:
-    """Whether adhesion bends a lever of low Q by much of its amplitude."""
-    lever = oscillator.lever
-    return bool(low_q(lever) and bend_by_adhesion(oscillator) > MUCH_BENT * amplitude)
 
 
 @kernel

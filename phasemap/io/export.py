@@ -90,7 +90,7 @@ def export(
 def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Old name of `export` to .gwy, which goes on for a release with a warning."""
     warnings.warn("write_gwy is now export, to a file that ends in .gwy.", DeprecationWarning, stacklevel=2)
-    return export(ds, path, overwrite=overwrite)
+    return _write_gwy(_checked(ds), path, overwrite)
 
 
 def write_gsf(
@@ -103,7 +103,7 @@ def write_gsf(
 ) -> Path:
     """Old name of `export` to .gsf, which goes on for a release with a warning."""
     warnings.warn("write_gsf is now export, to a file that ends in .gsf.", DeprecationWarning, stacklevel=2)
-    return export(ds, path, variable, direction, overwrite=overwrite)
+    return _write_gsf(_checked(ds), path, variable, direction, overwrite)
 
 
 def _write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool) -> Path:

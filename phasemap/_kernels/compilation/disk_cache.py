@@ -1,10 +1,10 @@
 """Compiled code on disk, as long as nothing that it depends on changes: a file for each function and argument types.
 
 A file is found by its name, which has a digest of everything that its bits depend on: the sources of all kernels as
-they were loaded, of a formula all that it uses, the versions of Python, numpy, numba and LLVM, and the processor. It
-begins with a digest of this name and its content. What is damaged, renamed, of another version, or in the reach of
-another user is not found, and compiled again; what cannot be written is compiled again by the next process, after one
-sentence on stderr.
+they were loaded, of a formula all that it uses, the versions of Python, numba and LLVM, the major one of numpy, and the
+processor. It begins with a digest of this name and its content. What is damaged, renamed, of another version, or in the
+reach of another user is not found, and compiled again; what cannot be written is compiled again by the next process,
+after one sentence on stderr.
 
 A wheel for one platform brings such files in `AHEAD`, compiled for a kind of processor that `TARGET` there names. They
 are looked for first, so that nothing is compiled, nor written, where versions are the same.

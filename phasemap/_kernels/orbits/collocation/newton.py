@@ -314,11 +314,3 @@ def fill_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.n
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
-
-
-@kernel
-def linearise_and_fill_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
-    """Linearise about a converged orbit and fill its row; returns a status."""
-    if not linearise_orbit(oscillator, tables, orbit, no_drift()):
-        return col.NOT_CONVERGED
-    return fill_row(oscillator, tables, orbit, row)

@@ -14,7 +14,6 @@ from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import TOUCHES, Z0, PeriodResult, V, Z, fill_higher_modes, motion_size
 
 LANDING_ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
-LANDED = 1e-3  # of the free amplitude, in the plane of the lock-in's two outputs
 LANDED_PERIODS = 3  # periods so close
 
 
