@@ -13,6 +13,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
+NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
 
 
 class Mode(NamedTuple):
@@ -188,3 +189,15 @@ def lowest_tip_offset(oscillator: Oscillator) -> float:
     """Tip offset [m] below which the lever is pressed in farther than any instrument would."""
     lever = oscillator.lever
     return -(30.0 * free_amplitude(lever) + 20.0 * bend_by_adhesion(oscillator) + 1e-7)
+
+
+@kernel(light=True)
+def beside_resonance(lever: np.ndarray) -> bool:
+    """Whether the drive is more than a linewidth off."""
+    return abs(lever[DYNAMIC_STIFFNESS]) > lever[DYNAMIC_LOSS]
+
+
+@kernel(light=True)
+def near_resonance(lever: np.ndarray) -> bool:
+    """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
+    return abs(lever[DYNAMIC_STIFFNESS]) < NEAREST

@@ -115,7 +115,7 @@ def check_frequency(scope: Microscope) -> None:
 
 def far_off(scope: Microscope) -> str:
     """A sentence where the drive is far from the resonance; else nothing."""
-    from phasemap._kernels.engagement.resonance import NEAREST
+    from phasemap._kernels.lever import NEAREST
 
     if abs(1 - scope.frequency_ratio**2) < NEAREST:
         return ""

@@ -43,7 +43,7 @@ def engage_averaged(work: Work, periods: int, first: int, last: int, answers: An
 
     Far from the resonance it cannot: what ends the orbits there are terms that it leaves out.
     """
-    from phasemap._kernels.engagement.resonance import near_resonance
+    from phasemap._kernels.lever import near_resonance
     from phasemap._kernels.rows.fast import averaging_rows
 
     averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)

@@ -65,7 +65,7 @@ def hold(
     Returns `rows` (shape (n, COLUMNS)): as the detector sees them.
     Returns `status, solver` (shape (n,)).
     """
-    from phasemap._kernels.engagement.resonance import near_resonance
+    from phasemap._kernels.lever import near_resonance
 
     search = _Search(work, solve, sides, periods)
     if limits is not None and near_resonance(work.lever) and not work.in_time:

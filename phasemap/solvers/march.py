@@ -41,8 +41,7 @@ class March(InTime):
 
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        from phasemap._kernels.engagement.resonance import near_resonance
-        from phasemap._kernels.lever import low_q
+        from phasemap._kernels.lever import low_q, near_resonance
 
         # Averaging knows no harmonics of the higher modes, which may decide on the branch.
         if work.lever[col.MODES] > 1 or not near_resonance(work.lever):

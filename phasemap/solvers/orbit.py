@@ -69,7 +69,7 @@ def solve_exactly(
     Far from the resonance all is left to time: the orbit from far may end before the setpoint, at a doubled period or
     where a harmonic is at resonance, and no curve says where the tip lands.
     """
-    from phasemap._kernels.engagement.resonance import near_resonance
+    from phasemap._kernels.lever import near_resonance
 
     if near_resonance(work.lever):
         solve_on_curves(work, limits, average, first, last, answers)
@@ -107,7 +107,7 @@ def solve_on_curves(
 
 def engage_lost(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
     """Ask time where no periodic orbit was found, and beside resonance where the curve leads to none that is held."""
-    from phasemap._kernels.orbits.response.passes import beside_resonance
+    from phasemap._kernels.lever import beside_resonance
 
     unsolved = first + np.flatnonzero(answers.status[first:last] != col.GOOD)
     if not len(unsolved):

@@ -11,29 +11,30 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import FARTHEST_FOLD, attraction_defies_averaging, lands_attractive
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import (
-    ATTRACTIVE,
     DETUNED,
+    attraction_is_too_weak,
+    decide,
+    decisive_mismatch,
+    forces_are_plain,
+    leaps,
+    low_q_margin_factor,
+    narrowest_amplitude_ratio,
+    side_reached_from_far,
+)
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.averaged.sides import (
+    ATTRACTIVE,
     REPULSIVE,
     STEEPEST,
     UNCLEAR,
     Maximum,
-    attraction_is_too_weak,
-    decide,
-    decisive_mismatch,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
-    forces_are_plain,
-    leaps,
-    low_q_margin_factor,
     mismatch_at_gap,
-    narrowest_amplitude_ratio,
-    near_resonance,
     put_averaged_orbit,
-    side_reached_from_far,
 )
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, reach_of
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
 # What averaging says of the branch.

@@ -13,25 +13,13 @@ import numpy as np
 
 from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import (
-    ATTRACTIVE,
-    REPULSIVE,
-    UNCLEAR,
-    Maximum,
-    attractive_mismatch,
-    narrowest_amplitude_ratio,
-)
+from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import beside_resonance, free_amplitude
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, attractive_mismatch
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import Fit, Room
-from phasemap._kernels.orbits.response.passes import (
-    FOUND,
-    PassState,
-    beside_resonance,
-    converge,
-    start_passes,
-)
+from phasemap._kernels.orbits.response.passes import FOUND, PassState, converge, start_passes
 from phasemap._kernels.records import clear
 
 TIGHT = 0.015  # mismatch at the exact maximum that decides

@@ -30,17 +30,10 @@ from phasemap._kernels.continuation.step import (
     next_point,
 )
 from phasemap._kernels.engagement.averaged import settle_side, worst_amplitude
-from phasemap._kernels.engagement.resonance import (
-    ATTRACTIVE,
-    FARTHEST_AT_ALL,
-    Maximum,
-    leaps,
-    low_q_margin_factor,
-    near_resonance,
-    side_reached_from_far,
-)
+from phasemap._kernels.engagement.resonance import leaps, low_q_margin_factor, side_reached_from_far
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, reach_of
+from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit

@@ -12,9 +12,9 @@ import math
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import balance_depth
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.sides import balance_depth
 from phasemap._kernels.records import record
 
 STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged

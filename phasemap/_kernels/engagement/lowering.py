@@ -18,11 +18,12 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
-from phasemap._kernels.engagement.resonance import FARTHEST_AT_ALL, forces_are_plain, leaps, near_resonance
+from phasemap._kernels.engagement.resonance import forces_are_plain, leaps
 from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.lever import free_amplitude, near_resonance, reach_of
+from phasemap._kernels.orbits.averaged.sides import FARTHEST_AT_ALL
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest, skip

@@ -21,9 +21,8 @@ import math
 
 from phasemap._kernels.columns import OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import near_resonance
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.response.passes import beside_resonance
+from phasemap._kernels.lever import beside_resonance, near_resonance
 
 LASTS = 2.943  # of the depth over the velocity: time of a Hertzian impact, 2 pi^(1/2) Gamma(7/5)/Gamma(9/10)
 STORED = 0.4  # of depth times force: energy of a Hertzian contact

@@ -35,43 +35,15 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import free_amplitude, lowest_tip_offset, mismatch
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
-from phasemap._kernels.orbits.response.passes import beside_resonance
-from phasemap._kernels.records import clear, record
+from phasemap._kernels.law import Oscillator, contact_force
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, find_mismatch_maximum
+from phasemap._kernels.records import clear
 
-ATTRACTIVE = -1
-REPULSIVE = 1
-UNCLEAR = 0
 CLEAR_MISMATCH = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
-NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
-CROSSING_TOLERANCE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
-LEAST_MISMATCH = -0.999999  # mismatch, where its logarithm is taken
 WEAK = 2 / 3  # of the attraction (2), so much of it averaged at low Q, or less, leaves no doubt
-STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
-FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
-
-
-@record
-class Maximum:
-    """The first maximum of the mismatch as the tip comes near."""
-
-    gap: float  # b = e - A [m]
-    mismatch: float
-    push: float  # P [m]
-    behind: float  # gap one step deeper [m]
-
-
-@kernel
-def mismatch_at_gap(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
-    """Mismatch of the drive, and in-phase force P [m], of the harmonic orbit with this amplitude and gap."""
-    lever = oscillator.lever
-    push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
-    return mismatch(lever, amplitude, push, drag), push
 
 
 @kernel(light=True)
@@ -95,169 +67,11 @@ def forces_are_plain(oscillator: Oscillator) -> bool:
     return bool(oscillator.p[col.RELEASE] == 0.0 and oscillator.law.attracts == 1)
 
 
-@kernel(light=True)
-def near_resonance(lever: np.ndarray) -> bool:
-    """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
-    return abs(lever[col.DYNAMIC_STIFFNESS]) < NEAREST
-
-
 @kernel
 def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
     """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     x, y = detuning(lever)
     return x > 0.0 and (1.0 / y - 1.0) * free > reach
-
-
-@kernel
-def attractive_mismatch(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
-    """Mismatch of the drive, with the square of the in-phase drive X counted as negative where X > 0.
-
-    With X > 0 the square of X would hide that attraction begins to count.
-    """
-    x = (push + amplitude * lever[col.DYNAMIC_STIFFNESS]) / lever[col.DRIVE]
-    h = mismatch(lever, amplitude, push, drag)
-    return h if x <= 0.0 else h - 2.0 * x * x
-
-
-@kernel
-def attractive_mismatch_at_gap(
-    oscillator: Oscillator, reach: float, amplitude: float, gap: float
-) -> tuple[float, float]:
-    """Attractive mismatch, and in-phase force P [m], of the harmonic orbit with this amplitude and gap."""
-    lever = oscillator.lever
-    push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
-    return attractive_mismatch(lever, amplitude, push, drag), push
-
-
-@kernel
-def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
-    """Indentation [m] at which the elastic force makes up for the attraction, taking it to rise as d^(3/2)."""
-    d = 0.1 * reach
-    rise = contact_force(law, d, p) - contact_force(law, 0.0, p)
-    if not rise > 0.0:
-        return 10.0 * reach
-    return min(d * (-longrange_force(law, 0.0, p) / rise) ** (2 / 3), 10.0 * reach)
-
-
-@kernel
-def find_mismatch_maximum(oscillator: Oscillator, reach: float, amplitude: float, plain: float, top: Maximum) -> None:
-    """Fill `top` with the first maximum of the attractive mismatch on approach; stop early where it exceeds `plain`."""
-    law, p = oscillator.law, oscillator.p
-    h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, 0.0)
-    top.gap, top.mismatch, top.push = 0.0, h, push
-    if h >= plain:
-        return
-    before, h_before, here, h_here = 0.0, h, 0.0, h
-    deeper = -0.12 * balance_depth(law, p, reach)
-    for _ in range(60):
-        h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, deeper)
-        if h < h_here or push > 0.0:
-            break
-        top.gap, top.mismatch, top.push = deeper, h, push
-        if h >= plain:
-            return
-        before, h_before, here, h_here = here, h_here, deeper, h
-        deeper *= 2.0
-    top.behind = deeper
-    if here < 0.0 and push <= 0.0:
-        # A parabola through three points, in the root of the depth.
-        x0, x1, x2 = math.sqrt(-before), math.sqrt(-here), math.sqrt(-deeper)
-        rise = (h_here - h_before) / (x1 - x0)
-        bend = ((h - h_here) / (x2 - x1) - rise) / (x2 - x0)
-        x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
-        highest = h_before + (x - x0) * (rise + bend * (x - x1))
-        if x0 < x < x2 and abs(highest) < 2.0 * plain:
-            h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, -x * x)
-            if h > top.mismatch:
-                top.gap, top.mismatch, top.push = -x * x, h, push
-
-
-@kernel
-def _gap_of_crossing(
-    oscillator: Oscillator, reach: float, amplitude: float, side: int, shift: float,
-    one: tuple[float, float], two: tuple[float, float],
-) -> float:  # fmt: skip
-    """Gap [m] of zero mismatch between two points (gap, f) of opposite sign, by regula falsi; NaN without one."""
-    lever = oscillator.lever
-    a, f_a = one
-    b, f_b = two
-    logarithmic = side == ATTRACTIVE
-    if logarithmic:
-        a, b = math.log(a + shift), math.log(b + shift)
-    x = a
-    for _ in range(50):
-        x = (a * f_b - b * f_a) / (f_b - f_a)
-        h, push = mismatch_at_gap(oscillator, reach, amplitude, math.exp(x) - shift if logarithmic else x)
-        f = sided_log_mismatch(lever, amplitude, side, h, push)
-        if abs(f) < CROSSING_TOLERANCE:
-            return math.exp(x) - shift if logarithmic else x
-        a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
-    return math.nan
-
-
-@kernel
-def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
-    """Whether repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
-    return push > 0.0 and push + amplitude * lever[col.DYNAMIC_STIFFNESS] > 0.0
-
-
-@kernel
-def sided_log_mismatch(lever: np.ndarray, amplitude: float, side: int, h: float, push: float) -> float:
-    """Logarithm of 1 + mismatch; on the repulsive side made negative where the orbit is not a repulsive one."""
-    if side == ATTRACTIVE or repelled(lever, amplitude, push):
-        return math.log1p(h)
-    return min(-0.5, -abs(math.log1p(h)))
-
-
-@kernel
-def attractive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
-    """Gap of the attractive crossing, outside of a point with more than enough attraction; NaN if it is not found."""
-    near, h_near = top.gap, top.mismatch
-    shift = reach + max(-near, 0.0)
-    for _ in range(40):
-        far = near + 2.0 * (near + shift)
-        h, _ = mismatch_at_gap(oscillator, reach, amplitude, far)
-        if h <= 0.0:
-            return _gap_of_crossing(
-                oscillator, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
-            )
-        near, h_near = far, h
-    return math.nan
-
-
-@kernel
-def deepest_tip_offset(oscillator: Oscillator) -> float:
-    """Tip offset [m] down to which a repulsive orbit is looked for.
-
-    Above resonance a soft contact makes up for the lever's detuning only where the tip is pressed in far.
-    """
-    lever = oscillator.lever
-    if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
-        return -FARTHEST_AT_ALL
-    return lowest_tip_offset(oscillator)
-
-
-@kernel
-def repulsive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
-    """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
-    lever = oscillator.lever
-    stiff = amplitude * lever[col.DYNAMIC_STIFFNESS]
-    peak, want = top.gap, lever[col.DRIVE] - stiff - top.push
-    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
-    gap, last = top.behind, deepest_tip_offset(oscillator)
-    for _ in range(60):
-        h, push = mismatch_at_gap(oscillator, reach, amplitude, gap)
-        if h > 0.0 and push > 0.0:
-            if not repelled(lever, amplitude, push):
-                return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _gap_of_crossing(oscillator, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
-        near, f_near = gap, sided_log_mismatch(lever, amplitude, REPULSIVE, h, push)
-        # Behind the maximum P rises about as the square of the depth.
-        grow = 1.1 * math.sqrt(want / max(push - top.push, 0.02 * want))
-        gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
-        if gap < last:
-            break
-    return math.nan
 
 
 @kernel
@@ -323,36 +137,3 @@ def side_reached_from_far(
     if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
         return side
     return ATTRACTIVE if decide(oscillator, reach, worst, margin, top) == ATTRACTIVE else UNCLEAR
-
-
-@kernel
-def put_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: float, gap: float, guess: np.ndarray) -> float:
-    """Fill `guess` (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit at this gap; returns dz0/dA."""
-    lever = oscillator.lever
-    c = 1.0 + gap / amplitude
-    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
-    h = mismatch(lever, amplitude, push, drag)
-    # dz0/dA along the orbits, from the two slopes of the mismatch at fixed A and fixed c.
-    small = 1e-5 * (reach if reach > 0.0 else -gap)
-    slope = (mismatch_at_gap(oscillator, reach, amplitude, gap + small)[0] - h) / small
-    larger = amplitude * 1.00001
-    push_a, drag_a, _ = harmonics(oscillator, reach, larger, c)
-    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
-    guess[col.G_SLOPE] = slope
-    return c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
-
-
-@kernel
-def fill_averaged_orbit_on_side(
-    oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray
-) -> bool:
-    """Fill `guess` with the averaged orbit on this side; False near a fold, or where the tip is pressed in."""
-    if side == ATTRACTIVE:
-        gap = attractive_gap(oscillator, reach, amplitude, top)
-    else:
-        gap = repulsive_gap(oscillator, reach, amplitude, top)
-    if math.isnan(gap):
-        return False
-    along = put_averaged_orbit(oscillator, reach, amplitude, gap, guess)
-    inside = guess[col.G_Z0] > deepest_tip_offset(oscillator)
-    return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

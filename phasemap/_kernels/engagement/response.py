@@ -20,9 +20,9 @@ from phasemap._kernels.engagement.end import (
     maximum_of_exact_mismatch,
 )
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import REPULSIVE, UNCLEAR
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
 
 

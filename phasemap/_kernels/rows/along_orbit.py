@@ -10,17 +10,16 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.exact import Rooms
-from phasemap._kernels.engagement.resonance import (
-    ATTRACTIVE,
-    REPULSIVE,
-    decide,
-    fill_averaged_orbit_on_side,
-    find_mismatch_maximum,
-    forces_are_plain,
-)
+from phasemap._kernels.engagement.resonance import decide, forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.around import OrbitNodes, harmonic
+from phasemap._kernels.orbits.averaged.sides import (
+    ATTRACTIVE,
+    REPULSIVE,
+    fill_averaged_orbit_on_side,
+    find_mismatch_maximum,
+)
 from phasemap._kernels.orbits.collocation.near import guess_of_row, orbit_near, same_orbit
 from phasemap._kernels.orbits.kept import (
     FAINT_DRIVE,

@@ -17,10 +17,10 @@ from phasemap._kernels.continuation.step import Wanted, mark_point
 from phasemap._kernels.engagement.averaged import LEAP, SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact import Rooms, engage_along_exact_curve, lower_along_curve
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, low_q
 from phasemap._kernels.orbits.around import OrbitNodes
+from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near

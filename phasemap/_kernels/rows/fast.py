@@ -14,20 +14,19 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.resonance import (
+from phasemap._kernels.engagement.response import cheap_orbit
+from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.lever import near_resonance, phase_of, reach_of
+from phasemap._kernels.orbits.around import OrbitNodes
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
+from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
     REPULSIVE,
     Maximum,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
-    near_resonance,
 )
-from phasemap._kernels.engagement.response import cheap_orbit
-from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import phase_of, reach_of
-from phasemap._kernels.orbits.around import OrbitNodes
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
 from phasemap._kernels.orbits.kept import FAINT_DRIVE, keep_nodes, nodes_from_response
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, largest_branch_distance, nodes_of_solution

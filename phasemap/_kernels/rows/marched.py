@@ -12,11 +12,11 @@ from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.holding import settle, settle_dents, settle_near
 from phasemap._kernels.engagement.in_time import approach_by_march
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import REPULSIVE, Maximum, fill_averaged_orbit_on_side, near_resonance
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, reach_of, scale_of
+from phasemap._kernels.lever import free_amplitude, near_resonance, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.averaged.row import averaged_row
+from phasemap._kernels.orbits.averaged.sides import REPULSIVE, Maximum, fill_averaged_orbit_on_side
 from phasemap._kernels.orbits.time.tip import ring_down_periods
 from phasemap._kernels.records import clear
 

@@ -20,22 +20,19 @@ from phasemap._kernels.engagement.end import (
     decide_exactly,
     maximum_of_exact_mismatch,
 )
-from phasemap._kernels.engagement.resonance import (
+from phasemap._kernels.engagement.resonance import CLEAR_MISMATCH, DETUNED, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
+from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
-    CLEAR_MISMATCH,
-    DETUNED,
     REPULSIVE,
     UNCLEAR,
     Maximum,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
-    forces_are_plain,
-    low_q_margin_factor,
     mismatch_at_gap,
 )
-from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
-from phasemap._kernels.lever import free_amplitude, reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine, slope_is_clear
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.fast import choose

@@ -9,8 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.resonance import Maximum
 from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
 from phasemap._kernels.orbits.response.relaxing import ContactMemory

@@ -7,15 +7,14 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import Maximum, near_resonance, put_averaged_orbit
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import modes_of, reach_of
+from phasemap._kernels.lever import beside_resonance, modes_of, near_resonance, reach_of
+from phasemap._kernels.orbits.averaged.sides import Maximum, put_averaged_orbit
 from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
     UNRESOLVED,
     PassState,
-    beside_resonance,
     converge,
     evaluate_nodes,
     start_passes,

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, LONGRANGE, STIFFNESS
+from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, LONGRANGE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import low_q, mismatch, modes_of, phase_of, static_compliance
+from phasemap._kernels.lever import beside_resonance, low_q, mismatch, modes_of, phase_of, static_compliance
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.mixing import keep_motion, mix, new_past
 from phasemap._kernels.orbits.response.motion import respond
@@ -97,12 +97,6 @@ def evaluate_nodes(oscillator: Oscillator, f: Nodes, state: PassState, touching:
     state.mean_force, state.push, state.drag = mean, push, drag
     state.work, state.loss, state.virial = work, loss, virial
     return mismatch(lever, amplitude, push, drag)
-
-
-@kernel(light=True)
-def beside_resonance(lever: np.ndarray) -> bool:
-    """Whether the drive is more than a linewidth off."""
-    return abs(lever[DYNAMIC_STIFFNESS]) > lever[DYNAMIC_LOSS]
 
 
 @kernel
