@@ -176,12 +176,46 @@ def _picture(
 ) -> Picture:  # fmt: skip
     """The maps of an image as the page wants them, and what there is to say of the materials or pixels in `ds`."""
     height = height * 1e9
-    lowest = float(np.nanmin(height)) if np.isfinite(height).any() else 0.0
+    height = height - (float(np.nanmin(height)) if np.isfinite(height).any() else 0.0)
+    phase = setting.counted(phase)
+    about |= matched(setting, about["step"], height, phase)
     about |= {
         "failed": describe_failures(ds, what),
         "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds, what)],
     }
-    return Picture(about, (height - lowest).astype(np.float32), setting.counted(phase).astype(np.float32))
+    return Picture(about, height.astype(np.float32), phase.astype(np.float32))
+
+
+def matched(
+    setting: Setting, step: int, height: NDArray[np.float64], phase: NDArray[np.float64]
+) -> dict[str, dict[str, Any]]:
+    """What brings the measured image, whose zeros are arbitrary, to the simulated one, and the contrast of both.
+
+    height, phase: every `step`-th pixel of the simulated image [nm] and [degree], as the page counts it.
+    Returns: nothing where nothing was measured, else under "measured" the shifts of the measured height [nm] and
+        phase [degree], the mean distance of the medians of the regions, weighted by their areas; and a sentence.
+    """
+    subject = setting.subject
+    if subject.measured is None:
+        return {}
+    labels = subject.sample.labels[::step, ::step]
+    seen_height, seen_phase = subject.measured.drawn(step)
+    seen_phase = setting.counted(seen_phase)
+    phases, off = [], []
+    for label in range(len(setting.materials)):
+        here = (labels == label) & np.isfinite(phase)
+        levels = [np.median(one[here]) if here.any() else math.nan for one in (phase, seen_phase)]
+        phases.append(levels)
+        if here.any():
+            between = float(np.median(height[here] - seen_height[here]))
+            off.append((here.sum(), between, levels[0] - levels[1]))
+    shares, heights, degrees = np.array(off or [(1, 0.0, 0.0)]).T
+    first, second = (list(setting.materials).index(name) for name in setting.pair)
+    simulated, measured = np.subtract(phases[second], phases[first])
+    pair = f"{setting.pair[1]} less {setting.pair[0]}"
+    says = f"Contrast ({pair}): measured {measured:+.1f}°, simulated {simulated:+.1f}°." if first != second else ""
+    shifts = {name: float(np.average(one, weights=shares)) for name, one in (("height", heights), ("phase", degrees))}
+    return {"measured": {**shifts, "says": says if math.isfinite(simulated) else ""}}
 
 
 def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:

@@ -21,6 +21,10 @@ from phasemap.scenes.measured import NEEDED, NotRecorded, scene_from
 from phasemap.scenes.scene import load_scene
 
 SAMPLES = ("blend", "copolymer", "particles", "step", "scan", "bistable")
+MATCH = (
+    "The measured maps stand beside the simulated ones (blue in histograms and profiles), their zeros put where the "
+    "regions agree best: move the sliders until both look alike."
+)
 KEPT = 8  # samples and files at most that are open at once
 
 
@@ -55,7 +59,7 @@ class Offered:
             "values": values_of(subject),
             "control": None if subject.plain else str(subject.options.get("control") or "") or "as the scene says",
             "simplified": " and ".join(simplified),
-            "note": note,
+            "note": " ".join(filter(None, [note, MATCH if subject.measured is not None else ""])),
         }
 
     def names(self) -> dict[str, str]:

@@ -33,12 +33,15 @@ def start(offered: Offered) -> Answer:
 
 
 def sample(offered: Offered, name: object) -> Answer:
-    """What the page needs to know of a sample, and which material is where."""
+    """What the page needs to know of a sample, the measured height [nm] and phase [degree] if any, and the labels."""
     subject = offered[name]
     labels = np.ascontiguousarray(subject.sample.labels[:: subject.step, :: subject.step].astype(np.uint8))
     pixel = [subject.step * side for side in subject.pixel_size]
-    about = {**offered.describe(name), "shape": list(labels.shape), "pixel": pixel}
-    return BINARY, with_length(to_json(about)) + labels.tobytes()
+    maps = b""
+    if subject.measured is not None:
+        maps = b"".join(one.astype(np.float32).tobytes() for one in subject.measured.drawn(subject.step))
+    about = {**offered.describe(name), "shape": list(labels.shape), "pixel": pixel, "measured": bool(maps)}
+    return BINARY, with_length(to_json(about)) + maps + labels.tobytes()
 
 
 def open_file(offered: Offered, name: str, content: bytes) -> Answer:

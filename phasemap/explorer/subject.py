@@ -21,6 +21,7 @@ from phasemap.experiment.microscope import Microscope, Tip
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.variation import Variation
+from phasemap.io.netcdf import load
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate, variation_of
 from phasemap.solvers.problem import check_setpoint
@@ -36,6 +37,17 @@ class Sample(NamedTuple):
     topography: NDArray[np.float64] | None  # shape (ny, nx), or None [m]
 
 
+class Measured(NamedTuple):
+    """The image of a microscope that a scene was made of, pixel by pixel of the sample."""
+
+    height: NDArray[np.float64]  # shape (ny, nx), levelled [m]
+    phase: NDArray[np.float64]  # shape (ny, nx), with an arbitrary zero [degree]
+
+    def drawn(self, step: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Height [nm] and phase [degree] of every `step`-th pixel."""
+        return 1e9 * self.height[::step, ::step], self.phase[::step, ::step]
+
+
 @dataclass(frozen=True, eq=False)
 class Subject:
     """A sample of a few materials under a microscope."""
@@ -49,6 +61,7 @@ class Subject:
     sample: Sample = field(repr=False)
     scene: Scene | None = field(default=None, repr=False)  # where it came from, if that was a scene
     in_python: bool = False  # whether the user's own Python knows its surface and microscope
+    measured: Measured | None = field(default=None, repr=False)  # what is to be matched, if there is something
     _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -141,7 +154,8 @@ def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
         every = {name: every[name] for name in names}
         sample = Sample(labels.reshape(sample.labels.shape).astype(np.int32), sample.topography)
     name = scene.source.stem if scene.source is not None else "scene"
-    return Subject(name, scene.microscope, every, scene.surface.pixel_size, options, sample, scene)
+    measured = _measured_of(scene, sample.labels.shape)
+    return Subject(name, scene.microscope, every, scene.surface.pixel_size, options, sample, scene, measured=measured)
 
 
 @unquestioned()
@@ -157,6 +171,19 @@ def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any])
     materials = {f"material {ascii_uppercase[i]}": one for i, one in enumerate(found)}
     sample = Sample(labels, surface.topography)
     return Subject("surface", scope, materials, surface.pixel_size, options, sample, in_python=True)
+
+
+def _measured_of(scene: Scene, shape: tuple[int, ...]) -> Measured | None:
+    """The measured image that lies beside the labels in their file, as `phasemap.scene_from` writes it."""
+    labels = scene.config["surface"].get("labels")
+    named = labels.get("file", "") if isinstance(labels, Mapping) else ""
+    path = _folder_of(scene) / named
+    if path.suffix != ".nc" or not path.is_file():
+        return None
+    maps = load(path)
+    if not {"phase", "topography"} <= set(maps) or maps["phase"].shape != shape:
+        return None
+    return Measured(maps["topography"].values, maps["phase"].values)
 
 
 def _check_count(count: int) -> None:

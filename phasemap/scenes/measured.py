@@ -83,7 +83,7 @@ def scene_from(
     image : xarray.Dataset or path-like
         As `phasemap.read_image` gives it, or the file.
     path : path-like
-        The scene to write, .toml; its maps of labels and topography go into ``NAME_maps.nc`` beside it.
+        The scene to write, .toml; its maps of labels, topography and recorded phase go into ``NAME_maps.nc`` beside it.
     phases : int, optional
         How many materials there are, 1 to 4; 1 needs no phase. By default two, or one where the image shows one only,
         which the scene says then.
@@ -173,9 +173,8 @@ def scene_from(
         for key in tables["materials"][name]
     }
     if by == "phase" and phases > 1 and not given:
-        levels = [np.median(scan["phase"].values[maps["labels"].values == label]) for label in range(phases)]
-        sign = -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0
-        for label, start in starts_of_contrast(tables["materials"], names, sign * np.array(levels), scene).items():
+        levels = [np.median(maps["phase"].values[maps["labels"].values == label]) for label in range(phases)]
+        for label, start in starts_of_contrast(tables["materials"], names, np.array(levels), scene).items():
             tables["materials"][label] |= start
             made |= dict.fromkeys((f"materials.{label}.{key}" for key in start), MATCHED)
     save(maps, maps_path, overwrite)
@@ -294,14 +293,23 @@ def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, 
 def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
     """Labels of the materials, and the topography."""
     topography = level_height(scan["height"].values, labels == np.bincount(labels.ravel()).argmax())
+    maps = {
+        "labels": (labels.astype(np.int32), {"long_name": f"material, from the lowest {by}"}),
+        "topography": (topography, {"long_name": "levelled recorded height", "units": "m"}),
+    }
+    if "phase" in scan:
+        about = {"long_name": "recorded phase, its zero arbitrary, repulsive positive", "units": "degree"}
+        maps["phase"] = (_sign_of(scan) * scan["phase"].values, about)
     return xr.Dataset(
-        {
-            "labels": (("y", "x"), labels.astype(np.int32), {"long_name": f"material, from the lowest {by}"}),
-            "topography": (("y", "x"), topography, {"long_name": "levelled recorded height", "units": "m"}),
-        },
+        {name: (("y", "x"), *one) for name, one in maps.items()},
         {dim: scan[dim] for dim in ("y", "x")},
         {key: scan.attrs[key] for key in ("source", "source_sha256") if key in scan.attrs},
     )
+
+
+def _sign_of(scan: xr.Dataset) -> float:
+    """-1 where the file says that its phase counts lag positive."""
+    return -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0
 
 
 def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:

@@ -19,11 +19,11 @@ import xarray as xr
 import phasemap as pm
 from phasemap._shared.errors import InputError
 from phasemap._shared.interrupts import stoppable
-from phasemap.explorer import answers
+from phasemap.explorer import answers, routes
 from phasemap.explorer.knobs import knobs, starred, values_of
 from phasemap.explorer.limits import accuracy_of
 from phasemap.explorer.offered import SAMPLES as SAMPLE_NAMES
-from phasemap.explorer.offered import Offered, first_of
+from phasemap.explorer.offered import Offered, Opened, first_of
 from phasemap.explorer.saving import SAVED, python_of
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.subject import Subject, subject_of
@@ -507,6 +507,38 @@ def test_a_scene_file_and_a_measured_file_can_be_opened(tmp_path: Path) -> None:
     assert SAVED["scene"](Setting.of(offered[name], {})).name == "measured_explored.zip"
     with pytest.raises(pm.FileError, match=r"cannot read notes\.txt"):
         offered.open("../notes.txt", b"hello")
+
+
+@pytest.mark.parametrize("lag", [False, True])
+def test_a_measured_image_stands_beside_the_simulated_one_with_its_zero_where_the_regions_agree(
+    tmp_path: Path, lag: bool
+) -> None:
+    scene = load_scene(STEP, ["surface.shape=[24, 32]"])
+    image = scene.simulate()[["height", "phase"]]
+    image["phase"] = -(image.phase + 30.0)
+    image["phase"].attrs["units"] = "degree"
+    image.attrs["phase_sign"] = -1  # as Asylum Research counts, from any zero
+    file, drive = tmp_path / "flake.toml", scene.microscope.drive.free_amplitude
+    more = [f"scan.setpoint={scene.options['setpoint']}", "tip.radius=10e-9", f"drive.free_amplitude={drive}"]
+    pm.scene_from(image, file, overrides=[*more, "cantilever.preset=PPP-NCHR"])
+    subject = replace(subject_of(file), scope=scene.microscope)
+    same = {
+        f"materials.{i}.{name}": getattr(one, name)
+        for i, one in enumerate(reversed(subject_of(STEP).materials.values()))  # labels count from the least lag
+        for name in ("modulus", "adhesion", "damping", "poisson_ratio")
+    }
+    setting = Setting.of(subject, {"changes": same, "lag": lag})
+    shown, measured = answers.picture(setting), subject.measured
+    assert measured is not None and subject_of(STEP).measured is None
+    said = shown.about["measured"]
+    assert said["phase"] == pytest.approx(30.0 if lag else -30.0, abs=0.01)
+    np.testing.assert_allclose(setting.counted(measured.phase) + said["phase"], shown.phase, atol=0.01)
+    contrast = float(np.ptp(shown.phase)) * (1 if lag else -1)
+    assert f"measured {contrast:+.1f}°, simulated {contrast:+.1f}°" in said["says"]
+    sent, pixels = routes.sample(Offered(Opened(subject)), subject.name)[1], measured.phase.size
+    height, phase = np.frombuffer(sent[-9 * pixels : -pixels], np.float32).reshape(2, 24, 32)  # before the labels
+    assert float(np.mean(height + said["height"] - shown.height)) == pytest.approx(0.0, abs=1e-3)  # of halves
+    np.testing.assert_array_equal(phase, measured.phase.astype(np.float32))
 
 
 def refused(*arguments: Any) -> str:

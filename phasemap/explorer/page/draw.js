@@ -8,10 +8,10 @@ const COLOURS = { // of materials, on light and dark paper
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 const FONT = '11.5px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 
-let INK, QUIET, GRID, EDGE, PAPER; // as the style sheet has them
+let INK, QUIET, GRID, EDGE, PAPER, MEASURED; // as the style sheet has them
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  [INK, QUIET, GRID, EDGE, PAPER] = ["ink", "quiet", "grid", "edge", "paper"].map((name) => style.getPropertyValue(`--${name}`).trim());
+  [INK, QUIET, GRID, EDGE, PAPER, MEASURED] = ["ink", "quiet", "grid", "edge", "paper", "accent"].map((name) => style.getPropertyValue(`--${name}`).trim());
 }
 readColours();
 
@@ -182,8 +182,14 @@ export class Axes {
   }
 }
 
+/** The limits that suit several maps. */
+export function limitsOf(maps, span) {
+  const every = maps.map(({ values }) => limits(values, span));
+  return [Math.min(...every.map(([low]) => low)), Math.max(...every.map(([, high]) => high))];
+}
+
 /** The limits that are shown: the 0.5 and 99.5 percentiles, with a little room, and `span` apart at least. */
-export function limits(values, span = 0) {
+function limits(values, span = 0) {
   let least = Infinity, most = -Infinity, count = 0;
   for (let i = 0; i < values.length; i++) {
     const value = values[i];
@@ -206,8 +212,8 @@ export function limits(values, span = 0) {
   return [low - room, high + room];
 }
 
-/** A map of values as an image with colour bar and scale bar; returns where on the canvas it is. */
-export function image(canvas, values, [rows, columns], [dy, dx], [low, high], colours, unit) {
+/** A map of values as an image with title, colour bar and scale bar; returns where on the canvas it is. */
+export function image({ canvas, values, shape: [rows, columns], pixel: [dy, dx], title }, [low, high], colours, unit) {
   const across = canvas.clientWidth - barOf(canvas), tall = Math.min((across * rows * dy) / (columns * dx), 1.4 * across);
   canvas.style.height = `${Math.round(Math.max(tall, 60)) + 8}px`;
   const { pen } = paper(canvas);
@@ -225,6 +231,7 @@ export function image(canvas, values, [rows, columns], [dy, dx], [low, high], co
   pen.drawImage(bitmap(canvas, pixels), box.left, box.top, box.width, box.height);
   colourBar(pen, { left: across + 6, top: 4, width: 11, height: box.height }, [low, high], colours, unit, across < 200);
   scaleBar(pen, box, columns * dx);
+  if (title) heading(pen, box, title);
   return box;
 }
 
@@ -318,6 +325,16 @@ function scaleBar(pen, box, metres) {
   pen.fillText(text, left, top - 3);
 }
 
+/** What an image is, in its upper left corner. */
+function heading(pen, box, title) {
+  pen.fillStyle = "rgba(0,0,0,0.55)";
+  pen.fillRect(box.left + 5, box.top + 5, pen.measureText(title).width + 10, 19);
+  pen.fillStyle = "#fff";
+  pen.textAlign = "left";
+  pen.textBaseline = "middle";
+  pen.fillText(title, box.left + 10, box.top + 15);
+}
+
 /** The line whose profile is shown. */
 export function marker(canvas, box, y) {
   const pen = canvas.getContext("2d");
@@ -334,20 +351,26 @@ export function marker(canvas, box, y) {
   pen.setLineDash([]);
 }
 
-/** How often each value occurs, in the colours of the image. */
-export function histogram(canvas, values, [low, high], colours, label) {
-  const { pen, width, height } = paper(canvas);
-  const bins = new Float64Array(100), scale = 100 / (high - low || 1);
+/** How often values are in each of 100 bins, over the most in one. */
+function sharesOf({ values }, low, scale) {
+  const bins = new Float64Array(100);
   for (const value of values) {
     const bin = Math.floor((value - low) * scale);
     if (bin >= 0 && bin < 100) bins[bin]++;
   }
   const most = Math.max(...bins) || 1;
+  return bins.map((count) => count / most);
+}
+
+/** How often each value occurs, in the colours of the image; of a measured map, if there is one, as a line. */
+export function histogram(canvas, [simulated, measured], [low, high], colours, label) {
+  const { pen, width, height } = paper(canvas);
+  const scale = 100 / (high - low || 1), bins = sharesOf(simulated, low, scale);
   const box = { left: 0, top: 3, width: width - barOf(canvas), height: height - 37 };
   const axes = new Axes(pen, box, [low, high], [0, 1], { xlabel: label, bare: true });
   for (let i = 0; i < 100; i++) {
     if (!bins[i]) continue;
-    const at = 3 * Math.floor(2.56 * (i + 0.5)), tall = Math.max(1.5, (box.height * bins[i]) / most);
+    const at = 3 * Math.floor(2.56 * (i + 0.5)), tall = Math.max(1.5, box.height * bins[i]);
     pen.fillStyle = `rgb(${colours[at]},${colours[at + 1]},${colours[at + 2]})`;
     pen.strokeStyle = "rgba(0,0,0,0.45)";
     pen.lineWidth = 0.5;
@@ -355,16 +378,22 @@ export function histogram(canvas, values, [low, high], colours, label) {
     pen.fillRect(x, box.top + box.height - tall, box.width / 100, tall);
     pen.strokeRect(x, box.top + box.height - tall, box.width / 100, tall);
   }
+  if (!measured) return;
+  const edges = Array.from({ length: 200 }, (_, i) => low + ((i + 1) >> 1) / scale);
+  axes.line(edges, Array.from(sharesOf(measured, low, scale)).flatMap((share) => [share, share]), MEASURED, 1.3);
 }
 
-/** Values along a row of an image. */
-export function profile(canvas, values, [rows, columns], dx, row, [low, high], label) {
+/** Values along the row at a share of the height of an image; of a measured map, if there is one, as a second line. */
+export function profile(canvas, maps, share, [low, high], label) {
   const { pen, width, height } = paper(canvas);
+  const [{ shape: [, columns], pixel: [, dx] }] = maps;
   const box = { left: 0, top: 6, width: width - barOf(canvas), height: height - 41 };
   const micro = columns * dx >= 2e-6, unit = micro ? 1e-6 : 1e-9;
   const axes = new Axes(pen, box, [0, (columns * dx) / unit], [low, high], { xlabel: `along the dashed line (${micro ? "µm" : "nm"})`, ylabel: label, right: true });
-  const xs = Array.from({ length: columns }, (_, i) => ((i + 0.5) * dx) / unit);
-  axes.line(xs, Array.from(values.subarray(row * columns, (row + 1) * columns)), INK, 1.2);
+  maps.forEach(({ values, shape: [rows, columns], pixel: [, dx] }, which) => {
+    const row = Math.floor(share * rows), xs = Array.from({ length: columns }, (_, i) => ((i + 0.5) * dx) / unit);
+    axes.line(xs, Array.from(values.subarray(row * columns, (row + 1) * columns)), which ? MEASURED : INK, 1.2);
+  });
 }
 
 /** A curve with all its branches against the distance: stable ones drawn through, unstable ones dotted. */

@@ -12,19 +12,26 @@ async function parted(answer) {
 
 const json = async (route, message, signal) => (await ask(route, message && JSON.stringify(message), signal)).json();
 
+/** Height and phase, one after the other in a buffer from `start` on. */
+function mapsIn(buffer, start, count) {
+  return { height: new Float32Array(buffer, start, count), phase: new Float32Array(buffer, start + 4 * count, count) };
+}
+
+const countOf = ({ shape: [rows, columns] }) => rows * columns;
+
 async function maps(route, message, signal) {
   const [said, buffer, start] = await parted(await ask(route, JSON.stringify(message), signal));
-  const count = said.shape[0] * said.shape[1];
-  return { ...said, height: new Float32Array(buffer, start, count), phase: new Float32Array(buffer, start + 4 * count, count) };
+  return { ...said, ...mapsIn(buffer, start, countOf(said)) };
 }
 
 /** Samples, presets and colours. */
 export const start = () => json("start");
 
-/** Materials and values of a sample, and which material is where. */
+/** Materials and values of a sample, the measured maps or null, and which material is where. */
 export async function sample(name) {
   const [said, buffer, begin] = await parted(await ask("sample", JSON.stringify({ sample: name })));
-  return { ...said, labels: new Uint8Array(buffer, begin) };
+  const measured = said.measured ? mapsIn(buffer, begin, countOf(said)) : null;
+  return { ...said, measured, labels: new Uint8Array(buffer, begin + (measured ? 8 * countOf(said) : 0)) };
 }
 
 /** Opens a file; returns the name of the sample that it is. */

@@ -165,19 +165,37 @@ function drawWaiting(doing) {
   if (!now.map) draw.waiting($("map"), now.curves ? "is being solved …" : "comes after the curves");
 }
 
+/** A measured map as the page counts it, with its zero where the regions agree best with the simulated ones. */
+function measured(name) {
+  const shift = now.picture.measured[name];
+  return about.measured[name].map(name === "phase" && state.lag ? (value) => 90 - value + shift : (value) => value + shift);
+}
+
+/** The maps of a quantity: canvas, values, shape, pixel size and title of the simulated one, and of the measured one. */
+function mapsOf(name) {
+  const { [name]: values, shape, pixel } = now.picture;
+  if (!about.measured) return [{ canvas: $(name), values, shape, pixel, title: "" }];
+  return [
+    { canvas: $(name), values, shape, pixel, title: "simulated" },
+    { canvas: $(`${name}-measured`), values: measured(name), shape: about.shape, pixel: about.pixel, title: "measured" },
+  ];
+}
+
 function drawImages() {
   const shown = now.picture;
-  const [rows, columns] = shown.shape;
+  const [rows] = shown.shape;
   now.row = Math.min(now.row ?? rows >> 1, rows - 1);
-  if (!$("hold").checked || !now.held) now.held = { height: draw.limits(shown.height), phase: draw.limits(shown.phase, LEAST) };
+  now.maps = Object.fromEntries(QUANTITIES.map(([name]) => [name, mapsOf(name)]));
+  const held = { height: draw.limitsOf(now.maps.height), phase: draw.limitsOf(now.maps.phase, LEAST) };
+  if (!$("hold").checked || !now.held) now.held = held;
   for (const [name, label] of QUANTITIES) {
-    const values = shown[name], range = now.held[name], colours = offer.colours[name];
-    const text = label();
-    const box = draw.image($(name), values, shown.shape, shown.pixel, range, colours, text);
-    now[`${name}Box`] = box;
-    draw.marker($(name), box, Math.round(box.top + ((now.row + 0.5) / rows) * box.height) + 0.5);
-    draw.histogram($(`${name}-histogram`), values, range, colours, text);
-    draw.profile($(`${name}-profile`), values, shown.shape, shown.pixel[1], now.row, range, text);
+    const maps = now.maps[name], range = now.held[name], colours = offer.colours[name], text = label();
+    for (const map of maps) {
+      const box = now[`${name}Box`] = draw.image(map, range, colours, text); // the same for both
+      draw.marker(map.canvas, box, Math.round(box.top + ((now.row + 0.5) / rows) * box.height) + 0.5);
+    }
+    draw.histogram($(`${name}-histogram`), maps, range, colours, text);
+    draw.profile($(`${name}-profile`), maps, (now.row + 0.5) / rows, range, text);
   }
   const warnings = [...shown.warnings, ...(shown.materials ? [] : shown.failed)]; // else the words say it of each material
   $("warnings").replaceChildren(...warnings.map((line) => Object.assign(document.createElement("li"), { textContent: line })));
@@ -188,7 +206,9 @@ function drawImages() {
 }
 
 function drawWords() {
-  const why = $("why");
+  const why = $("why"), match = now.picture.measured?.says ?? "";
+  $("match").textContent = match;
+  $("match").hidden = !match;
   why.replaceChildren(...now.picture.why.map((line) => Object.assign(document.createElement("p"), { textContent: line })));
   const rows = now.picture.materials.flatMap((found, i) => {
     if (!found) return [];
@@ -249,7 +269,9 @@ async function show(name, link = {}) {
   for (const id of SWITCHES) $(id).checked = state[id];
   $("warnings").replaceChildren();
   $("why").replaceChildren(Object.assign(document.createElement("p"), { textContent: `Where ${state.names.join(" and ")} are is seen at once; how they look under the tip, and why, is being solved.` }));
-  $("materials").hidden = true;
+  $("materials").hidden = $("match").hidden = true;
+  $("pictures").classList.toggle("matched", Boolean(about.measured));
+  for (const [name] of QUANTITIES) $(`${name}-measured`).hidden = !about.measured;
   for (const id of ["note", "advice", "map-state"]) $(id).textContent = "";
   $("map-figure").hidden = state.names.length < 2;
   $("scan").title = about.control ?? "";
@@ -315,15 +337,21 @@ function place(event, canvas, box) {
   return row >= 0 && row < rows && column >= 0 && column < columns ? [row, column] : null;
 }
 
-for (const [name] of QUANTITIES) {
-  const canvas = $(name);
+/** The values of a quantity in a pixel of the picture, simulated and measured. */
+function valuesAt(name, [row, column]) {
+  const [rows, columns] = now.picture.shape, unit = name === "height" ? "nm" : "°";
+  return now.maps[name].map(({ values, shape: [tall, wide], title }) => {
+    const value = values[Math.floor(((row + 0.5) * tall) / rows) * wide + Math.floor(((column + 0.5) * wide) / columns)];
+    return `${title} ${number(Number.isNaN(value) ? null : value, 4)} ${unit}`.trim();
+  }).join(", ");
+}
+
+for (const canvas of QUANTITIES.flatMap(([name]) => [$(name), $(`${name}-measured`)])) {
+  const name = canvas.id.replace("-measured", "");
   const point = (event) => {
     if (!now.picture) return;
     const at = place(event, canvas, now[`${name}Box`]);
-    for (const [other] of QUANTITIES) {
-      const value = at && now.picture[other][at[0] * now.picture.shape[1] + at[1]];
-      $(`${other}-here`).textContent = at ? `${number(Number.isNaN(value) ? null : value, 4)} ${other === "height" ? "nm" : "°"}` : "";
-    }
+    for (const [other] of QUANTITIES) $(`${other}-here`).textContent = at ? valuesAt(other, at) : "";
     if (at && event.buttons) { now.row = at[0]; drawImages(); }
   };
   canvas.addEventListener("pointermove", point);
