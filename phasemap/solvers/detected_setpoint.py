@@ -67,6 +67,8 @@ def hold(
     """
     from phasemap._kernels.lever import near_resonance
 
+    if not np.any(offset_and_factor(work.lever)[0]):
+        return _hold_in_proportion(work, solve)
     search = _Search(work, solve, sides, periods)
     if limits is not None and near_resonance(work.lever) and not work.in_time:
         search.take_sure(np.array([math.radians(limits[0]), limits[1]]), workers)
@@ -74,6 +76,14 @@ def hold(
         if not search.go_on():
             break
     return search.found()
+
+
+def _hold_in_proportion(work: Work, solve: Callable[[Work], Found]) -> Found:
+    """The same where the amplitude that is seen is that of z times a number, and phases differ by one."""
+    factor = abs(offset_and_factor(work.lever)[1])
+    rows, status, used = solve(replace(work, lever=tip_seen(work.lever), amplitudes=work.amplitudes / factor))
+    rows[:, [col.SLOPE, col.SPREAD_AMPLITUDE]] *= factor
+    return seen(rows, work.lever), status, used
 
 
 class _Search:
@@ -91,7 +101,7 @@ class _Search:
         self.ends = np.full((count, 2, LAST), np.nan)  # of the bracket
         self.slopes = np.full((count, 3), np.nan)  # of amplitude seen, phase and tip offset with A
         self.rounds, self.missing = np.zeros(count, int), np.zeros(count, int)
-        self.lost = (work.rows[:, col.RELEASE] != 0) & (len(sides) > 1) & bool(offset_and_factor(work.lever)[0])
+        self.lost = (work.rows[:, col.RELEASE] != 0) & (len(sides) > 1)
         self.open = ~self.lost
 
     def take_sure(self, limits: Array, workers: int) -> None:
