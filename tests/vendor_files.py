@@ -7,6 +7,7 @@ for Park what Gwyddion's module reads.
 from __future__ import annotations
 
 import struct
+import zipfile
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -128,6 +129,61 @@ def _write_wave(path: Path, data: np.ndarray, names: list[str], lines: list[str]
     total = sum(struct.unpack(f"<{(len(head) + 320) // 2}h", head + wave))
     head = struct.pack("<hH15i", 5, -total & 0xFFFF, *sizes)
     path.write_bytes(head + wave + data.tobytes() + note + labels)
+
+
+def jpk_curves(path: Path, curves: list[list[np.ndarray]], folder: str = "") -> None:
+    """JPK's archive of curves: height [m], amplitude [V, of 50 nm/V] and phase [degree], the way there and that back.
+
+    Of several, each is in `folder` with its number. The numbers are those of afmformats' examples of format 2.0.
+    """
+    scales = {
+        "height": ("2.5E-5", 50.0, "V", "nominal", -1e-6), "lockInAmplitude": ("1.0E-5", 0.0, "V", "distance", 5e-8),
+        "lockInPhase": ("0.01", 0.0, "deg", "base", 1.0),
+    }  # fmt: skip
+    shared, own = [], ["force-segment-header.settings.feedback-settings.frequency=300000.0"]
+    for i, (name, (multiplier, offset, unit, slot, factor)) in enumerate(scales.items()):
+        info, sets = f"lcd-info.{i}", f"lcd-info.{i}.conversion-set.conversion"
+        own += [f"channel.{name}.lcd-info.*={i}", f"channel.{name}.data.file.name=channels/{name}.dat"]
+        shared += [
+            f"{info}.encoder.type=signedinteger", f"{info}.encoder.scaling.offset={offset}",
+            f"{info}.encoder.scaling.multiplier={multiplier}", f"{info}.encoder.scaling.unit.unit={unit}",
+            f"{sets}s.base=base", f"{sets}s.default={slot}", f"{sets}.{slot}.base-calibration-slot=base",
+            f"{sets}.{slot}.defined={str(slot != 'base').lower()}", f"{sets}.{slot}.scaling.unit.unit=m",
+            f"{sets}.{slot}.scaling.offset=0.0", f"{sets}.{slot}.scaling.multiplier={factor}",
+        ]  # fmt: skip
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("shared-data/header.properties", "\n".join(shared))
+        for number, (z, amplitude, phase) in enumerate(curves):
+            stored = [(z / -1e-6 - 50.0) / 2.5e-5, amplitude / 1e-5, phase / 1e-2]
+            half = len(z) // 2
+            for segment, (style, here) in enumerate(
+                {"extend": slice(0, half), "pause": slice(0, 9), "retract": slice(half, None)}.items()
+            ):
+                place = f"{folder.format(number)}segments/{segment}/"
+                said = [*own, f"channels.list={' '.join(scales)}", f"force-segment-header.settings.style={style}"]
+                archive.writestr(f"{place}segment-header.properties", "\n".join(said))
+                for name, values in zip(scales, stored, strict=True):
+                    archive.writestr(f"{place}channels/{name}.dat", np.round(values[here]).astype(">i4").tobytes())
+
+
+def nanoscope_curve(path: Path, ramp: float, amplitude: np.ndarray, phase: np.ndarray, version: str) -> None:
+    """A NanoScope curve over `ramp` [m]: amplitude [V, of 50 nm/V] and phase [degree], the way there and that back."""
+    half, kind = len(amplitude) // 2, "<i4" if int(version, 16) >= 0x09200000 else "<i2"
+    channels = [(amplitude / 1e-4, "Amplitude", "V [Sens. AmplSens] (0.0001 V/LSB) 3.2768 V"),
+                (phase / 0.01, "Phase", "V [Sens. Phase] (0.01 \xba/LSB) 360 \xba"),
+                (0 * phase, "Amplitude Error", "V [] (0.0001 V/LSB) 3.2768 V")]  # fmt: skip
+    size, lines = np.dtype(kind).itemsize * 2 * half, [r"\*Force file list", rf"\Version: {version}"]
+    lines += [r"\*Scanner list", r"\@Sens. Zsens: V 10.0 nm/V", r"\*Ciao scan list", r"\@Sens. AmplSens: V 50.00 nm/V"]
+    lines += [r"\@2:CantFrequency: V (0.0149 Hz/LSB) 300000 Hz", r"\@2:TMSetAmplitude: V 0.4 V", r"\*Ciao force list"]
+    for i, (_, name, scale) in enumerate(channels):
+        lines += [
+            r"\*Ciao force image list", rf"\Data offset: {4096 + i * size}", rf"\Data length: {size}",
+            r"\Bytes/pixel: 2", rf"\Samps/line: {half} {half}", r"\Spring Constant: 42",
+            rf'\@4:Image Data: S [{name.replace(" ", "")}] "{name}"', rf"\@4:Z scale: {scale}",
+            rf"\@4:Ramp size: V [Sens. Zsens] (0.006713867 V/LSB) {ramp / 10e-9} V",
+        ]  # fmt: skip
+    head = "\r\n".join([*lines, r"\*File list end", "\x1a"]).encode("latin-1").ljust(4096, b"\0")
+    path.write_bytes(head + b"".join(np.round(values).astype(kind).tobytes() for values, _, _ in channels))
 
 
 def park_file(path: Path, name: str, mode: str, forward: bool = True) -> np.ndarray:

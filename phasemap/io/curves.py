@@ -1,57 +1,29 @@
-"""Measured amplitude and phase against distance: columns of a text file or Igor wave in the one form of a curve."""
+"""Measured amplitude and phase against distance: text, and the files of instruments, in the one form of a curve."""
 
 from __future__ import annotations
 
-import gzip
 import os
-import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
-from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.errors import FileError
 from phasemap._shared.notices import tell
-from phasemap.io.gwyddion import extra
-from phasemap.io.kinds import KINDS, METRES
+from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, TEXT, Parts, of_text, of_wave
+from phasemap.io.curve_jpk import ARCHIVES, of_archive
+from phasemap.io.curve_nanoscope import is_nanoscope, of_nanoscope
 from phasemap.io.metadata import ScanData
 from phasemap.io.netcdf_image import NETCDF
-from phasemap.io.vendors import scan_data
 
-DIRECTIONS = ("approach", "retract")
-WAYS = {
-    "approach": re.compile(r"\b(?:approach|extend|ext|trace|forward)\b", re.IGNORECASE),
-    "retract": re.compile(r"\b(?:retract|withdraw(?:al)?|ret|retrace|backward)\b", re.IGNORECASE),
-}
-NAMES = {
-    "distance": (re.compile(r"z\b|z[ -]?(?:piezo|sensor)|zsnsr|raw|distance|height|piezo|tip.?offset", re.I), METRES),
-    "amplitude": (re.compile("amp", re.I), KINDS["amplitude"].units),
-    "phase": (re.compile("phase|lag", re.I), KINDS["phase"].units),
-    "deflection": (re.compile("defl", re.I), KINDS["amplitude"].units),
-}
-"""How the columns of a quantity are called, and its units."""
-COLUMN = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
-EXAMPLE = "columns=('distance approach [m]', None, 'amplitude approach [V]', 'phase approach [degree]')"
-TEXT = (".txt", ".csv", ".tsv", ".dat", ".asc")
 FAR = 0.1  # of the points, farthest from the surface, that show the free lever
 FREE = 0.005  # of the amplitude, that it changes over these points at most
 WINDOW = 0.2  # of the range of distances, over which the amplitude's slope is taken
-FEWEST = 20  # points of a curve
-
-
-class Column(NamedTuple):
-    """What a column holds."""
-
-    quantity: str
-    direction: str | None  # "approach" or "retract"; None where both stand one below the other
-    factor: float  # to `unit`
-    unit: str
-    lag: bool  # whether the name says that it is a lag
 
 
 @asked_as()
@@ -63,8 +35,8 @@ def read_curve(
     Parameters
     ----------
     path : path-like
-        Text with columns (.gz or not), an Igor wave as Asylum Research writes curves (.ibw), or a distance sweep of
-        phasemap in netCDF.
+        Text with columns (.gz or not), an Igor wave as Asylum Research writes curves (.ibw), a curve of JPK
+        (.jpk-force, or one of a map) or of NanoScope (.spm, .001), or a distance sweep of phasemap in netCDF.
     columns : sequence of str or None, optional
         What the columns of text are, in order: a quantity (distance, amplitude, phase, lag, deflection), approach or
         retract where each has a column of its own, and the unit in brackets; None for a column that is left out. By
@@ -95,9 +67,13 @@ def read_curve(
     if path.suffix.lower() in NETCDF:
         parts, scan = _of_sweep(path), ScanData()
     elif path.suffix.lower() == ".ibw":
-        parts, scan = _of_wave(path)
+        parts, scan = of_wave(path)
+    elif path.suffix.lower() in ARCHIVES:
+        parts, scan = of_archive(path, number)
+    elif is_nanoscope(path):
+        parts, scan = of_nanoscope(path, number)
     else:
-        parts, scan = _of_text(path, columns, number), ScanData()
+        parts, scan = of_text(path, columns, number), ScanData()
     ds = _assembled(path, parts)
     _say_more(ds, scan)
     ds.attrs = {"source": path.name, **scan.values, "warnings": "\n".join(scan.warnings)}
@@ -106,107 +82,14 @@ def read_curve(
 
 
 def is_curve(path: Path) -> bool:
-    """Whether a file holds a curve: text, or an Igor wave without a second side of pixels."""
+    """Whether a file holds a curve: text, of JPK or NanoScope, or an Igor wave without a second side of pixels."""
+    if path.suffix.lower() in ARCHIVES or is_nanoscope(path):
+        return True
     if path.suffix.lower() != ".ibw" or not path.is_file():
         return path.with_suffix("").suffix.lower() in TEXT if path.suffix == ".gz" else path.suffix.lower() in TEXT
     with path.open("rb") as file:
         head = file.read(160)
     return int.from_bytes(head[140:144], "little") == 0  # no third dimension
-
-
-Parts = dict[tuple[str, str | None], tuple["np.ndarray", str]]  # values and unit by quantity and direction
-
-
-def _of_text(path: Path, columns: Sequence[str | None] | None, number: int) -> Parts:
-    """The columns of a text."""
-    try:
-        with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
-            lines = [line.strip() for line in file if line.strip()]
-    except (OSError, UnicodeError, EOFError) as error:
-        raise FileError(
-            f"cannot read {path}: it is no text. Curves are read from .ibw, netCDF, or columns of text: export the "
-            "curve from the instrument's program as text (ASCII)."
-        ) from error
-    first = next((i for i, line in enumerate(lines) if _numbers(line)), len(lines))
-    wide = len(_numbers(lines[first])) if first < len(lines) else 0
-    rows = [row for row in map(_numbers, lines[first:]) if len(row) == wide]
-    if len(rows) < FEWEST:
-        raise FileError(f"cannot use {path}: it has {len(rows)} rows of numbers; a curve has {FEWEST} at least.")
-    names = list(columns) if columns is not None else _heading(lines[first - 1]) if first else []
-    if not names or wide % len(names):
-        raise FileError(
-            f"cannot use {path}: it has {wide} columns and names of {len(names)}; say what they are, such as {EXAMPLE}."
-        )
-    if number >= wide // len(names):
-        raise InputError("number", number, f"0 to {wide // len(names) - 1}, the curves of {path.name}")
-    table = np.array(rows)[:, number * len(names) : (number + 1) * len(names)]
-    table = table[: 1 + int(np.flatnonzero(table.any(axis=1)).max(initial=0))]
-    given = columns is not None
-    return _parts([_column(name, given) for name in names], table)
-
-
-def _numbers(line: str) -> list[float]:
-    """The numbers of a line; none if one of its words is not a number."""
-    try:
-        return [float(word) for word in re.split(r"[\s;,]+", line.strip(" ,;"))]
-    except ValueError:
-        return []
-
-
-def _heading(line: str) -> list[str]:
-    """The names that a line gives to columns."""
-    line = line.lstrip("#% ")
-    mark = next((one for one in ("\t", ";", ",") if one in line), None)
-    return [word.strip() for word in (line.split(mark) if mark else re.split(r"\s{2,}", line))]
-
-
-def _column(name: str | None, given: bool) -> Column | None:
-    """What a column of this name holds; None of one that is left out, or that no quantity is called.
-
-    `given`: whether the user says so, and not the file.
-    """
-    found = COLUMN.fullmatch(name or "")
-    if not name or found is None:
-        return None
-    quantity = next((one for one, (called, _) in NAMES.items() if called.match(found["name"])), None)
-    if quantity is None:
-        if given:
-            raise InputError("columns", name, f"{', '.join(NAMES)} with a unit, such as {EXAMPLE}, or None")
-        return None
-    units = NAMES[quantity][1]
-    unit = (found["unit"] or "").strip()
-    if unit not in units:
-        raise InputError(f"unit of the column {name!r}", unit or None, "one of " + ", ".join(units))
-    way = next((one for one, said in WAYS.items() if said.search(found["name"])), None)
-    return Column(quantity, way, *units[unit], "lag" in found["name"].lower())
-
-
-def _parts(columns: Sequence[Column | None], table: np.ndarray) -> Parts:
-    """Values of each quantity and direction, the first column of several; a lag counts the other way."""
-    parts: Parts = {}
-    for column, values in zip(columns, table.T, strict=True):
-        if column is not None:
-            unit = "lag" if column.lag else column.unit
-            parts.setdefault((column.quantity, column.direction), (values * column.factor, unit))
-    return parts
-
-
-def _of_wave(path: Path) -> tuple[Parts, ScanData]:
-    """The columns of an Igor wave, which its labels name, and what its note says; all is in SI units and degrees."""
-    igor = extra("igor2.binarywave", "reading curves of Igor", "read")
-    try:
-        wave = igor.load(str(path))["wave"]
-        table = np.asarray(wave["wData"], float)
-        labels = [one.decode("latin-1") for one in wave["labels"][1][1:]]
-        note = dict(line.split(":", 1) for line in wave["note"].decode("latin-1").splitlines() if ":" in line)
-    except Exception as error:  # of whatever is met in a damaged file
-        raise FileError(f"cannot read {path}: it is damaged, or no wave of Igor.") from error
-    if table.ndim != 2 or len(labels) != table.shape[1]:
-        raise FileError(f"cannot use {path}: it is of shape {table.shape}, not a curve with names of its columns.")
-    order = sorted(range(len(labels)), key=lambda i: labels[i] != "ZSnsr")  # what was measured before what was asked
-    units = ["deg" if NAMES["phase"][0].match(label) else "m" for label in labels]
-    parts = _parts([_column(f"{labels[i]} [{units[i]}]", False) for i in order], table[:, order])
-    return parts, scan_data(path, {key: value.strip() for key, value in note.items()})
 
 
 def _of_sweep(path: Path) -> Parts:

@@ -24,7 +24,8 @@ from phasemap.io.container import check_container
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8")  # of which a small file may unpack to gigabytes
 HEAD = 1 << 18  # bytes of a file that say what it is
 OTHER_KINDS = {
-    b"PK\x03\x04": "an archive (as JPK keeps force curves), not an image", b"%PDF": "a PDF document, not an image",
+    b"PK\x03\x04": "an archive, as JPK keeps curves (read_curve), not an image",
+    b"%PDF": "a PDF document, not an image",
     b"\x89HDF": "an HDF5 file of a kind that Gwyddion does not read", b"\x1f\x8b": "compressed: unpack it first",
     b"BM": "a picture, which has no units", b"\x93NUMPY": "an array of NumPy, which has no units",
 }  # fmt: skip
@@ -145,7 +146,7 @@ def _other_kind(path: Path) -> str:
     if re.match(rb"\s*<(!doctype )?html", head, re.IGNORECASE):
         return "it is a web page, as a download leaves it that failed"
     if b"*Force file list" in head:
-        return "it is a force curve of NanoScope, not an image"
+        return "it is a force curve of NanoScope, not an image (read_curve)"
     if path.suffix.lower() == ".nid" and re.search(rb"Dim0Name=Frequency", head):
         return "it is a resonance curve, not an image"
     if path.suffix.lower() == ".ibw" and len(head) > 148 and head[:2] == b"\x05\0":

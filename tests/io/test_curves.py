@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from vendor_files import ibw_curve
+from vendor_files import ibw_curve, jpk_curves, nanoscope_curve
 
 import phasemap as pm
 
@@ -65,6 +65,47 @@ def test_a_wave_of_igor_says_lever_and_sensitivity(tmp_path: Path) -> None:
     assert curve.attrs["free_amplitude"] == pytest.approx(25e-9, rel=1e-6)
     assert "stiffness" not in told(curve) and "tip radius" in told(curve)
     assert curve.attrs["phase_sign"] == -1  # as the vendor documents
+
+
+def check_instrument_curve(curve: xr.Dataset) -> None:
+    """Both ways of the curve are AMPLITUDE at 50 nm/V and LAG, in the resolution of the instruments' integers."""
+    assert curve.sizes == {"direction": 2, "point": 121}
+    for _, way in curve.groupby("direction", squeeze=False):
+        gap = np.squeeze(way.distance.values)
+        expected = (np.interp(gap, (60e-9 - Z[:121])[::-1], one[:121][::-1]) for one in (50e-9 * AMPLITUDE, LAG))
+        np.testing.assert_allclose(np.squeeze(way.amplitude), next(expected), atol=2e-11)
+        np.testing.assert_allclose(np.squeeze(way.phase), next(expected), atol=0.02)
+    assert float(curve.distance.max()) == pytest.approx(60e-9, abs=1e-10)
+    assert curve.amplitude.attrs["units"] == "m" and curve.attrs["amplitude_sensitivity"] == pytest.approx(50e-9)
+    assert curve.attrs["drive_frequency"] == 300e3
+    assert "sign of the phase is not recorded" in told(curve) and "quality factor, tip radius" in told(curve)
+
+
+@pytest.mark.filterwarnings(TOLD)
+def test_archives_of_jpk_hold_one_curve_or_many(tmp_path: Path) -> None:
+    jpk_curves(tmp_path / "one.jpk-force", [[60e-9 - Z, AMPLITUDE, LAG]])
+    check_instrument_curve(pm.read_curve(tmp_path / "one.jpk-force"))
+    jpk_curves(tmp_path / "map.jpk-force-map", [[60e-9 - Z, k * AMPLITUDE, LAG] for k in (0.5, 1.0)], "index/{}/")
+    check_instrument_curve(pm.read_curve(tmp_path / "map.jpk-force-map", number=1))
+    with pytest.raises(pm.InputError, match="number is 2; allowed: 0 to 1"):
+        pm.read_curve(tmp_path / "map.jpk-force-map", number=2)
+    (tmp_path / "cut.jpk-force").write_bytes((tmp_path / "one.jpk-force").read_bytes()[:900])
+    with pytest.raises(pm.FileError, match="damaged, or no archive of JPK"):
+        pm.read_curve(tmp_path / "cut.jpk-force")
+
+
+@pytest.mark.filterwarnings(TOLD)
+@pytest.mark.parametrize("version", ["0x05120130", "0x09400000"])
+def test_a_curve_of_nanoscope_has_the_same_distances_both_ways(tmp_path: Path, version: str) -> None:
+    back = np.r_[np.arange(121), np.arange(241, 120, -1)]  # both ways are stored over one axis
+    nanoscope_curve(tmp_path / "curve.001", 60.5e-9, AMPLITUDE[back], LAG[back], version)
+    curve = pm.read_curve(tmp_path / "curve.001")
+    check_instrument_curve(curve)
+    assert curve.attrs["stiffness"] == 42 and "typed into NanoScope" in told(curve)
+    assert "setpoint" not in told(curve)
+    (tmp_path / "cut.001").write_bytes((tmp_path / "curve.001").read_bytes()[:4500])
+    with pytest.raises(pm.FileError, match="it is cut short"):
+        pm.read_curve(tmp_path / "cut.001")
 
 
 def test_a_curve_that_nothing_is_missing_of_warns_of_the_lever_only(tmp_path: Path) -> None:
