@@ -34,7 +34,7 @@ class Averaging:
         # What is not periodic has no averaged orbit: the march's mean stands.
         kept = first + np.flatnonzero(col.irregular(answers.rows[first:last]))
         means = answers.rows[kept]
-        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
+        averaged_near_rows(work.pixels, first, last, answers)
         answers.rows[kept], answers.status[kept], answers.solver[kept] = means, col.GOOD, col.MARCH
 
 
@@ -46,7 +46,7 @@ def engage_averaged(work: Work, periods: int, first: int, last: int, answers: An
     from phasemap._kernels.lever import near_resonance
     from phasemap._kernels.rows.fast import averaging_rows
 
-    averaging_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers)
+    averaging_rows(work.pixels, first, last, answers)
     if not near_resonance(work.lever):
         answers.status[first:last] = col.PENDING
     doubtful = first + np.flatnonzero(answers.status[first:last] == col.PENDING)

@@ -150,18 +150,18 @@ def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int,
 
 def _others(work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
     """Fill both branches of the materials in [first, last), what engagement finds being there."""
-    from phasemap._kernels.rows.other_branch import other_rows
+    from phasemap._kernels.rows.fast import other_rows
 
     phase, height = accuracy.phase, accuracy.height
     if solver.name != "auto":
         phase, height = min(phase, PHASE), min(height, LENGTH)
     limits = np.array([math.radians(phase), height])
     allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
-    if other_rows(work.law, work.rows, work.lever, work.amplitudes, limits, allowed, first, last, answers):
+    if other_rows(work.pixels, limits, allowed, first, last, answers):
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.other_branch_exact import exact_near_rows
+        from phasemap._kernels.rows.exact import exact_near_rows
 
-        if exact_near_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers):
+        if exact_near_rows(work.pixels, TABLES, first, last, answers):
             _search(work, first, last, answers)
     if solver.name == "averaging":
         _average(work, first, last, answers)
@@ -192,13 +192,11 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
 def _search(work: Work, first: int, last: int, answers: Answers) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
     from phasemap._kernels.continuation.path import fixed_path
-    from phasemap._kernels.law import Oscillator, parameters
-    from phasemap._kernels.quadrature import TABLES
 
     rows, status, used = answers
     waiting = status[:ENGAGED, first:last] == col.PENDING
     for i in first + np.flatnonzero(waiting.any(axis=0)):
-        path = fixed_path(Oscillator(work.law, parameters(work.rows[i]), work.lever), TABLES)
+        path = fixed_path(work.oscillator(int(i)))
         found = orbits_of_amplitude(path, work.amplitudes[i])[0][:, : col.COLUMNS]
         found = found[(found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)]
         for slot in np.flatnonzero(waiting[:, i - first]):
@@ -213,7 +211,7 @@ def _average(work: Work, first: int, last: int, answers: Answers) -> None:
     from phasemap._kernels.rows.fast import averaged_near_rows
 
     for slot in (ATTRACTING, REPELLING):
-        averaged_near_rows(work.law, work.rows, work.lever, work.amplitudes, first, last, answers.of(slot))
+        averaged_near_rows(work.pixels, first, last, answers.of(slot))
     answers.rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 

@@ -107,17 +107,15 @@ class _Search:
     def take_sure(self, limits: Array, workers: int) -> None:
         """Take in the orbits whose branch averaging is sure of."""
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.seen import AskedSeen, seen_rows
+        from phasemap._kernels.rows.seen import seen_rows
 
         at = np.flatnonzero(self.open)
         part = self.work.part(at)
-        asked = AskedSeen(part.rows, part.amplitudes, limits)
         rows, slopes = np.empty((len(at), col.COLUMNS)), np.empty((len(at), 3))
         status, used = np.empty(len(at), np.int8), np.empty(len(at), np.int8)
 
         def some(first: int, last: int) -> None:
-            found = Answers(rows, status, used)
-            seen_rows(part.law, asked, part.lever, TABLES, first, last, found, slopes)
+            seen_rows(part.pixels, TABLES, limits, first, last, Answers(rows, status, used), slopes)
 
         spread(some, bounds_of(len(at), CHUNK), workers, None)
         good = (status == col.GOOD) & (slopes[:, 0] > LEAST_SLOPE)

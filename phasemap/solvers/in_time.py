@@ -55,12 +55,10 @@ class InTime:
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * slowest_decay(work.lever)) ** 0.125
         some, codes, _ = answers.of(chosen)
-        rows = np.ascontiguousarray(work.rows[chosen])
-        amplitudes = work.amplitudes[chosen]
         for i in range(len(chosen)):  # one by one, because one may take seconds
             check_stopped()
             one = slice(i, i + 1)
-            rows_of(work.law, rows[one], work.lever, amplitudes[one], eta, periods, some[one], codes[one])
+            rows_of(work.part(chosen[one]).pixels, eta, periods, some[one], codes[one])
         periodic = (codes == col.GOOD) & ~col.irregular(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])

@@ -44,11 +44,11 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
     `kept` (shape (n, KEEPING)): rows with nodes of the same orbits, for rows of shape (n, ...).
     Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
     """
-    from phasemap._kernels.rows.adhesion import adhesion_rows
+    from phasemap._kernels.rows.integrals import adhesion_rows
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        adhesion_rows(work.law, work.rows, bare, work.lever, TABLES, SolvedRows(some, codes == col.AVERAGING, kept))
+        adhesion_rows(work.pixels, TABLES, bare, SolvedRows(some, codes == col.AVERAGING, kept))
     return _as_seen(wide, rows)
 
 
@@ -68,15 +68,15 @@ def with_forces(
 
     `rows`, `work`, `used`: as for `with_adhesion`.
     `second`: whether the second mode is driven, and how: with it there is too what its sidebands do to it.
-    `harmonics`: of the force, see `phasemap._kernels.rows.forces.force_rows`.
+    `harmonics`: of the force, see `phasemap._kernels.rows.integrals.force_rows`.
     `kept`: as for `with_adhesion`.
     """
-    from phasemap._kernels.rows.forces import force_rows
+    from phasemap._kernels.rows.integrals import force_rows
 
     wide = _of_tip(rows, work)
     for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
         solved = SolvedRows(some, codes == col.AVERAGING, kept)
-        force_rows(work.law, work.rows, work.lever, TABLES, second, solved, harmonics)
+        force_rows(work.pixels, TABLES, second, solved, harmonics)
     return _as_seen(wide, rows)
 
 

@@ -109,11 +109,10 @@ class OnlyInTime(FromFar):
 
     def _respond(self, work: Work, chosen: np.ndarray, answers: Answers) -> None:
         """Find the chosen rows by the lever's response, as exactly as the march does, where that is possible."""
-        from phasemap._kernels.rows.relaxing import relaxing_rows
+        from phasemap._kernels.rows.marched import relaxing_rows
 
         some, limits = answers.of(chosen), np.array([ERROR_PHASE, ERROR_HEIGHT])
-        rows = np.ascontiguousarray(work.rows[chosen])
-        relaxing_rows(work.law, rows, work.lever, work.amplitudes[chosen], limits, some)
+        relaxing_rows(work.part(chosen).pixels, limits, some)
         answers.put(chosen, some)
 
     def _start_averaged(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:

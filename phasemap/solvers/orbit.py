@@ -91,7 +91,7 @@ def solve_on_curves(
     status = answers.status
     if phase > 0:
         allowed = np.array([math.radians(phase), height])
-        if not cheap_rows(work.law, work.rows, work.lever, work.amplitudes, allowed, average, first, last, answers):
+        if not cheap_rows(work.pixels, allowed, average, first, last, answers):
             return
     else:
         status[first:last] = col.PENDING
@@ -102,7 +102,7 @@ def solve_on_curves(
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.exact import exact_rows
 
-        exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, first, last, answers)
+        exact_rows(work.pixels, TABLES, first, last, answers)
 
 
 def engage_lost(work: Work, periods: int, first: int, last: int, answers: Answers) -> None:
@@ -127,8 +127,8 @@ def polish(work: Work, first: int, last: int, answers: Answers) -> None:
     if not len(chosen):
         return
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.beside import rows_beside
+    from phasemap._kernels.rows.exact import rows_beside
 
     rows, done = out[chosen], np.empty(len(chosen), np.bool_)
-    rows_beside(work.law, work.rows[chosen], work.lever, TABLES, work.amplitudes[chosen], rows, done)
+    rows_beside(work.part(chosen).pixels, TABLES, rows, done)
     out[chosen[done]], solver[chosen[done]] = rows[done], col.ORBIT

@@ -19,7 +19,8 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import film_of, liquid_of, properties, relaxation_of
 
 if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
+    from phasemap._kernels.law import Law, Oscillator
+    from phasemap._kernels.rows.answers import Pixels
 
 Array = np.ndarray
 
@@ -36,7 +37,20 @@ class Work:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def part(self, chosen: Array, amplitudes: Array | None = None) -> Work:
+    @property
+    def pixels(self) -> Pixels:
+        """The same for kernels."""
+        from phasemap._kernels.rows.answers import Pixels
+
+        return Pixels(self.law, self.rows, self.lever, self.amplitudes)
+
+    def oscillator(self, i: int) -> Oscillator:
+        """The lever over one of the pixels."""
+        from phasemap._kernels.law import Oscillator
+
+        return Oscillator(self.law, tuple(self.rows[i].tolist()), self.lever)
+
+    def part(self, chosen: Array | slice, amplitudes: Array | None = None) -> Work:
         """Work of some of the pixels, at their setpoint amplitudes or at other ones."""
         wanted = self.amplitudes[chosen] if amplitudes is None else amplitudes
         return Work(self.law, np.ascontiguousarray(self.rows[chosen]), self.lever, wanted)

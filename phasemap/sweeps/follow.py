@@ -133,12 +133,10 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
 def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
     from phasemap._kernels.continuation.path import fixed_path, held_value
-    from phasemap._kernels.law import Oscillator
     from phasemap._kernels.lever import free_amplitude
-    from phasemap._kernels.quadrature import TABLES
 
-    p, lever = curves.standing(m)
-    value, path = held_value(curves.path, m), fixed_path(Oscillator(curves.law, p, lever), TABLES)
+    oscillator = curves.standing(m)
+    value, path = held_value(curves.path, m), fixed_path(oscillator)
     rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value, False)
     for row in rows:
         if not curves.knows(row, m):
@@ -146,7 +144,7 @@ def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     if not of_amplitude:
         # Where nothing acts, or no curve leads there, the lever still swings freely.
         free = np.zeros(col.COLUMNS)
-        free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(lever)
+        free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(oscillator.lever)
         curves.from_orbit(free, m, False)
 
 

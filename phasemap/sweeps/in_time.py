@@ -13,7 +13,6 @@ from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, 
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.results.status import Status
@@ -41,7 +40,7 @@ class Passage:
         """Move to a tip offset or an amplitude [m]; status code and full row of what a lock-in shows there."""
         row = np.full(col.FULL, np.nan)
         move = move_to_amplitude if by_amplitude else move_to_tip_offset
-        oscillator = Oscillator(work.law, parameters(work.rows[0]), work.lever)
+        oscillator = work.oscillator(0)
         status = move(oscillator, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
             row[: col.COLUMNS] = np.nan
@@ -114,6 +113,6 @@ def _dataset(
     """The Dataset of a sweep without a curve."""
     if samples:
         raise InputError("samples", samples, "0 where contacts remember or are wet: what is marched keeps no traces")
-    path = fixed_path(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
+    path = fixed_path(work.oscillator(0))
     curves = Curves(path, col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, lambda x: x, visits, question.material, question.scope, held)

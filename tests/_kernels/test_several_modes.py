@@ -45,8 +45,8 @@ def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
 
 def solved(work: Work) -> np.ndarray:
     answers = Answers(np.empty((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
-    cheap_rows(work.law, work.rows, work.lever, work.amplitudes, LIMITS, False, 0, 1, answers)
-    exact_rows(work.law, work.rows, work.lever, TABLES, work.amplitudes, 0, 1, answers)
+    cheap_rows(work.pixels, LIMITS, False, 0, 1, answers)
+    exact_rows(work.pixels, TABLES, 0, 1, answers)
     assert answers.status[0] == col.GOOD
     return answers.rows[0]
 

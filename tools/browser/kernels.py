@@ -82,12 +82,13 @@ def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
     from phasemap._kernels.continuation.piece import exact_orbit_at
     from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
+    from phasemap._kernels.engagement.seen import SLOPES
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows import beside, exact, fast, marched, other_branch_exact, seen
+    from phasemap._kernels.rows import exact, fast, marched, seen
     from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.scanning.reach import reach_rows
     from phasemap.solvers.continuation.path import Question, fixed_path
@@ -97,21 +98,20 @@ def solve_one_of_each_kind() -> None:
     work = work_of_material(material, scope, 0.8 * scope.driven_amplitude)
     stable_branches(work, by_name("auto"), pm.Accuracy())
     pm.sweep_distance(material, scope, np.linspace(20e-9, 4e-9, 5), samples=4)
-    given, tabled = (work.law, work.rows, work.lever), (work.law, work.rows, work.lever, TABLES)
+    given, pixels = (work.law, work.rows, work.lever), work.pixels
     answers = Answers(np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     branches = Answers(*(np.stack([one] * 3) for one in answers))
-    oscillator, numbers = law.Oscillator(work.law, law.parameters(work.rows[0]), work.lever), np.zeros(4)
-    asked = seen.AskedSeen(work.rows, work.amplitudes, np.zeros(2))
-    path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever)
+    oscillator, numbers = work.oscillator(0), np.zeros(4)
+    path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
     for entry, *examples in (
-        (fast.averaging_rows, *given, work.amplitudes, 0, 1, answers),
-        (fast.averaged_near_rows, *given, work.amplitudes, 0, 1, answers),
-        (exact_orbit_at, path, numbers, 0.0, 0, 1.0, orbit, orbit),
-        (seen.seen_rows, work.law, asked, work.lever, TABLES, 0, 1, answers, np.zeros((1, seen.SLOPES))),
-        (exact.exact_rows, *tabled, work.amplitudes, 0, 1, answers),
-        (other_branch_exact.exact_near_rows, *tabled, work.amplitudes, 0, 1, branches),
-        (beside.rows_beside, *tabled, work.amplitudes, answers.rows, np.zeros(1, bool)),
-        (marched.march_rows, *given, work.amplitudes, 1.0, 1, answers.rows, answers.status),
+        (fast.averaging_rows, pixels, 0, 1, answers),
+        (fast.averaged_near_rows, pixels, 0, 1, answers),
+        (exact_orbit_at, path, numbers, 0.0, 0, 1.0, orbit),
+        (seen.seen_rows, pixels, TABLES, np.zeros(2), 0, 1, answers, np.zeros((1, SLOPES))),
+        (exact.exact_rows, pixels, TABLES, 0, 1, answers),
+        (exact.exact_near_rows, pixels, TABLES, 0, 1, branches),
+        (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),
+        (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),
         (land_on, oscillator, 1.0, numbers, np.zeros((1, 2)), 1.0, 1),

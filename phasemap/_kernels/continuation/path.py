@@ -20,8 +20,7 @@ from phasemap._kernels.orbits.collocation.closing import (
     curve_derivative,
     solve_step,
 )
-from phasemap._kernels.orbits.collocation.contacts import find_contacts
-from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements, move_elements
+from phasemap._kernels.orbits.collocation.elements import lay_again, move_elements
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.newton import allowed_displacement, contact_size, take_step
 from phasemap._kernels.orbits.collocation.system import (
@@ -71,7 +70,6 @@ class Path(NamedTuple):
     """A curve's law and lever, and what its orbits are solved with."""
 
     law: Law
-    tables: np.ndarray  # of `phasemap._kernels.quadrature`
     kind: int  # FIXED, HELD_OFFSET or HELD_AMPLITUDE
     # p, lever, reach: on a fixed path: parameters of the law, lever, length [m] on which orbits change
     p: tuple[float, ...]
@@ -84,18 +82,18 @@ class Path(NamedTuple):
 
 
 @kernel
-def fixed_path(oscillator: Oscillator, tables: np.ndarray) -> Path:
+def fixed_path(oscillator: Oscillator) -> Path:
     """Return the path on which only tip offset and amplitude move."""
     law, p, lever = oscillator
     reach = scale_of(oscillator, free_amplitude(lever))
-    return Path(law, tables, FIXED_PATH, p, lever, reach, np.empty((0, 0)), 0.0)
+    return Path(law, FIXED_PATH, p, lever, reach, np.empty((0, 0)), 0.0)
 
 
 @kernel(light=True)
-def swept_path(law: Law, tables: np.ndarray, table: np.ndarray, kind: int, width: float) -> Path:
+def swept_path(law: Law, table: np.ndarray, kind: int, width: float) -> Path:
     """Return the path on which m moves what the table says."""
     p, lever = material_at(table, 0.0)
-    return Path(law, tables, kind, p, lever, math.nan, table, width)
+    return Path(law, kind, p, lever, math.nan, table, width)
 
 
 @kernel(light=True)
@@ -117,9 +115,12 @@ def material_at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndar
 
 
 @kernel(light=True)
-def standing_at(path: Path, m: float) -> tuple[tuple[float, ...], np.ndarray]:
-    """The law's parameters and the lever, which on a swept path depend on m."""
-    return (path.p, path.lever) if path.kind == FIXED_PATH else material_at(path.table, m)
+def standing_at(path: Path, m: float) -> Oscillator:
+    """The lever over the material at m."""
+    if path.kind == FIXED_PATH:
+        return Oscillator(path.law, path.p, path.lever)
+    p, lever = material_at(path.table, m)
+    return Oscillator(path.law, p, lever)
 
 
 @kernel
@@ -202,67 +203,55 @@ def reach_on(path: Path, orbit: Orbit) -> float:
     """Length [m] on which orbits change, where this one is."""
     if path.kind == FIXED_PATH:
         return path.reach
-    p, lever = material_at(path.table, head_of(orbit).parameter)
-    return scale_of(Oscillator(path.law, p, lever), free_amplitude(lever))
+    oscillator = standing_at(path, head_of(orbit).parameter)
+    return scale_of(oscillator, free_amplitude(oscillator.lever))
 
 
 @kernel(shared=True)
 def solve_on(
-    path: Path, orbit: Orbit, spare: Orbit, row: tuple[float, float, float], tolerance: float, most: int, coarse: bool,
-) -> tuple[int, int, Orbit, Orbit]:  # fmt: skip
+    path: Path, orbit: Orbit, row: tuple[float, float, float], tolerance: float, most: int, coarse: bool,
+) -> tuple[int, int]:  # fmt: skip
     """Newton's method on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only.
 
     The equations of the last step stand for those of the orbit where it changed nothing any more: by less than
     TANGENT_ERROR of the contact and the tolerance of an exact orbit, or, on the way, than STILL_ON_THE_WAY of that.
     """
-    law, tables, head = path.law, path.tables, head_of(orbit)
+    head = head_of(orbit)
     r_z, r_a, r_m = row
     at = r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter
     across = Equation(r_z, r_a, r_m, at, 0.0, 0.0)
-    p, lever = standing_at(path, head.parameter)
-    level = head.level
-    still = allowed_displacement(Oscillator(law, p, lever), level)
-    smooth = allowed_displacement(Oscillator(law, p, lever), 0) > 0.0
+    oscillator, level = standing_at(path, head.parameter), head.level
+    still, smooth = allowed_displacement(oscillator, level), allowed_displacement(oscillator, 0) > 0.0
     for steps in range(most):
-        m = head_of(orbit).parameter
-        p, lever = standing_at(path, m)
-        drift = drift_at(path, m)
-        if head_of(orbit).equations != EQUATIONS_CURRENT and not linearise_orbit(
-            Oscillator(law, p, lever), tables, orbit, drift
-        ):
-            return col.NOT_CONVERGED, steps, orbit, spare
-        if not solve_step(lever, orbit, drift, (held_equation(path, m), across)):
-            return col.NOT_CONVERGED, steps + 1, orbit, spare
-        status, change = take_step(tables, lever, orbit, tolerance, coarse)
-        size = contact_size(head_of(orbit), reach_of(law, p))
+        m = head.parameter
+        oscillator, drift = standing_at(path, m), drift_at(path, m)
+        if head.equations != EQUATIONS_CURRENT and not linearise_orbit(oscillator, orbit, drift):
+            return col.NOT_CONVERGED, steps
+        if not solve_step(oscillator.lever, orbit, drift, (held_equation(path, m), across)):
+            return col.NOT_CONVERGED, steps + 1
+        status, change = take_step(oscillator.lever, orbit, tolerance, coarse)
+        size = contact_size(head, reach_of(path.law, oscillator.p))
         if status != col.PENDING:
             if status == col.GOOD and change <= (
                 STILL_ON_THE_WAY * tolerance if coarse else min(tolerance, TANGENT_ERROR * size)
             ):
-                head_of(orbit).equations = EQUATIONS_KEPT
-            return status, steps + 1, orbit, spare
+                head.equations = EQUATIONS_KEPT
+            return status, steps + 1
         if change < still * size:
             continue  # the elements fit as they lie
-        if smooth and move_elements(p, tables, orbit):
+        if smooth and move_elements(oscillator.p, orbit):
             continue
-        if not find_contacts(p, tables, orbit) or not lay_elements(
-            Oscillator(law, p, lever), tables, spare, orbit, level
-        ):
-            return col.TOO_MANY_CONTACTS, steps + 1, orbit, spare
-        interpolate_motion(tables, orbit, spare)
-        orbit, spare = spare, orbit
-    return col.NOT_CONVERGED, most, orbit, spare
+        if not lay_again(oscillator, orbit, level):
+            return col.TOO_MANY_CONTACTS, steps + 1
+    return col.NOT_CONVERGED, most
 
 
 @kernel
 def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> bool:
     """Linearise; leave the derivative along the curve in the system's last column, row (dz0, dA, dm) = 1."""
     m = head_of(orbit).parameter
-    p, lever = standing_at(path, m)
-    drift = drift_at(path, m)
-    if head_of(orbit).equations == EQUATIONS_OTHER and not linearise_orbit(
-        Oscillator(path.law, p, lever), path.tables, orbit, drift
-    ):
+    oscillator, drift = standing_at(path, m), drift_at(path, m)
+    if head_of(orbit).equations == EQUATIONS_OTHER and not linearise_orbit(oscillator, orbit, drift):
         return False
     across = Equation(row[0], row[1], row[2], 0.0, 0.0, 0.0)
-    return curve_derivative(lever, orbit, drift, (held_equation(path, m), across))
+    return curve_derivative(oscillator.lever, orbit, drift, (held_equation(path, m), across))

@@ -39,7 +39,6 @@ from phasemap._kernels.continuation.step import (
     same_piece,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.newton import (
@@ -59,11 +58,11 @@ from phasemap._kernels.orbits.collocation.system import (
     RS,
     RZ,
     Orbit,
+    another,
     head_of,
     hold_amplitude,
     hold_offset,
     hold_parameter,
-    new_orbit,
     no_drift,
 )
 from phasemap._kernels.records import assign, clear
@@ -103,66 +102,64 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
     if count == len(made.rows):
         return count
-    law, tables, row = path.law, path.tables, made.rows[count]
-    p, lever = standing_at(path, head_of(orbit).parameter)
+    row, oscillator = made.rows[count], standing_at(path, head_of(orbit).parameter)
+    lever = oscillator.lever
     row[:] = math.nan
-    observe(Oscillator(law, p, lever), tables, orbit, row[: col.COLUMNS])
+    observe(oscillator, orbit, row[: col.COLUMNS])
     of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
     row[col.SEEN] = seen_amplitude(lever, *of)
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         rate = seen_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
         row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
-    complete_row(Oscillator(law, p, lever), tables, orbit, row)
+    complete_row(oscillator, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = head_of(orbit).parameter, kind, index
     if made.traces.shape[2] > 0:
-        time_trace(Oscillator(law, p, lever), tables, orbit, row[col.PHASE], made.traces[count])
+        time_trace(oscillator, orbit, row[col.PHASE], made.traces[count])
     return count + 1
 
 
 @kernel
-def make_exact(path: Path, orbit: Orbit, spare: Orbit, point: Point, tolerance: float) -> tuple[bool, Orbit, Orbit]:
+def make_exact(path: Path, orbit: Orbit, point: Point, tolerance: float) -> bool:
     """Make the orbit of a point on the way exact, in the plane across the curve."""
-    lever, reach = standing_at(path, head_of(orbit).parameter)[1], reach_on(path, orbit)
+    lever, reach = standing_at(path, head_of(orbit).parameter).lever, reach_on(path, orbit)
     along = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
     turning = abs(point.rate[control_entry(path)]) < NEAR_FOLD * along
     if head_of(orbit).equations == EQUATIONS_KEPT and settled(lever, orbit, tolerance) and not turning:
-        return True, orbit, spare
-    if turning and relay_orbit(
-        path, orbit, spare
-    ):  # elements beside the contact do not say on which side of a fold it is
-        orbit, spare = spare, orbit
+        return True
+    if turning:  # elements beside the contact do not say on which side of a fold it is
+        relay_orbit(path, orbit)
     row = tangent_row(path, reach, point)
-    status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
-    return status == col.GOOD and mark_point(path, orbit, point), orbit, spare
+    status, _ = solve_on(path, orbit, row, tolerance, 20, False)
+    return status == col.GOOD and mark_point(path, orbit, point)
 
 
 @kernel
 def next_exact_point(
-    path: Path, point: Point, step: float, tolerance: float, orbit: Orbit, spare: Orbit, saved: Orbit
-) -> tuple[bool, float, Orbit, Orbit]:
+    path: Path, point: Point, step: float, tolerance: float, orbit: Orbit, saved: Orbit
+) -> tuple[bool, float]:
     """Go to the next point of the curve and make its orbit exact; by a shorter step if that fails at a sharp turn."""
     before = Point()
     assign(before, point)
     while step > SMALLEST_ARC_STEP:
-        status, following, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, saved)
+        status, following = next_point(path, point, step, LARGEST_ARC_STEP, orbit, saved)
         if status != col.GOOD:
             break
         step = point.length
-        good, orbit, spare = make_exact(path, orbit, spare, point, tolerance)
+        good = make_exact(path, orbit, point, tolerance)
         point.length = step
         if good and same_piece(path, reach_on(path, orbit), before, point):
-            return True, following, orbit, spare
+            return True, following
         assign(point, before)
         copy_orbit(saved, orbit)
         step *= STEP_AFTER_FAILURE
-    return False, step, orbit, spare
+    return False, step
 
 
 @kernel
 def turn_between(
-    path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit, spare: Orbit,
+    path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit,
     point: Point,
-) -> tuple[bool, Orbit, Orbit]:  # fmt: skip
+) -> bool:  # fmt: skip
     """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
 
     See theory, Eq. (continuation-5).
@@ -170,7 +167,7 @@ def turn_between(
     There x is stationary and exact to rounding; the other coordinate is as exact as s. Where a step from the start
     fails, for a long one round a sharp turn may, the shorter one that did not is the next to start from.
     """
-    begun, base, room, at = Point(), new_orbit(path.lever), new_orbit(path.lever), 0.0
+    begun, base, room, at = Point(), another(orbit), another(orbit), 0.0
     assign(begun, start.point)
     copy_orbit(start.orbit, base)
     head_of(base).level = level
@@ -184,19 +181,19 @@ def turn_between(
         step = low + (high - low) * min(max(share, 0.02), 0.98)
         copy_orbit(base, orbit)
         assign(point, begun)
-        status, _, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, room)
+        status, _ = next_point(path, point, step, LARGEST_ARC_STEP, orbit, room)
         if status != col.GOOD:
-            return False, orbit, spare
+            return False
         reached = point.length
-        good, orbit, spare = make_exact(path, orbit, spare, point, tolerance)
+        good = make_exact(path, orbit, point, tolerance)
         if not good:
-            return False, orbit, spare
+            return False
         point.length = at + reached
         f = point.rate[entry]
         if abs(f) <= FOLD_FLAT * most or 0.5 * f * f <= FOLD_PLACE * natural * steep:
-            return True, orbit, spare
+            return True
         if high - low < 1e-12:
-            return False, orbit, spare
+            return False
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
             if reached < step:
@@ -209,13 +206,11 @@ def turn_between(
             high, f_high = reached, f
             f_low *= 0.5 if last == 2 else 1.0
             last = 2
-    return abs(point.rate[entry]) <= FOLD_ROUGH * most, orbit, spare
+    return abs(point.rate[entry]) <= FOLD_ROUGH * most
 
 
 @kernel
-def add_wanted_rows(
-    path: Path, asked: Asked, start: Place, end: Place, one: Orbit, spare: Orbit, made: Made, count: int
-) -> tuple[int, Orbit, Orbit]:
+def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orbit, made: Made, count: int) -> int:
     """Record the orbits at the values wanted between two places, in the order in which they come."""
     index, wanted, tolerance = asked.entry, asked.wanted, asked.tolerance
     before, after, beside = start.point, end.point, Point()
@@ -228,20 +223,19 @@ def add_wanted_rows(
         if i == 0:
             copy_orbit(start.orbit, one)
         head_of(one).level = max(head_of(one).level, asked.level)
-        good, one, spare = find_crossing(path, Wanted(index, wanted[k], tolerance), start, beside, after, one, spare)
+        good = find_crossing(path, Wanted(index, wanted[k], tolerance), start, beside, after, one)
         if not good:
             copy_orbit(end.orbit, one)
         else:
             now = add_row(path, one, col.WANTED, k, made, count)
             if now > count and index == ENTRY_A:
-                p, lever = standing_at(path, head_of(one).parameter)
-                estimate_errors(Oscillator(path.law, p, lever), path.tables, one, spare, made.rows[count])
+                estimate_errors(standing_at(path, head_of(one).parameter), one, made.rows[count])
             count = now
-    return count, one, spare
+    return count
 
 
 @kernel
-def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Point, made: Made) -> tuple[int, int]:
+def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Made) -> tuple[int, int]:
     """Follow the curve from a marked point until it leaves the box, ends, or closes.
 
     Parameters
@@ -256,12 +250,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Po
     count : int
         Rows made, in the order of the curve.
     """
-    saved, one, top, tops = (
-        new_orbit(path.lever),
-        new_orbit(path.lever),
-        new_orbit(path.lever),
-        (new_orbit(path.lever), new_orbit(path.lever)),
-    )
+    saved, one, top, tops = another(orbit), another(orbit), another(orbit), (another(orbit), another(orbit))
     turned, entries = (Point(), Point()), np.zeros(2, np.int64)
     origin, before, after, step = Point(), Point(), Point(), FIRST_ARC_STEP
     assign(origin, point)
@@ -269,7 +258,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Po
     lowest, highest, least = asked.box
     for points in range(MOST_PIECE_POINTS):
         assign(before, point)
-        good, step, orbit, spare = next_exact_point(path, point, step, asked.tolerance, orbit, spare, saved)
+        good, step = next_exact_point(path, point, step, asked.tolerance, orbit, saved)
         if not good:
             made.rows[count - 1, col.KIND] = col.END
             return PIECE_STUCK, count
@@ -280,9 +269,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Po
                 good = False
                 for level in (FOLD_LEVEL, head_of(orbit).level):
                     if not good:
-                        good, top, spare = turn_between(
-                            path, start, point, entry, level, asked.tolerance, top, spare, turned[found]
-                        )
+                        good = turn_between(path, start, point, entry, level, asked.tolerance, top, turned[found])
                 if good:
                     copy_orbit(top, tops[found])
                     entries[found] = entry
@@ -292,13 +279,13 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, spare: Orbit, point: Po
             which = 1 - i if swapped else i
             turn, length = Place(turned[which], tops[which]), turned[which].length
             turn.point.length -= done
-            count, one, spare = add_wanted_rows(path, asked, start, turn, one, spare, made, count)
+            count = add_wanted_rows(path, asked, start, turn, one, made, count)
             kind = col.FOLD if entries[which] == control_entry(path) else col.TURN
             count = add_row(path, tops[which], kind, -1, made, count)
             start, done = turn, length
         assign(after, point)
         after.length -= done
-        count, one, spare = add_wanted_rows(path, asked, start, Place(after, orbit), one, spare, made, count)
+        count = add_wanted_rows(path, asked, start, Place(after, orbit), one, made, count)
         if count == len(made.rows):
             return PIECE_FULL, count
         if not lowest <= point.value[control_entry(path)] <= highest or point.value[ENTRY_A] < least:
@@ -319,20 +306,15 @@ def returned(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
 
 
 @kernel
-def exact_orbit_at(
-    path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, orbit: Orbit, spare: Orbit
-) -> tuple[bool, Orbit, Orbit]:
+def exact_orbit_at(path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, orbit: Orbit) -> bool:
     """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
     head_of(orbit).parameter = m
-    law, tables = path.law, path.tables
-    p, lever = standing_at(path, m)
-    if not guess[col.G_A] > 0.0 or not begin_harmonic(Oscillator(law, p, lever), tables, orbit, guess, 0):
-        return False, orbit, spare
+    oscillator = standing_at(path, m)
+    if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, orbit, guess, 0):
+        return False
     held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
-    status, _, orbit, spare = solve_orbit(
-        Oscillator(law, p, lever), tables, orbit, spare, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False)
-    )
-    return status == col.GOOD and head_of(orbit).amplitude > 0.0, orbit, spare
+    status, _ = solve_orbit(oscillator, orbit, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False))
+    return status == col.GOOD and head_of(orbit).amplitude > 0.0
 
 
 @kernel

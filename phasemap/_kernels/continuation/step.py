@@ -39,10 +39,8 @@ from phasemap._kernels.continuation.path import (
     tangent_row,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
-from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
-from phasemap._kernels.orbits.collocation.contacts import find_contacts
-from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
+from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.newton import determinant_of_return, floquet
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
@@ -55,9 +53,9 @@ from phasemap._kernels.orbits.collocation.system import (
     Equation,
     Head,
     Orbit,
+    another,
     element_of,
     head_of,
-    new_orbit,
 )
 from phasemap._kernels.records import assign
 
@@ -112,28 +110,21 @@ def move_along(head: Head, by: float, point: Point) -> None:
 
 
 @kernel(shared=True)
-def relay_orbit(path: Path, orbit: Orbit, spare: Orbit) -> bool:
-    """Lay `spare` for the contacts of `orbit` as its values stand now, and carry the orbit over."""
-    p, lever = standing_at(path, head_of(orbit).parameter)
-    level = head_of(orbit).level
-    if not find_contacts(p, path.tables, orbit) or not lay_elements(
-        Oscillator(path.law, p, lever), path.tables, spare, orbit, level
-    ):
-        return False
-    interpolate_motion(path.tables, orbit, spare)
-    return True
+def relay_orbit(path: Path, orbit: Orbit) -> bool:
+    """Lay an orbit's elements for its contacts as its values stand now."""
+    return lay_again(standing_at(path, head_of(orbit).parameter), orbit, head_of(orbit).level)
 
 
 @kernel(shared=True)
 def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: tuple[float, float, float]) -> bool:
     """Move an orbit whose equations are known along the curve's tangent, to row (z0, A, m) = row target."""
     m = head_of(orbit).parameter
-    lever = standing_at(path, m)[1]
+    lever = standing_at(path, m).lever
     right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
     held = held_equation(path, m), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
     if not solve_step(lever, orbit, drift_at(path, m), held):
         return False
-    apply_step(path.tables, lever, orbit, 1.0)
+    apply_step(lever, orbit, 1.0)
     return True
 
 
@@ -155,7 +146,7 @@ def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     point.tangent_u, point.tangent_v = t_u / length, t_v / length
     point.rate[ENTRY_Z0], point.rate[ENTRY_A], point.rate[ENTRY_M] = dz / length, da / length, dm / length
     point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
-    lever = standing_at(path, head.parameter)[1]
+    lever = standing_at(path, head.parameter).lever
     of, by = (head.amplitude, head.push, head.drag), (point.rate[ENTRY_A], point.rate[ENTRY_P], point.rate[ENTRY_S])
     value[ENTRY_SEEN], point.rate[ENTRY_SEEN] = seen_amplitude(lever, *of), seen_rate(lever, of, by)
     return math.isfinite(length)
@@ -179,10 +170,8 @@ def same_piece(path: Path, reach: float, before: Point, point: Point) -> bool:
 
 
 @kernel(shared=True)
-def next_point(
-    path: Path, point: Point, step: float, longest: float, orbit: Orbit, spare: Orbit, saved: Orbit
-) -> tuple[int, float, Orbit, Orbit]:
-    """Go to the next point of the curve; returns a status, the step to try next, the orbit and the spare room.
+def next_point(path: Path, point: Point, step: float, longest: float, orbit: Orbit, saved: Orbit) -> tuple[int, float]:
+    """Go to the next point of the curve; returns a status, and the step to try next.
 
     `saved` and `point` receive the orbit and the point that were left. The step to try next is `longest` at most.
     """
@@ -191,13 +180,12 @@ def next_point(
     assign(before, point)
     reach = reach_on(path, orbit)
     coarse = 1e-3 * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
-    contacts, hysteretic = head_of(orbit).contacts, standing_at(path, head_of(orbit).parameter)[0][col.RELEASE] != 0.0
+    contacts, hysteretic = head_of(orbit).contacts, standing_at(path, head_of(orbit).parameter).p[col.RELEASE] != 0.0
     row = tangent_row(path, reach, before)
     while step > SMALLEST_ARC_STEP:
         move_along(head_of(orbit), step, before)
-        if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit, spare):
-            orbit, spare = spare, orbit
-            status, steps, orbit, spare = solve_on(path, orbit, spare, row, coarse, 8, True)
+        if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit):
+            status, steps = solve_on(path, orbit, row, coarse, 8, True)
             # With a neck the curve ends where a contact is made or kept.
             if status == col.GOOD and not (hysteretic and head_of(orbit).contacts != contacts):
                 assign(point, before)
@@ -209,17 +197,15 @@ def next_point(
                     good = good and not wavy(path, reach, before, point)
                 if good:
                     growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
-                    return col.GOOD, min(step * growth, longest), orbit, spare
+                    return col.GOOD, min(step * growth, longest)
         copy_orbit(saved, orbit)
         step *= STEP_AFTER_FAILURE
     assign(point, before)
-    return col.NOT_CONVERGED, step, orbit, spare
+    return col.NOT_CONVERGED, step
 
 
 @kernel(shared=True)
-def settle_on_crossing(
-    path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit, spare: Orbit
-) -> tuple[bool, Orbit, Orbit]:
+def settle_on_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit) -> bool:
     """From an orbit near by, go to where an entry has the value wanted between two points; True if it is found there.
 
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
@@ -237,18 +223,17 @@ def settle_on_crossing(
     if head_of(orbit).equations != EQUATIONS_OTHER and not predict(
         path, orbit, way, (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])
     ):
-        return False, orbit, spare
+        return False
     head.tip_offset, head.amplitude, head.parameter = guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M]
     head.push, head.drag = guess[ENTRY_P], guess[ENTRY_S]
     row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
     if index == ENTRY_SEEN:
         row = way
-    if not relay_orbit(path, orbit, spare):
-        return False, orbit, spare
-    orbit, spare = spare, orbit
-    status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
+    if not relay_orbit(path, orbit):
+        return False
+    status, _ = solve_on(path, orbit, row, tolerance, 20, False)
     if status != col.GOOD:
-        return False, orbit, spare
+        return False
     here = Point()
     assign(here, after)
     good = mark_point(path, orbit, here)
@@ -258,10 +243,9 @@ def settle_on_crossing(
             break
         move_along(head_of(orbit), (value - here.value[ENTRY_SEEN]) / here.rate[ENTRY_SEEN], here)
         row = tangent_row(path, reach_on(path, orbit), here)
-        if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit, spare):
-            return False, orbit, spare
-        orbit, spare = spare, orbit
-        status, _, orbit, spare = solve_on(path, orbit, spare, row, tolerance, 20, False)
+        if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit):
+            return False
+        status, _ = solve_on(path, orbit, row, tolerance, 20, False)
         good = status == col.GOOD and mark_point(path, orbit, here)
     good = good and (index != ENTRY_SEEN or abs(here.value[ENTRY_SEEN] - value) <= SEEN_ENOUGH * value)
     other = answer_entry(path) if index == control_entry(path) else control_entry(path)
@@ -272,17 +256,15 @@ def settle_on_crossing(
     else:
         slack += 1e-3 * gap_scale(reach_on(path, orbit), here.value[ENTRY_Z0], here.value[ENTRY_A])
     if not low - slack <= here.value[other] <= high + slack:
-        return False, orbit, spare
+        return False
     good = good and here.rate[index] * (after.value[index] - last.value[index]) > 0.0
     if good:
         assign(last, here)
-    return good, orbit, spare
+    return good
 
 
 @kernel
-def find_crossing(
-    path: Path, wanted: Wanted, start: Place, last: Point, after: Point, orbit: Orbit, spare: Orbit
-) -> tuple[bool, Orbit, Orbit]:
+def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: Point, orbit: Orbit) -> bool:
     """Find the orbit where an entry has the value wanted between two places, from the orbit (near by; lost).
 
     `last` is a point between the first and the value; it becomes the one that is found. Where Newton's method lands on
@@ -297,10 +279,10 @@ def find_crossing(
             1e-2 * abs((after.value[ENTRY_Z0] - before.value[ENTRY_Z0]) / (after.value[index] - before.value[index])),
         )
     wanted = Wanted(index, value, tolerance)
-    good, orbit, spare = settle_on_crossing(path, wanted, last, after, orbit, spare)
+    good = settle_on_crossing(path, wanted, last, after, orbit)
     if good:
-        return True, orbit, spare
-    low, high, room, begin_orbit = Point(), Point(), new_orbit(path.lever), new_orbit(path.lever)
+        return True
+    low, high, room, begin_orbit = Point(), Point(), another(orbit), another(orbit)
     assign(low, before)
     assign(high, after)
     copy_orbit(start.orbit, begin_orbit)
@@ -310,9 +292,9 @@ def find_crossing(
         assign(between, low)
         share = (value - low.value[index]) / (high.value[index] - low.value[index])
         step = high.length * min(max(share, 0.1), 0.9)
-        status, _, orbit, spare = next_point(path, between, step, LARGEST_ARC_STEP, orbit, spare, room)
+        status, _ = next_point(path, between, step, LARGEST_ARC_STEP, orbit, room)
         if status != col.GOOD:
-            return False, orbit, spare
+            return False
         if (between.value[index] > value) == (high.value[index] > value):
             assign(high, between)
         else:
@@ -320,8 +302,8 @@ def find_crossing(
             assign(low, between)
             copy_orbit(orbit, begin_orbit)
         assign(last, low)
-        good, orbit, spare = settle_on_crossing(path, wanted, last, high, orbit, spare)
+        good = settle_on_crossing(path, wanted, last, high, orbit)
         if good:
-            return True, orbit, spare
+            return True
     assign(last, before)
-    return False, orbit, spare
+    return False

@@ -35,6 +35,8 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
     put_averaged_orbit,
 )
+from phasemap._kernels.orbits.response.orbit import largest_branch_distance
+from phasemap._kernels.records import clear
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
 # What averaging says of the branch.
@@ -142,3 +144,42 @@ def settle_side(
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
     return fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)
+
+
+@kernel
+def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
+    law, p, lever = oscillator
+    if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or not near_resonance(lever):
+        return False
+    reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
+    find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+    found = fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)
+    return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < largest_branch_distance(lever, amplitude)
+
+
+@kernel
+def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
+    """Where nothing attracts a tip driven at the resonance or below, its amplitude falls all the way, from any orbit.
+
+    Repulsion moves the resonance up and away from such a drive; one above the resonance it would bring nearer.
+    """
+    attracted = p[col.PULL] != 0.0 or p[col.LONGRANGE] != 0.0 or p[col.BIAS] != 0.0
+    return not attracted and near_resonance(lever) and lever[col.OMEGA] <= 1.0
+
+
+@kernel
+def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
+    clear(top)
+    top.behind = -1e-3 * amplitude
+    known = fill_averaged_orbit_on_side(oscillator, 0.0, amplitude, REPULSIVE, top, guess)
+    return known and not rebounds(oscillator, guess[col.G_P])
+
+
+@kernel
+def sure_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged orbit that a tip from far comes to, on any surface; False if that is not sure."""
+    if has_one_orbit(oscillator.p, oscillator.lever):
+        return only_orbit(oscillator, amplitude, top, guess)
+    return engage_by_averaging(oscillator, amplitude, guess, top) == SURE

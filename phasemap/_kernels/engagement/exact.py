@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import extreme_between
-from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point
+from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point, fixed_path, standing_at
 from phasemap._kernels.continuation.piece import turn_between
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
@@ -29,14 +29,19 @@ from phasemap._kernels.continuation.step import (
     mark_point,
     next_point,
 )
-from phasemap._kernels.engagement.averaged import settle_side, worst_amplitude
+from phasemap._kernels.engagement.averaged import LEAP, SURE, settle_side, worst_amplitude
+from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.resonance import leaps, low_q_margin_factor, side_reached_from_far
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
+from phasemap._kernels.orbits.collocation.impact import begin_impact
+from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
-from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit
+from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.system import Orbit, another, head_of, new_orbit
+from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.records import assign, clear, record
 
 MOST_APPROACH_POINTS = 1500
@@ -44,11 +49,14 @@ LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an 
 HIGHER = (0.3, 0.7)  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
 
 
+# Of the way from the setpoint to the free amplitude: where a short contact holds the lever, and its orbit is begun at.
+NEARER = (0.2, 0.5, 0.8)
+
+
 class Rooms(NamedTuple):
     """Orbits to work with; `found` is the one at the setpoint."""
 
     orbit: Orbit
-    spare: Orbit
     saved: Orbit
     found: Orbit
 
@@ -69,8 +77,8 @@ class Descent:
 
 @kernel
 def descend(
-    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit, spare: Orbit
-) -> tuple[int, Orbit, Orbit]:  # fmt: skip
+    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit
+) -> int:  # fmt: skip
     """Go on from one point of the curve to another, whose orbit is `near`, with no turn of the amplitude between.
 
     GOOD where the tip stops, on the orbit `found`, PENDING where it goes on; NOT_CONVERGED where it comes to an orbit
@@ -82,74 +90,75 @@ def descend(
         last = Point()
         assign(last, before)
         copy_orbit(near, found)
-        good, found, spare = find_crossing(path, wanted, start, last, after, found, spare)
+        good = find_crossing(path, wanted, start, last, after, found)
         if not good:
-            return col.NOT_CONVERGED, found, spare
+            return col.NOT_CONVERGED
         way.crossed = 1
     elif to_a > amplitude >= from_a and z0 >= way.lowest:
         way.crossed = 0  # the tip lands before that crossing
     if way.crossed == 1 and z0 < way.lowest:
-        return col.GOOD, found, spare
+        return col.GOOD
     if z0 < way.lowest and after.determinant > 0.0 and not after.floquet < 1.0:
-        return col.NOT_CONVERGED, found, spare  # the tip leaves the curve, and not by a fold that lies between
+        return col.NOT_CONVERGED  # the tip leaves the curve, and not by a fold that lies between
     way.lowest = min(way.lowest, z0)
-    return col.PENDING, found, spare
+    return col.PENDING
 
 
 @kernel
 def descend_by_turn(
-    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit, spare: Orbit
-) -> tuple[int, Orbit, Orbit]:  # fmt: skip
+    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit
+) -> int:  # fmt: skip
     """As `descend`, by the point between where the amplitude turns if it may just reach the setpoint there."""
     if not extreme_between(start.point, after, ENTRY_A, wanted.value) > 0.0:
-        return descend(path, wanted, start, after, near, way, found, spare)
-    turn, top, end = Point(), new_orbit(path.lever), Point()
+        return descend(path, wanted, start, after, near, way, found)
+    turn, top, end = Point(), another(found), Point()
     level = head_of(near).level
-    good, top, spare = turn_between(path, start, after, ENTRY_A, level, wanted.tolerance, top, spare, turn)
+    good = turn_between(path, start, after, ENTRY_A, level, wanted.tolerance, top, turn)
     if not good:
-        return col.NOT_CONVERGED, found, spare
-    status, found, spare = descend(path, wanted, start, turn, top, way, found, spare)
+        return col.NOT_CONVERGED
+    status = descend(path, wanted, start, turn, top, way, found)
     if status != col.PENDING:
-        return status, found, spare
+        return status
     assign(end, after)
     end.length -= turn.length
-    return descend(path, wanted, Place(turn, top), end, near, way, found, spare)
+    return descend(path, wanted, Place(turn, top), end, near, way, found)
 
 
 @kernel
-def lower_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) -> tuple[int, Rooms]:
+def lower_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) -> int:
     """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, in `found` of the rooms."""
-    orbit, spare, saved, found = rooms
+    orbit, saved, found = rooms
     amplitude, step, way = wanted.value, FIRST_ARC_STEP, Descent()
     way.lowest = math.inf
     highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
-        status, step, orbit, spare = next_point(path, point, step, LARGEST_ARC_STEP, orbit, spare, saved)
+        status, step = next_point(path, point, step, LARGEST_ARC_STEP, orbit, saved)
         if status == col.GOOD:
-            status, found, spare = descend_by_turn(path, wanted, Place(before, saved), point, orbit, way, found, spare)
+            status = descend_by_turn(path, wanted, Place(before, saved), point, orbit, way, found)
         if status != col.PENDING:
-            lost = status != col.GOOD and pressed_in(Oscillator(path.law, path.p, path.lever), orbit)
-            return col.NO_STABLE_ORBIT if lost else status, Rooms(orbit, spare, saved, found)
+            lost = status != col.GOOD and pressed_in(standing_at(path, 0.0), orbit)
+            return col.NO_STABLE_ORBIT if lost else status
         z0, a, contacts = point.value[ENTRY_Z0], point.value[ENTRY_A], head_of(orbit).contacts
         away = z0 > highest and contacts == 0 and a < 2.0 * free_amplitude(path.lever)
         if point.floquet > LINGERING or away:
-            return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
+            return col.NOT_CONVERGED
         if contacts == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
             break
-    return col.NO_STABLE_ORBIT, Rooms(orbit, spare, saved, found)
+    return col.NO_STABLE_ORBIT
 
 
 @kernel
-def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit, spare: Orbit) -> tuple[bool, Orbit, Orbit]:
+def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> bool:
     """Begin the curve at an amplitude at which the tip is surely on the attractive branch; False if none is known."""
-    law, p, lever, tables = path.law, path.p, path.lever, path.tables
-    oscillator, reach, free = Oscillator(law, p, lever), reach_of(law, p), free_amplitude(lever)
+    oscillator = standing_at(path, 0.0)
+    law, p, lever = oscillator
+    reach, free = reach_of(law, p), free_amplitude(lever)
     if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or low_q(lever):
-        return False, orbit, spare
+        return False
     if not near_resonance(lever) or leaps(lever, reach, free):
-        return False, orbit, spare
+        return False
     guess, top, worst, sure = np.zeros(col.GUESS), Maximum(), worst_amplitude(lever, wanted.value), False
     for share in HIGHER:
         higher = worst + share * (free - worst)
@@ -157,29 +166,95 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit, spar
         sure = side == ATTRACTIVE and settle_side(oscillator, reach, higher, side, top, guess)
         if sure:
             break
-    if not sure or not begin_harmonic(oscillator, tables, orbit, guess, 0):
-        return False, orbit, spare
-    status, _, orbit, spare = solve_at_amplitude(oscillator, tables, orbit, spare, 0, wanted.tolerance, 12)
+    if not sure or not begin_harmonic(oscillator, orbit, guess, 0):
+        return False
+    status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, 12)
     clear(point)
     point.tangent_v = -1.0
     good = status == col.GOOD and mark_point(path, orbit, point)
-    good = good and point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0
-    return good, orbit, spare
+    return good and point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0
 
 
 @kernel
-def engage_along_exact_curve(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
+def engage_along_exact_curve(path: Path, wanted: Wanted, rooms: Rooms) -> int:
     """Exact orbit that holds the amplitude wanted after the approach from far, in `found` of the rooms.
 
     NOT_CONVERGED where only time tells.
     """
-    orbit, spare, saved, found = rooms
-    point = Point()
-    good, orbit, spare = start_on_branch(path, wanted, point, orbit, spare)
-    if not good:
-        status, orbit, spare = start_far(path, orbit, spare, wanted.value, 0)
+    orbit, point = rooms.orbit, Point()
+    if not start_on_branch(path, wanted, point, orbit):
+        status = start_far(path, orbit, wanted.value, 0)
         clear(point)
         point.tangent_u = -1.0
         if status != col.GOOD or not mark_point(path, orbit, point):
-            return col.NOT_CONVERGED, Rooms(orbit, spare, saved, found)
-    return lower_along_curve(path, wanted, point, Rooms(orbit, spare, saved, found))
+            return col.NOT_CONVERGED
+    return lower_along_curve(path, wanted, point, rooms)
+
+
+@kernel
+def _orbit_near(oscillator: Oscillator, guess: np.ndarray, rooms: Rooms, row: np.ndarray) -> bool:
+    """Exact orbit near the averaged one, in `found` of the rooms: whether it is on its branch, and can be held."""
+    done, away = orbit_near(oscillator, guess, rooms.found, row)
+    same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
+    near = away < largest_branch_distance(oscillator.lever, guess[col.G_A])
+    return done == col.GOOD and same and near
+
+
+@kernel
+def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> int:
+    """Repulsive orbit at the setpoint of a lever of low Q, from one of larger amplitude that a short contact holds."""
+    oscillator, amplitude, orbit = standing_at(path, 0.0), wanted.value, rooms.orbit
+    for share in NEARER:
+        higher = amplitude + share * (free_amplitude(path.lever) - amplitude)
+        if not begin_impact(oscillator, orbit, higher, 0):
+            continue
+        status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, MOST_STEPS_NEARBY)
+        point = Point()
+        point.tangent_v = -1.0
+        if status == col.GOOD and head_of(orbit).push > 0.0 and mark_point(path, orbit, point) and point.floquet < 1.0:
+            return lower_along_curve(path, wanted, point, rooms)
+    return col.NOT_CONVERGED
+
+
+@kernel
+def orbit_along_curve(oscillator: Oscillator, amplitude: float, repulsive: bool, rooms: Rooms, row: np.ndarray) -> int:
+    """Exact orbit at which a tip stops that is lowered, in `found` of the rooms and its row; returns a status.
+
+    `repulsive`: whether it is known to be a repulsive one.
+    """
+    path, wanted = fixed_path(oscillator), Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
+    done = col.NOT_CONVERGED
+    if repulsive and low_q(oscillator.lever):
+        done = _orbit_from_nearer(path, wanted, rooms)
+    if done != col.GOOD:
+        done = engage_along_exact_curve(path, wanted, rooms)
+    if done == col.GOOD:
+        done = refine_orbit(oscillator, rooms.found, row)
+    return feedback_status(row) if done == col.GOOD else done
+
+
+@kernel
+def exact_orbit(
+    oscillator: Oscillator, amplitude: float, surety: int, guess: np.ndarray,
+    rooms: Rooms, row: np.ndarray,
+) -> int:  # fmt: skip
+    """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
+
+    Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
+    """
+    if surety == LEAP:
+        row[:] = math.nan
+        return col.NOT_CONVERGED
+    if surety == SURE and _orbit_near(oscillator, guess, rooms, row):
+        return col.GOOD
+    repulsive = surety == SURE and guess[col.G_P] > 0.0
+    done = orbit_along_curve(oscillator, amplitude, repulsive, rooms, row)
+    if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * amplitude):
+        done = col.NOT_CONVERGED
+    return done
+
+
+@kernel
+def new_rooms(lever: np.ndarray, tables: np.ndarray) -> Rooms:
+    """Room for orbits of this lever."""
+    return Rooms(new_orbit(lever, tables), new_orbit(lever, tables), new_orbit(lever, tables))

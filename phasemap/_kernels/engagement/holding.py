@@ -15,6 +15,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.averaged import has_one_orbit, sure_orbit
 from phasemap._kernels.engagement.averages import (
     Errors,
     LockIn,
@@ -36,12 +37,23 @@ from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.excitation import seen_phasor, sees_tip
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.averaged.row import averaged_row
+from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE
 from phasemap._kernels.orbits.time.elements import CONTACT_MODE
 from phasemap._kernels.orbits.time.forming import form_dents
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, skip
-from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, divide_result, new_state
+from phasemap._kernels.orbits.time.tip import (
+    Z0,
+    PeriodMap,
+    PeriodResult,
+    Periods,
+    Tip,
+    divide_result,
+    new_state,
+    ring_down_periods,
+)
 from phasemap._kernels.records import record
 
 if TYPE_CHECKING:
@@ -69,6 +81,9 @@ SERIES_START = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which groups miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
+SECOND_TRY = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
+NEAR_TIMES = 5.0  # ring-down times in which a tip comes to rest that starts next to its orbit
+NEAR_PERIODS = 40  # and at least so many periods
 
 
 @kernel
@@ -348,6 +363,29 @@ def settle_dents(oscillator: Oscillator, amplitude: float, eta: float, most: int
     if not form_dents(oscillator, tolerance, amplitude, most, tip):
         return False
     return hold_near(oscillator, amplitude, eta, most, repelled, tip, row)
+
+
+@kernel
+def settle_remembering(
+    oscillator: Oscillator, amplitude: float, eta: float, most: int, top: Maximum, guess: np.ndarray, row: np.ndarray
+) -> int:
+    """Motion over a surface that remembers, started from the averaged orbit; PENDING where averaging is not sure of it.
+
+    Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
+    """
+    p, lever = oscillator.p, oscillator.lever
+    if not sure_orbit(oscillator, amplitude, top, guess):
+        return col.PENDING
+    if has_one_orbit(p, lever):
+        averaged_row(lever, guess, row)
+        return settle(oscillator, amplitude, eta, most, row)
+    near = min(most, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
+    for finer in (1.0, SECOND_TRY):
+        averaged_row(lever, guess, row)
+        if settle_near(oscillator, amplitude, finer * eta, near, row):
+            return col.GOOD
+    averaged_row(lever, guess, row)
+    return col.GOOD if settle_dents(oscillator, amplitude, eta, most, row) else col.PENDING
 
 
 @kernel

@@ -68,7 +68,8 @@ from phasemap._kernels.engagement.stuck import (
     sticks,
 )
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, free_phasor
+from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of, scale_of
+from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, march_tip, rest, skip
 from phasemap._kernels.orbits.time.tip import (
     Z0,
@@ -241,6 +242,15 @@ def share_before_ringing(oscillator: Oscillator, most: int) -> float:
         far = abs(lever[col.DYNAMIC_STIFFNESS]) > FAR_BESIDE
         return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else WITHOUT_RINGING
     return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most else HASTY_SHARE
+
+
+@kernel
+def engage_by_march(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
+    """Engage from so far that the surface hardly matters, as `approach_by_march`."""
+    law, p, lever = oscillator
+    free = free_amplitude(lever)
+    z0 = free * far_start(oscillator, reach_of(law, p), free, amplitude)
+    return approach_by_march(oscillator, amplitude, z0, 0.1 * scale_of(oscillator, free) + 1e-3 * free, eta, most, row)
 
 
 @kernel

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.columns import G_P, G_Z0, GOOD, KNOWN, NOT_CONVERGED, PENDING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, settle_side, worst_amplitude
@@ -21,9 +22,12 @@ from phasemap._kernels.engagement.end import (
 )
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import phase_of, reach_of
+from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
+from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
+from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
 
 
 @kernel
@@ -66,3 +70,29 @@ def cheap_orbit(
         return KNOWN
     guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
     return GOOD
+
+
+@kernel
+def averaging_suffices(
+    lever: np.ndarray, guess: np.ndarray, state: PassState, limits: np.ndarray, row: np.ndarray
+) -> bool:
+    """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
+    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state.phase) + state.phase_error
+    height_error = abs(guess[col.G_Z0] - state.tip_offset) + state.tip_offset_error
+    if not (phase_error < limits[0] and height_error < limits[1]):
+        return False
+    averaged_row(lever, guess, row)
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
+    return True
+
+
+@kernel
+def choose(
+    lever: np.ndarray, guess: np.ndarray, nodes: Nodes, state: PassState, average: bool, limits: np.ndarray,
+    row: np.ndarray,
+) -> int:  # fmt: skip
+    """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""
+    if average and averaging_suffices(lever, guess, state, limits, row):
+        return col.AVERAGING
+    fill_row_from_passes(lever, nodes, state, row)
+    return col.CORRECTED

@@ -48,7 +48,7 @@ def nodes_from_response(f: Nodes, amplitude: float, e: float, longrange: bool, a
 
 
 @kernel
-def nodes_from_collocation(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, at: OrbitNodes) -> None:
+def nodes_from_collocation(oscillator: Oscillator, orbit: Orbit, at: OrbitNodes) -> None:
     """Fill nodes from those of collocation; elements on which nothing acts are left out."""
     head = head_of(orbit)
     at.count, at.begins, at.ends = 0, 0.0, 0.0
@@ -65,7 +65,7 @@ def nodes_from_collocation(oscillator: Oscillator, tables: np.ndarray, orbit: Or
             at.cos[k], at.sin[k] = one.cos[j], one.sin[j]
             at.depth[k] = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
             at.rate[k] = one.u[j] - head.amplitude * one.sin[j]
-            at.weight[k] = one.scale * tables[one.table, T_END1, j]
+            at.weight[k] = one.scale * orbit.tables[one.table, T_END1, j]
             at.touches[k] = 0.0 if one.side == OUT_OF_CONTACT else 1.0
         at.count += NODES
 

@@ -1,7 +1,6 @@
 """Loops over materials: a problem's rows in, result rows out; the only kernels that Python calls for them.
 
-`fast` has the averaged orbits and those by the lever's response, `exact` those by collocation, `marched` those in
-time, `seen` those at which the detector shows the setpoint, `nearby` those that begin from a neighbour. `other_branch`
-and `other_branch_exact` ask for the orbit that the tip is not on, `branch_known` and `derivatives` for one on a branch
-that is known. `along_orbit` has the nodes for integrals over an orbit, `forces` and `adhesion` these.
+`fast` has the averaged orbits and those by the lever's response, also on the branch that the tip is not on, `exact`
+those by collocation, `marched` those in time, `seen` those at which the detector shows the setpoint, `derivatives`
+those on a branch that is known, and `integrals` what is pixels of an orbit that is solved.
 """

@@ -1,10 +1,28 @@
-"""What solvers and the loops over rows fill."""
+"""What the loops over rows are given, and what they fill."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, Oscillator, parameters
+
+
+class Pixels(NamedTuple):
+    """n materials under a lever, and the amplitude that is held on each."""
+
+    law: Law
+    rows: np.ndarray  # shape (n, ROW)
+    lever: np.ndarray
+    amplitudes: np.ndarray  # shape (n,); of the tip, or as the detector sees it [m]
+
+
+@kernel(light=True)
+def oscillator_of(pixels: Pixels, i: int) -> Oscillator:
+    """The lever over material i."""
+    return Oscillator(pixels.law, parameters(pixels.rows[i]), pixels.lever)
 
 
 class Answers(NamedTuple):

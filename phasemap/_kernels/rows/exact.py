@@ -1,4 +1,4 @@
-"""Orbits by collocation, for the pixels that the cheap path leaves, and every orbit of one pixel.
+"""Loops over pixels for orbits by collocation: those that the cheap path leaves, and those beside known ones.
 
 Which orbit the controller finds is decided alike for all solvers: by averaging where that is safe, by the fold at the
 end of the attractive branch, and along the curve of exact orbits where that is not enough.
@@ -7,145 +7,141 @@ end of the attractive branch, and along the curve of exact orbits where that is 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import ENTRY_A, Path, Point, fixed_path
-from phasemap._kernels.continuation.step import Wanted, mark_point
-from phasemap._kernels.engagement.averaged import LEAP, SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact import Rooms, engage_along_exact_curve, lower_along_curve
-from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, low_q
+from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
+from phasemap._kernels.engagement.exact import (
+    exact_orbit,
+    new_rooms,
+)
 from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near
-from phasemap._kernels.orbits.collocation.newton import solve_at_amplitude
-from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
+from phasemap._kernels.orbits.collocation.near import (
+    guess_of_row,
+    orbit_from,
+    orbit_near,
+    same_orbit,
+)
+from phasemap._kernels.orbits.collocation.system import new_orbit
 from phasemap._kernels.orbits.kept import keep_nodes, nodes_from_collocation
-from phasemap._kernels.orbits.response.orbit import largest_branch_distance
-from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
-# Of the way from the setpoint to the free amplitude: where a short contact holds the lever, and its orbit is begun at.
-NEARER = (0.2, 0.5, 0.8)
+MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
 
 
-@kernel
-def _orbit_near(
-    oscillator: Oscillator, tables: np.ndarray, guess: np.ndarray, rooms: Rooms, row: np.ndarray
-) -> tuple[bool, Rooms]:
-    """Exact orbit near the averaged one, in `found` of the rooms: whether it is on its branch, and can be held."""
-    orbit, spare, saved, found = rooms
-    done, away, found, spare = orbit_near(oscillator, tables, guess, found, spare, row)
-    same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
-    near = away < largest_branch_distance(oscillator.lever, guess[col.G_A])
-    return done == col.GOOD and same and near, Rooms(orbit, spare, saved, found)
+class NearbyGuesses(NamedTuple):
+    """Where orbits of n materials are expected, shape (n,) each."""
+
+    amplitudes: np.ndarray  # that are held [m]
+    offsets: np.ndarray  # of the tip [m]
+    means: np.ndarray  # deflection [m]
+    phases: np.ndarray  # [rad]
+    away: np.ndarray  # how far off the tip offset may be [m]
 
 
 @kernel
-def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> tuple[int, Rooms]:
-    """Repulsive orbit at the setpoint of a lever of low Q, from one of larger amplitude that a short contact holds."""
-    oscillator, tables, amplitude = Oscillator(path.law, path.p, path.lever), path.tables, wanted.value
-    for share in NEARER:
-        orbit, spare, saved, found = rooms
-        higher = amplitude + share * (free_amplitude(path.lever) - amplitude)
-        if not begin_impact(oscillator, tables, orbit, higher, 0):
-            continue
-        status, _, orbit, spare = solve_at_amplitude(
-            oscillator, tables, orbit, spare, 0, wanted.tolerance, MOST_STEPS_NEARBY
-        )
-        point, rooms = Point(), Rooms(orbit, spare, saved, found)
-        point.tangent_v = -1.0
-        if status == col.GOOD and head_of(orbit).push > 0.0 and mark_point(path, orbit, point) and point.floquet < 1.0:
-            return lower_along_curve(path, wanted, point, rooms)
-    return col.NOT_CONVERGED, rooms
-
-
-@kernel
-def orbit_along_curve(
-    oscillator: Oscillator, tables: np.ndarray, amplitude: float, repulsive: bool, rooms: Rooms, row: np.ndarray
-) -> tuple[int, Rooms]:
-    """Exact orbit at which a tip stops that is lowered, in `found` of the rooms and its row; returns a status.
-
-    `repulsive`: whether it is known to be a repulsive one.
-    """
-    path, wanted = fixed_path(oscillator, tables), Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
-    done = col.NOT_CONVERGED
-    if repulsive and low_q(oscillator.lever):
-        done, rooms = _orbit_from_nearer(path, wanted, rooms)
-    if done != col.GOOD:
-        done, rooms = engage_along_exact_curve(path, wanted, rooms)
-    orbit, spare, saved, found = rooms
-    if done == col.GOOD:
-        done, found, spare = refine_orbit(oscillator, tables, found, spare, row)
-    return feedback_status(row) if done == col.GOOD else done, Rooms(orbit, spare, saved, found)
-
-
-@kernel
-def exact_orbit(
-    oscillator: Oscillator, tables: np.ndarray, amplitude: float, surety: int, guess: np.ndarray,
-    rooms: Rooms, row: np.ndarray,
-) -> tuple[int, Rooms]:  # fmt: skip
-    """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
-
-    Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
-    """
-    if surety == LEAP:
-        row[:] = math.nan
-        return col.NOT_CONVERGED, rooms
-    if surety == SURE:
-        good, rooms = _orbit_near(oscillator, tables, guess, rooms, row)
-        if good:
-            return col.GOOD, rooms
-    repulsive = surety == SURE and guess[col.G_P] > 0.0
-    done, rooms = orbit_along_curve(oscillator, tables, amplitude, repulsive, rooms, row)
-    if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * amplitude):
-        done = col.NOT_CONVERGED
-    return done, rooms
-
-
-@kernel
-def new_rooms(lever: np.ndarray) -> Rooms:
-    """Room for orbits of this lever."""
-    return Rooms(new_orbit(lever), new_orbit(lever), new_orbit(lever), new_orbit(lever))
-
-
-@kernel
-def exact_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    tables: np.ndarray,
-    amplitudes: np.ndarray,
-    first: int,
-    last: int,
-    answers: Answers,
-) -> None:
+def exact_rows(pixels: Pixels, tables: np.ndarray, first: int, last: int, answers: Answers) -> None:
     """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
-    rooms = new_rooms(lever)
+    rooms = new_rooms(pixels.lever, tables)
     guess, top, at = np.zeros(col.GUESS), Maximum(), OrbitNodes()
     for i in range(first, last):
         if status[i] != col.PENDING:
             continue
-        p, amplitude, row, surety = parameters(rows[i]), amplitudes[i], out[i, : col.COLUMNS], SURE
+        oscillator, amplitude, row, surety = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS], SURE
         for j in range(len(guess)):
             guess[j] = row[j]
         if math.isnan(guess[0]):
-            surety = engage_by_averaging(Oscillator(law, p, lever), amplitude, guess, top)
+            surety = engage_by_averaging(oscillator, amplitude, guess, top)
         row[:] = math.nan
-        oscillator = Oscillator(law, p, lever)
-        status[i], rooms = exact_orbit(oscillator, tables, amplitude, surety, guess, rooms, row)
-        solver[i] = col.ORBIT
+        status[i], solver[i] = exact_orbit(oscillator, amplitude, surety, guess, rooms, row), col.ORBIT
         if status[i] != col.GOOD:
             row[:] = math.nan
             continue
-        estimate_errors(oscillator, tables, rooms.found, rooms.spare, row)
+        estimate_errors(oscillator, rooms.found, row)
         if out.shape[1] > col.COLUMNS:
-            nodes_from_collocation(oscillator, tables, rooms.found, at)
+            nodes_from_collocation(oscillator, rooms.found, at)
             keep_nodes(at, out[i])
+
+
+@kernel
+def rows_beside(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
+    """Replace each result row of the tip by that of the exact orbit beside it; `done` says where there is one."""
+    orbit, guess, row = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT), np.zeros(col.COLUMNS)
+    for i in range(len(out)):
+        oscillator, near = oscillator_of(pixels, i), out[i]
+        guess_of_row(pixels.lever, near, guess)
+        guess[col.G_A] = pixels.amplitudes[i]
+        status, _ = orbit_near(oscillator, guess, orbit, row)
+        done[i] = status == col.GOOD and same_orbit(row, near)
+        if done[i]:
+            estimate_errors(oscillator, orbit, row)
+            copy(row, near)
+
+
+@kernel
+def nearby_rows(
+    pixels: Pixels, tables: np.ndarray, guesses: NearbyGuesses, group: int, out: np.ndarray, status: np.ndarray
+) -> None:
+    """Fill in the orbit of every row next to its guess.
+
+    An orbit farther away, or one that is not stable, gets the status NOT_CONVERGED. So many rows as are a `group`, one
+    after another, are close to each other: each may start from the one before.
+    """
+    orbit, guess = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT)
+    for i in range(len(out)):
+        oscillator, row, z0 = oscillator_of(pixels, i), out[i], guesses.offsets[i]
+        row[col.AMPLITUDE], row[col.TIP_OFFSET] = guesses.amplitudes[i], z0
+        row[col.MEAN], row[col.PHASE] = guesses.means[i], guesses.phases[i]
+        guess_of_row(pixels.lever, row, guess)
+        done = col.NOT_CONVERGED
+        for warm in (True, False):
+            if warm and (i % group == 0 or status[i - 1] != col.GOOD):
+                continue
+            done = orbit_from(oscillator, guess, orbit, row) if warm else orbit_near(oscillator, guess, orbit, row)[0]
+            if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]:
+                break
+            done = col.NOT_CONVERGED
+        if done != col.GOOD:
+            row[:] = math.nan
+        status[i] = done
+
+
+@kernel
+def exact_near_rows(pixels: Pixels, tables: np.ndarray, first: int, last: int, answers: Answers) -> int:
+    """Exact orbits for what `fast.other_rows` left PENDING, where they are found; returns how many still wait.
+
+    A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
+    are tried too.
+    """
+    out, status, solver = answers
+    orbit, guess, waiting = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT), 0
+    for i in range(first, last):
+        oscillator, left = oscillator_of(pixels, i), False
+        for slot in range(ENGAGED):
+            if status[slot, i] != col.PENDING:
+                continue
+            row = out[slot, i]
+            for j in range(len(guess)):
+                guess[j] = row[j]
+            for _ in range(MOST_STARTS):
+                if math.isnan(guess[col.G_Z0]):
+                    break
+                done, _ = orbit_near(oscillator, guess, orbit, row)
+                if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
+                    status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
+                    estimate_errors(oscillator, orbit, row)
+                    break
+                guess[col.G_Z0] += FARTHER_START * pixels.amplitudes[i]
+            if status[slot, i] == col.PENDING:
+                row[:] = math.nan
+                left = True
+        waiting += left
+    return waiting

@@ -12,11 +12,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
+from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.response import cheap_orbit
-from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import near_resonance, phase_of, reach_of
+from phasemap._kernels.engagement.averaged import SURE, averaged_beside, engage_by_averaging
+from phasemap._kernels.engagement.other_branch import orbit_on
+from phasemap._kernels.engagement.response import cheap_orbit, choose
 from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
@@ -24,67 +24,27 @@ from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
     REPULSIVE,
     Maximum,
-    fill_averaged_orbit_on_side,
-    find_mismatch_maximum,
 )
 from phasemap._kernels.orbits.kept import FAINT_DRIVE, keep_nodes, nodes_from_response
-from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.orbit import Room, largest_branch_distance, nodes_of_solution
-from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
-from phasemap._kernels.rows.answers import Answers
+from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution
+from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
 @kernel
-def averaging_suffices(
-    lever: np.ndarray, guess: np.ndarray, state: PassState, limits: np.ndarray, row: np.ndarray
-) -> bool:
-    """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
-    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state.phase) + state.phase_error
-    height_error = abs(guess[col.G_Z0] - state.tip_offset) + state.tip_offset_error
-    if not (phase_error < limits[0] and height_error < limits[1]):
-        return False
-    averaged_row(lever, guess, row)
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
-    return True
-
-
-@kernel
-def choose(
-    lever: np.ndarray, guess: np.ndarray, nodes: Nodes, state: PassState, average: bool, limits: np.ndarray,
-    row: np.ndarray,
-) -> int:  # fmt: skip
-    """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""
-    if average and averaging_suffices(lever, guess, state, limits, row):
-        return col.AVERAGING
-    fill_row_from_passes(lever, nodes, state, row)
-    return col.CORRECTED
-
-
-@kernel
-def cheap_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    amplitudes: np.ndarray,
-    limits: np.ndarray,
-    average: bool,
-    first: int,
-    last: int,
-    answers: Answers,
-) -> int:
+def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, first: int, last: int, answers: Answers) -> int:
     """Orbit of every row in [first, last) after engagement, where the cheap path is good enough; returns how many wait.
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
     stand. Rows that wait hold `guess` where their averaged orbit is known. Rows with room keep the nodes of the orbit
     (`kept`).
     """
-    out, status, solver = answers
+    (out, status, solver), lever = answers, pixels.lever
     room, at, guess, waiting = Room(), OrbitNodes(), np.zeros(col.GUESS), 0
     for i in range(first, last):
-        p, amplitude, row = parameters(rows[i]), amplitudes[i], out[i][: col.COLUMNS]
+        oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage_by_averaging(Oscillator(law, p, lever), amplitude, guess, room.top)
-        status[i] = cheap_orbit(Oscillator(law, p, lever), amplitude, surety, limits, guess, room)
+        surety = engage_by_averaging(oscillator, amplitude, guess, room.top)
+        status[i] = cheap_orbit(oscillator, amplitude, surety, limits, guess, room)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.KNOWN:
@@ -94,25 +54,23 @@ def cheap_rows(
             solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
-                    f, longrange = nodes_of_solution(room), p[col.LONGRANGE] != 0.0
+                    f, longrange = nodes_of_solution(room), oscillator.p[col.LONGRANGE] != 0.0
                     nodes_from_response(f, amplitude, room.state.centre, longrange, at)
                     keep_nodes(at, out[i])
     return waiting
 
 
 @kernel
-def averaging_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, first: int, last: int, answers: Answers
-) -> int:
+def averaging_rows(pixels: Pixels, first: int, last: int, answers: Answers) -> int:
     """First-order averaged orbit of every row in [first, last) where averaging decides; returns how many wait."""
     out, status, solver = answers
     guess, top, waiting = np.zeros(col.GUESS), Maximum(), 0
     for i in range(first, last):
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        if engage_by_averaging(Oscillator(law, parameters(rows[i]), lever), amplitudes[i], guess, top) == SURE:
+        if engage_by_averaging(oscillator_of(pixels, i), pixels.amplitudes[i], guess, top) == SURE:
             status[i] = col.GOOD
-            averaged_row(lever, guess, out[i])
+            averaged_row(pixels.lever, guess, out[i])
         else:
             status[i] = col.PENDING
             waiting += 1
@@ -120,30 +78,55 @@ def averaging_rows(
 
 
 @kernel
-def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
-    law, p, lever = oscillator
-    if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or not near_resonance(lever):
-        return False
-    reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
-    find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
-    found = fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)
-    return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < largest_branch_distance(lever, amplitude)
-
-
-@kernel
-def averaged_near_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, first: int, last: int, answers: Answers
-) -> None:
+def averaged_near_rows(pixels: Pixels, first: int, last: int, answers: Answers) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
     out, status, solver = answers
     guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(first, last):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
-            p, amplitude = parameters(rows[i]), amplitudes[i]
-            if not averaged_beside(Oscillator(law, p, lever), amplitude, out[i], top, guess):
-                status[i] = nearest(averaged_orbits(Oscillator(law, p, lever), amplitude), out[i], guess)
+            oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
+            if not averaged_beside(oscillator, amplitude, out[i], top, guess):
+                status[i] = nearest(averaged_orbits(oscillator, amplitude), out[i], guess)
             out[i] = math.nan
             if status[i] == col.GOOD:
-                averaged_row(lever, guess, out[i])
+                averaged_row(pixels.lever, guess, out[i])
         solver[i] = col.AVERAGING
+
+
+@kernel
+def other_rows(pixels: Pixels, limits: np.ndarray, allowed: np.ndarray, first: int, last: int, answers: Answers) -> int:
+    """Stable orbits on both branches for every row in [first, last), from what engagement found; returns how many wait.
+
+    Parameters
+    ----------
+    limits : ndarray, shape (2,)
+        Largest estimated errors of an exact orbit: phase [rad], height [m].
+    allowed : ndarray, shape (2,)
+        The same within which an averaged orbit may stand.
+    answers : Answers
+        By slot. Of these ENGAGED is given, the other two are filled; what is PENDING has a harmonic orbit (z0, mean
+        deflection, A, P, S) to start from, or NaN.
+    """
+    out, status, solver = answers
+    room, guess, waiting = Room(), np.zeros(col.GUESS), 0
+    for i in range(first, last):
+        oscillator, left = oscillator_of(pixels, i), False
+        here = REPELLING if out[ENGAGED, i, col.STIFFENING] > 0.0 else ATTRACTING
+        for slot in range(ENGAGED):
+            row = out[slot, i]
+            if status[ENGAGED, i] == col.GOOD and slot == here:
+                for j in range(col.COLUMNS):
+                    row[j] = out[ENGAGED, i, j]
+                status[slot, i], solver[slot, i] = col.GOOD, solver[ENGAGED, i]
+                continue
+            row[:] = math.nan
+            side = REPULSIVE if slot == REPELLING else ATTRACTIVE
+            done = status[slot, i] = orbit_on(oscillator, pixels.amplitudes[i], side, limits, guess, room)
+            if done == col.GOOD:
+                solver[slot, i] = choose(pixels.lever, guess, nodes_of_solution(room), room.state, True, allowed, row)
+            elif done == col.PENDING:
+                left = True
+                for j in range(5):
+                    row[j] = guess[j] if guess[col.G_A] > 0.0 else math.nan
+        waiting += left
+    return waiting

@@ -15,9 +15,9 @@ import numpy as np
 from phasemap._kernels.columns import ALPHA0, GOOD
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
+from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-from phasemap._kernels.rows.derivatives import held_root
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, slow_flow_rhs
 from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift

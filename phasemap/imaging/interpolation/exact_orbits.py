@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.rows.nearby import NearbyGuesses, nearby_rows
+from phasemap._kernels.rows.exact import NearbyGuesses, nearby_rows
 from phasemap._kernels.wide import ADHESION_LOSS
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
@@ -42,7 +42,7 @@ class ExactOrbits:
     ) -> None:  # fmt: skip
         self.film = film
         self.scope, self.amplitude, self.axes = scope, amplitude, axes
-        self.asked = 0
+        self.pixels = 0
         self.functions = functions_of(names)
         self._names = names
         # The same orbits without the integrals, which borders do not ask for
@@ -52,7 +52,7 @@ class ExactOrbits:
         self._workers, self._accuracy = workers, accuracy or Accuracy()
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
-        self.asked += len(points)
+        self.pixels += len(points)
         return work_of(
             *self.axes.materials(points.T), self.scope, amplitude or self.amplitude, self._films(len(points))
         )
@@ -88,10 +88,8 @@ class ExactOrbits:
 
         def solve(first: int, last: int) -> None:
             some = slice(first, last)
-            nearby_rows(
-                work.law, work.rows[some], work.lever, TABLES, NearbyGuesses(*(one[some] for one in starts)), group,
-                rows[some], status[some],
-            )  # fmt: skip
+            guesses = NearbyGuesses(*(one[some] for one in starts))
+            nearby_rows(work.part(some).pixels, TABLES, guesses, group, rows[some], status[some])
 
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)

@@ -115,7 +115,7 @@ class Model:
 
     def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Exact orbits next to the averaged ones, shape (n, m, 2), and where they were found, shape (n, m)."""
-        from phasemap._kernels.rows.branch_known import exact_block
+        from phasemap._kernels.rows.derivatives import exact_block
 
         values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
         rows = self.rows(q)

@@ -31,19 +31,18 @@ class OffOrbit:
         """
         from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_value
         from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
-        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.time.landing import state_in_row
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE
-        p, lever = curves.standing(x if column == col.PARAMETER else 0.0)
+        oscillator = curves.standing(x if column == col.PARAMETER else 0.0)
         if column == col.PARAMETER:
             target, by_amplitude = held_value(curves.path, x), curves.path.kind == HELD_AMPLITUDE
             row[col.PARAMETER] = x
         if self._state is None:
-            self._state = state_in_row(lever, self._edge)
+            self._state = state_in_row(oscillator.lever, self._edge)
         move = move_to_amplitude if by_amplitude else move_to_tip_offset
-        status = move(Oscillator(curves.law, p, lever), target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
+        status = move(oscillator, target, ETA, MOST_PERIODS, self._state, row[: col.COLUMNS])
         if status != col.GOOD:
             row[: col.COLUMNS] = np.nan
-        row[col.SEEN] = show(lever, row[col.AMPLITUDE], row[col.PHASE])[0]
+        row[col.SEEN] = show(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])[0]
         return int(status), row

@@ -76,11 +76,8 @@ class Question:
 def fixed_path(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
     from phasemap._kernels.continuation.path import fixed_path
-    from phasemap._kernels.law import Oscillator, parameters
-    from phasemap._kernels.quadrature import TABLES
 
-    work = question.work()
-    path: Path = fixed_path(Oscillator(work.law, parameters(work.rows[0]), work.lever), TABLES)
+    path: Path = fixed_path(question.work().oscillator(0))
     return path
 
 
@@ -120,7 +117,6 @@ def swept_path(
     `held`: tip offset or amplitude [m] that is held under a microscope.
     """
     from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept_path
-    from phasemap._kernels.quadrature import TABLES
 
     work = question.with_parameter(name, float(scale.value(0.0))).work()
     table = np.zeros((0, 0))
@@ -145,7 +141,7 @@ def swept_path(
         width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
     kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
     series = np.ascontiguousarray(table[:, : max(last, 2)])
-    path: Path = swept_path(work.law, TABLES, series, kind, min(width, 0.05))
+    path: Path = swept_path(work.law, series, kind, min(width, 0.05))
     return path
 
 

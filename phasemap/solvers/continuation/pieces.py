@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import seen, sees_tip
 
 if TYPE_CHECKING:
     from phasemap._kernels.continuation.path import Path
+    from phasemap._kernels.law import Oscillator
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 
@@ -57,14 +59,14 @@ class Curves:
         samples: int,
         level: int = 0,
     ) -> None:
-        self.law, self.path, self.index, self.wanted = path.law, path, index, wanted
+        self.path, self.index, self.wanted = path, index, wanted
         self.box, self.samples = (float(box[0]), float(box[1]), float(box[2])), samples
         self.level = level
         self.pieces: list[Piece] = []
-        self._standing: dict[float, tuple[tuple[float, ...], np.ndarray]] = {}  # a start is asked for several times
+        self._standing: dict[float, Oscillator] = {}  # a start is asked for several times
 
-    def standing(self, m: float) -> tuple[tuple[float, ...], np.ndarray]:
-        """The law's parameters and the lever at m."""
+    def standing(self, m: float) -> Oscillator:
+        """The lever over the material at m."""
         from phasemap._kernels.continuation.path import standing_at
 
         if m not in self._standing:
@@ -73,10 +75,10 @@ class Curves:
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """Rows as the detector sees them, shape (..., FULL)."""
-        if sees_tip(self.standing(0.0)[1]) or not rows.size:
+        if sees_tip(self.standing(0.0).lever) or not rows.size:
             return rows
         at = np.nan_to_num(rows[..., col.PARAMETER]).reshape(-1)
-        levers = np.array([self.standing(m)[1] for m in at]).reshape(*rows.shape[:-1], -1)
+        levers = np.array([self.standing(m).lever for m in at]).reshape(*rows.shape[:-1], -1)
         return seen(rows, levers)
 
     def from_far(self, farthest: float) -> None:
@@ -85,31 +87,31 @@ class Curves:
         from phasemap._kernels.lever import free_amplitude
         from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 
-        free = free_amplitude(self.standing(0.0)[1])
-        orbit, spare = new_orbit(self.path.lever), new_orbit(self.path.lever)
-        status, orbit, spare = start_far(self.path, orbit, spare, 0.9999 * free, 0)
+        free = free_amplitude(self.standing(0.0).lever)
+        orbit = new_orbit(self.path.lever, TABLES)
+        status = start_far(self.path, orbit, 0.9999 * free, 0)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
-            status, orbit, spare = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
+            status, orbit = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
         if status == col.GOOD:
-            self._follow(orbit, spare, (-1.0,))
+            self._follow(orbit, (-1.0,))
 
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
         from phasemap._kernels.lever import phase_of
         from phasemap._kernels.orbits.collocation.system import head_of
 
-        amplitude, stiffness = row[col.AMPLITUDE], self.standing(m)[1][col.STIFFNESS]
+        amplitude, stiffness = row[col.AMPLITUDE], self.standing(m).lever[col.STIFFNESS]
         drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
         guess = np.array([row[col.TIP_OFFSET], row[col.MEAN], amplitude, row[col.STIFFENING] * amplitude, drag])
-        status, orbit, spare = self._go(guess, m, of_amplitude)
+        status, orbit = self._go(guess, m, of_amplitude)
         if status != col.GOOD:
             return False
         exact, head = row.copy(), head_of(orbit)
         exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = head.tip_offset, head.amplitude
-        exact[col.PHASE] = phase_of(self.standing(m)[1], head.amplitude, head.push, head.drag)
+        exact[col.PHASE] = phase_of(self.standing(m).lever, head.amplitude, head.push, head.drag)
         if self.knows(exact, m):
             return False
-        self._follow(orbit, spare, (1.0, -1.0))
+        self._follow(orbit, (1.0, -1.0))
         return True
 
     def seek(self, amplitude: float, lift: float = 0.0) -> None:
@@ -117,21 +119,20 @@ class Curves:
 
         `lift`: by which these orbits are first lifted [m].
         """
-        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
         from phasemap._kernels.orbits.collocation.system import head_of
 
-        p, lever = self.standing(0.0)
-        for guess in averaged_orbits(Oscillator(self.law, p, lever), amplitude):
+        oscillator = self.standing(0.0)
+        for guess in averaged_orbits(oscillator, amplitude):
             if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
-                guess[col.G_Z0], amplitude, guess[col.G_P], lever
+                guess[col.G_Z0], amplitude, guess[col.G_P], oscillator.lever
             ):
                 continue
             guess[col.G_Z0] += lift
-            status, orbit, spare = self._go(guess, 0.0, True)
+            status, orbit = self._go(guess, 0.0, True)
             head = head_of(orbit)
-            if status == col.GOOD and not self._near(head.tip_offset, head.amplitude, head.push, lever):
-                self._follow(orbit, spare, (1.0, -1.0))
+            if status == col.GOOD and not self._near(head.tip_offset, head.amplitude, head.push, oscillator.lever):
+                self._follow(orbit, (1.0, -1.0))
 
     def after_ends(self, column: int, beside: float, close: float) -> None:
         """Follow the pieces on which a tip lands where others end, in contact made or lost.
@@ -139,7 +140,6 @@ class Curves:
         `beside`: how far past the end the tip is let go, in the control.
         `close`: how well its motion must have settled [m].
         """
-        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.time.landing import land_free, state_in_row
 
         waiting = list(self.pieces)
@@ -151,10 +151,11 @@ class Curves:
                 x = float(rows[last, column] + beside * np.sign(rows[last, column] - rows[before, column]))
                 swept = column == col.PARAMETER
                 m, z0 = (x, float(rows[last, col.TIP_OFFSET])) if swept else (0.0, x)
-                p, lever = self.standing(m)
+                oscillator = self.standing(m)
+                lever = oscillator.lever
                 check_stopped()
                 row, state = np.zeros(col.COLUMNS), state_in_row(lever, rows[last])
-                if not land_free(Oscillator(self.law, p, lever), z0, state, close, settling_periods(lever), row):
+                if not land_free(oscillator, z0, state, close, settling_periods(lever), row):
                     continue
                 known = len(self.pieces)
                 push = row[col.STIFFENING] * row[col.AMPLITUDE]
@@ -191,29 +192,26 @@ class Curves:
         self.wanted = wanted
 
     def _tolerance(self, m: float) -> float:
-        from phasemap._kernels.law import Oscillator
         from phasemap._kernels.orbits.collocation.polish import tolerance_of
 
-        p, lever = self.standing(m)
-        return TIGHT * float(tolerance_of(Oscillator(self.law, p, lever)))
+        return TIGHT * float(tolerance_of(self.standing(m)))
 
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
         from phasemap._kernels.continuation.piece import exact_orbit_at
         from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
 
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        good, orbit, spare = exact_orbit_at(
-            self.path, guess, m, hold, self._tolerance(m), new_orbit(self.path.lever), new_orbit(self.path.lever)
-        )
-        return (col.GOOD if good else col.NOT_CONVERGED), orbit, spare
+        orbit = new_orbit(self.path.lever, TABLES)
+        good = exact_orbit_at(self.path, guess, m, hold, self._tolerance(m), orbit)
+        return (col.GOOD if good else col.NOT_CONVERGED), orbit
 
-    def _follow(self, orbit, spare, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
+    def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
         from phasemap._kernels.continuation.path import Point
         from phasemap._kernels.continuation.piece import PIECE_CLOSED, Asked, Made, follow_piece, mark_start
         from phasemap._kernels.continuation.step import copy_orbit
-        from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
+        from phasemap._kernels.orbits.collocation.system import another, head_of
 
-        start = new_orbit(self.path.lever)
+        start = another(orbit)
         copy_orbit(orbit, start)
         tolerance = self._tolerance(float(head_of(orbit).parameter))
         asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
@@ -225,7 +223,7 @@ class Curves:
             copy_orbit(start, orbit)
             if not mark_start(self.path, orbit, sense, point):
                 continue
-            ended, count = follow_piece(self.path, asked, orbit, spare, point, Made(rows, traces))
+            ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces))
             halves.append(Piece(rows[:count].copy(), traces[:count].copy(), ended))
             if ended == PIECE_CLOSED:
                 break

@@ -213,17 +213,16 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     """
     there = [(part, part.row_at(x)) for part in parts]
     reached = [(part, row) for part, row in there if row is not None]
-    hysteretic = bool(curves.standing(x if column == col.PARAMETER else 0.0)[0][col.RELEASE] != 0)
+    swept = column == col.PARAMETER
+    oscillator = curves.standing(x if swept else 0.0)
+    hysteretic, lever = bool(oscillator.p[col.RELEASE] != 0), oscillator.lever
     if not reached:
         return OffOrbit(start) if hysteretic else None
     if len(reached) == 1 and not hysteretic:
         return reached[0][0]
-    from phasemap._kernels.law import Oscillator
     from phasemap._kernels.lever import free_amplitude
     from phasemap._kernels.orbits.time.landing import land_on, state_in_row
 
-    swept = column == col.PARAMETER
-    p, lever = curves.standing(x if swept else 0.0)
     z0 = float(reached[0][1][col.TIP_OFFSET]) if swept else x
     lags = np.array([np.pi / 2 - row[col.PHASE] for _, row in reached])
     sizes = np.array([row[col.AMPLITUDE] for _, row in reached])
@@ -231,7 +230,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     state = state_in_row(lever, start)
     most = settling_periods(lever)
     free = float(free_amplitude(lever))
-    which, _ = land_on(Oscillator(curves.law, p, lever), z0, state, targets, NEAR * free, most)
+    which, _ = land_on(oscillator, z0, state, targets, NEAR * free, most)
     if which >= 0:
         return reached[int(which)][0]
     return OffOrbit(start) if hysteretic else None

@@ -101,7 +101,7 @@ def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: t
 
 
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
-def apply_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float) -> float:
+def apply_step(lever: np.ndarray, orbit: Orbit, share: float) -> float:
     """Move the orbit by `share` of the step just solved; return the largest change of the depth [m] over the nodes."""
     count = modes_of(lever)
     head, forces, chain = head_of(orbit), orbit.forces, orbit.chain
@@ -123,7 +123,7 @@ def apply_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, share: float
             add_times(-much, by, f)
         for j in range(NODES):
             old[j] = one.w[j]
-        move_modes(tables[one.table], lever, orbit, e, states, f, x[RM], share)
+        move_modes(orbit.tables[one.table], lever, orbit, e, states, f, x[RM], share)
         for j in range(NODES):
             largest = max(largest, abs((one.w[j] - old[j]) / share + gain * one.cos[j] - shift))
     close_ring(orbit)

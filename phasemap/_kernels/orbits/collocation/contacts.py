@@ -26,10 +26,10 @@ PERMANENT = -1  # contacts of an orbit that never leaves contact
 
 
 @kernel(fastmath=ANY_ORDER)
-def interpolate(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+def interpolate(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e (barycentric interpolation)."""
     one, following = element_of(orbit, e), element_of(orbit, e + 1)
-    table = tables[one.table]
+    table = orbit.tables[one.table]
     x = (theta - one.origin) / one.scale
     before, after = x - table[T_NUMBERS, T_FIRST], x - table[T_NUMBERS, T_LAST]
     if before == 0.0:
@@ -53,9 +53,9 @@ def interpolate(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple
 
 
 @kernel(fastmath=ANY_ORDER)
-def interpolation_shares(tables: np.ndarray, orbit: Orbit, e: int, theta: float, shares: np.ndarray) -> None:
+def interpolation_shares(orbit: Orbit, e: int, theta: float, shares: np.ndarray) -> None:
     """Fill the shares of the nodes of element e, of its start and of its end in what is interpolated at an angle."""
-    one, table = element_of(orbit, e), tables[element_of(orbit, e).table]
+    one, table = element_of(orbit, e), orbit.tables[element_of(orbit, e).table]
     x = (theta - one.origin) / one.scale
     total = 0.0
     for k in range(NODES + 2):
@@ -72,21 +72,19 @@ def interpolation_shares(tables: np.ndarray, orbit: Orbit, e: int, theta: float,
 
 
 @kernel
-def depth_at(tables: np.ndarray, orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+def depth_at(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return d and d' (by the angle) at an angle inside element e."""
-    w, u = interpolate(tables, orbit, e, theta)
+    w, u = interpolate(orbit, e, theta)
     amplitude = head_of(orbit).amplitude
     return amplitude * math.cos(theta) + w - head_of(orbit).tip_offset, u - amplitude * math.sin(theta)
 
 
 @kernel
-def _root(
-    tables: np.ndarray, orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float
-) -> float:
+def _root(orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float) -> float:
     """Angle between low and high where d passes `border`, by Newton's method kept inside the bracket."""
     theta = low + (high - low) * d_low / (d_low - d_high)
     for _ in range(60):
-        d, slope = depth_at(tables, orbit, e, theta)
+        d, slope = depth_at(orbit, e, theta)
         d -= border
         if (d > 0.0) == (d_low > 0.0):
             low = theta
@@ -103,12 +101,12 @@ def _root(
 
 
 @kernel
-def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) -> float:
+def _extreme(orbit: Orbit, e: int, low: float, high: float) -> float:
     """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
-    sign = depth_at(tables, orbit, e, low)[1] > 0.0
+    sign = depth_at(orbit, e, low)[1] > 0.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        if (depth_at(tables, orbit, e, middle)[1] > 0.0) == sign:
+        if (depth_at(orbit, e, middle)[1] > 0.0) == sign:
             low = middle
         else:
             high = middle
@@ -116,27 +114,27 @@ def _extreme(tables: np.ndarray, orbit: Orbit, e: int, low: float, high: float) 
 
 
 @kernel(shared=True, vectors=True)
-def find_contacts(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
+def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
     """Find where the tip enters and leaves contact; fills their angles in the head. False if there are too many.
 
     Without contact, or in contact for good: where the tip is nearest to the other side.
     """
     held = head_of(orbit).contacts == PERMANENT  # in a neck, it depends on where the tip came from
-    if not _find_pressed(tables, orbit):
+    if not _find_pressed(orbit):
         return False
     contacts = head_of(orbit).contacts
     if p[RELEASE] == 0.0:
         for i in range(contacts):
             head_of(orbit).neck_end[i] = head_of(orbit).contact_end[i]
     elif contacts > 0:
-        _find_releases(p, tables, orbit)
-    elif held and contacts == 0 and _lowest(tables, orbit) > p[RELEASE]:
+        _find_releases(p, orbit)
+    elif held and contacts == 0 and _lowest(orbit) > p[RELEASE]:
         head_of(orbit).contacts = PERMANENT
     return True
 
 
 @kernel
-def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
+def _lowest(orbit: Orbit) -> float:
     """Smallest depth at the nodes [m]."""
     lowest = math.inf
     amplitude, z0 = head_of(orbit).amplitude, head_of(orbit).tip_offset
@@ -148,7 +146,7 @@ def _lowest(tables: np.ndarray, orbit: Orbit) -> float:
 
 
 @kernel
-def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
+def _find_releases(p: np.ndarray, orbit: Orbit) -> None:
     """Fill in where the neck of each contact breaks: at the next contact where it does not."""
     head = head_of(orbit)
     contacts, count = head.contacts, head.count
@@ -171,15 +169,15 @@ def _find_releases(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> None:
                     continue
                 if theta + turn >= following:
                     break
-                d, slope = depth_at(tables, orbit, e, theta)
+                d, slope = depth_at(orbit, e, theta)
                 d -= p[RELEASE]
-                if d > 0.0 and slope > 0.0 and depth_at(tables, orbit, e, before)[1] < 0.0:
-                    lowest = _extreme(tables, orbit, e, before, theta)  # it may break between two nodes
-                    d_lowest = depth_at(tables, orbit, e, lowest)[0] - p[RELEASE]
+                if d > 0.0 and slope > 0.0 and depth_at(orbit, e, before)[1] < 0.0:
+                    lowest = _extreme(orbit, e, before, theta)  # it may break between two nodes
+                    d_lowest = depth_at(orbit, e, lowest)[0] - p[RELEASE]
                     if d_lowest <= 0.0:
                         theta, d = lowest, d_lowest
                 if d <= 0.0:
-                    head.neck_end[i] = turn + _root(tables, orbit, e, p[RELEASE], before, d_before, theta, d)
+                    head.neck_end[i] = turn + _root(orbit, e, p[RELEASE], before, d_before, theta, d)
                     broken = True
                     break
                 before, d_before = theta, d
@@ -228,7 +226,7 @@ def _point_of(orbit: Orbit, e: int, k: int) -> tuple[float, float, float]:
 
 
 @kernel
-def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
+def _find_pressed(orbit: Orbit) -> bool:
     """Find where d rises and falls through 0; fills their angles in the head. False if there are too many."""
     head, found = head_of(orbit), Crossings()
     theta_before, d_before, slope_before = _point_of(orbit, 0, 0)
@@ -247,8 +245,8 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
         middle, d_middle = theta_before, d_before
         towards = -1.0 if inside else 1.0
         if inside == was_inside and towards * slope_before > 0.0 and towards * slope < 0.0:
-            middle = _extreme(tables, orbit, e, theta_before, theta)
-            d_middle = depth_at(tables, orbit, e, middle)[0]
+            middle = _extreme(orbit, e, theta_before, theta)
+            d_middle = depth_at(orbit, e, middle)[0]
             if not inside and d_middle > extreme_d:
                 extreme_theta, extreme_d = middle, d_middle
             if inside and d_middle < lowest_d:
@@ -258,9 +256,9 @@ def _find_pressed(tables: np.ndarray, orbit: Orbit) -> bool:
             if max(found.ups, found.downs) >= MOST_CONTACTS:
                 return False
             if twice:
-                angle = _root(tables, orbit, e, 0.0, theta_before, d_before, middle, d_middle)
+                angle = _root(orbit, e, 0.0, theta_before, d_before, middle, d_middle)
                 _add_crossing(found, not inside, angle)
-            _add_crossing(found, inside, _root(tables, orbit, e, 0.0, middle, d_middle, theta, d))
+            _add_crossing(found, inside, _root(orbit, e, 0.0, middle, d_middle, theta, d))
         theta_before, d_before, slope_before = theta, d, slope
     if found.ups == 0:
         head.contacts = PERMANENT if first_inside else 0

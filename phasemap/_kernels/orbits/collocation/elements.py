@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import (
     DAMPING,
     LONGRANGE,
@@ -15,7 +16,13 @@ from phasemap._kernels.columns import (
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping
 from phasemap._kernels.lever import fastest_turn, modes_of, reach_of
-from phasemap._kernels.orbits.collocation.contacts import PERMANENT, TWO_PI, interpolate, interpolation_shares
+from phasemap._kernels.orbits.collocation.contacts import (
+    PERMANENT,
+    TWO_PI,
+    find_contacts,
+    interpolate,
+    interpolation_shares,
+)
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     IN_CONTACT,
@@ -28,6 +35,7 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     close_ring,
     element_of,
+    elsewhere,
     head_of,
 )
 from phasemap._kernels.quadrature import (
@@ -52,12 +60,12 @@ LONGEST_OSCILLATION = 5.0  # [rad] of the contact's own oscillation that an elem
 
 
 @kernel
-def append_element(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: float, scale: float) -> bool:
+def append_element(orbit: Orbit, n: int, side: int, origin: float, scale: float) -> bool:
     """Append element `n` of the tables to the orbit's mesh; False if there is no room."""
     e = head_of(orbit).count
     if e + 1 >= len(orbit.elements):
         return False
-    one, table = element_of(orbit, e), tables[n]
+    one, table = element_of(orbit, e), orbit.tables[n]
     place = one
     place.table, place.side, place.origin, place.scale = n, side, origin, scale
     for j in range(NODES):
@@ -72,17 +80,17 @@ def append_element(tables: np.ndarray, orbit: Orbit, n: int, side: int, origin: 
 
 
 @kernel
-def _append_equal(tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, longest: float) -> bool:
+def _append_equal(orbit: Orbit, side: int, start: float, length: float, longest: float) -> bool:
     """Append elements of equal length, none longer than `longest` [rad]; False if there is no room."""
     count, ok = math.ceil(length / longest), True
     for i in range(count):
-        ok = append_element(tables, orbit, STRAIGHT, side, start + length * i / count, length / count) and ok
+        ok = append_element(orbit, STRAIGHT, side, start + length * i / count, length / count) and ok
     return ok
 
 
 @kernel
 def _append_from_contact(
-    tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int,
+    orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int,
     longest: float,
 ) -> bool:  # fmt: skip
     """Append the elements over `length` [rad] after a contact that ends at `start`, or before one (`incoming`).
@@ -94,18 +102,16 @@ def _append_from_contact(
         graded = min(length, longest / (1.0 - math.exp(-GRADED_WIDTHS[head_of(orbit).level]))) if scale > 0.0 else 0.0
     rest, ok = length - graded, True
     if incoming == 1 and rest > 0.0:
-        ok = _append_equal(tables, orbit, side, start - length, rest, longest) and ok
+        ok = _append_equal(orbit, side, start - length, rest, longest) and ok
     if graded > 0.0:
-        ok = _append_graded(tables, orbit, side, start, graded, scale, incoming) and ok
+        ok = _append_graded(orbit, side, start, graded, scale, incoming) and ok
     if incoming == 0 and rest > 0.0:
-        ok = _append_equal(tables, orbit, side, start + graded, rest, longest) and ok
+        ok = _append_equal(orbit, side, start + graded, rest, longest) and ok
     return ok
 
 
 @kernel
-def _append_graded(
-    tables: np.ndarray, orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int
-) -> bool:
+def _append_graded(orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int) -> bool:
     """Append elements over `length` [rad] whose size grows away from `start`, from about `scale` at it."""
     level = head_of(orbit).level
     width = GRADED_WIDTHS[level]
@@ -118,7 +124,7 @@ def _append_graded(
     ok = True
     for i in range(count):
         e = count - 1 - i if incoming == 1 else i
-        ok = append_element(tables, orbit, begin + e, side, start, delta) and ok
+        ok = append_element(orbit, begin + e, side, start, delta) and ok
     return ok
 
 
@@ -174,19 +180,16 @@ def _pick(wanted: float) -> int:
 
 
 @kernel
-def _span(tables: np.ndarray, orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
+def _span(orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
     """Append the elements of a contact, between two ends at which the force may start like a root."""
     ok = True
     for e in range(CONTACT_COUNTS[pick]):
-        ok = (
-            append_element(tables, orbit, CONTACT_START[pick] + e, side, 0.5 * (start + end), 0.5 * (end - start))
-            and ok
-        )
+        ok = append_element(orbit, CONTACT_START[pick] + e, side, 0.5 * (start + end), 0.5 * (end - start)) and ok
     return ok
 
 
 @kernel(shared=True)
-def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, source: Orbit, level: int) -> bool:
+def lay_elements(oscillator: Oscillator, orbit: Orbit, source: Orbit, level: int) -> bool:
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
     law, p = oscillator.law, oscillator.p
     head, longest = head_of(orbit), longest_flight(oscillator.lever, level)
@@ -201,22 +204,22 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
         side = OUT_OF_CONTACT if contacts != PERMANENT else IN_CONTACT if nearest > 0.0 else IN_NECK
         if side == IN_CONTACT:
             pick = _permanent_count(oscillator, amplitude, nearest, level)
-            return _span(tables, orbit, IN_CONTACT, theta, theta + TWO_PI, pick)
+            return _span(orbit, IN_CONTACT, theta, theta + TWO_PI, pick)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUT_OF_CONTACT else 0.0)) / amplitude)
         if side == OUT_OF_CONTACT and p[LONGRANGE] == 0.0:
             scale = 0.0
-        return _append_from_contact(tables, orbit, side, theta, math.pi, scale, 0, longest) and _append_from_contact(
-            tables, orbit, side, theta + TWO_PI, math.pi, scale, 1, longest
+        return _append_from_contact(orbit, side, theta, math.pi, scale, 0, longest) and _append_from_contact(
+            orbit, side, theta + TWO_PI, math.pi, scale, 1, longest
         )
     ok = True
     for i in range(contacts):
         start, end, broken = head.contact_start[i], head.contact_end[i], head.neck_end[i]
         following = head.contact_start[i + 1] if i + 1 < contacts else head.contact_start[0] + TWO_PI
         half = 0.5 * (end - start)
-        ok = _span(tables, orbit, IN_CONTACT, start, end, _contact_count(oscillator, amplitude, half, level)) and ok
+        ok = _span(orbit, IN_CONTACT, start, end, _contact_count(oscillator, amplitude, half, level)) and ok
         if broken > end:
             half = 0.5 * (broken - end)
-            ok = _span(tables, orbit, IN_NECK, end, broken, _neck_count(oscillator, half, level)) and ok
+            ok = _span(orbit, IN_NECK, end, broken, _neck_count(oscillator, half, level)) and ok
         if broken >= following:
             continue
         gap = 0.5 * (following - broken)
@@ -225,12 +228,12 @@ def lay_elements(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, sourc
             slope = amplitude * abs(math.sin(at))
             root = math.sqrt(slope * slope + 2.0 * amplitude * reach)
             scale = 0.0 if p[LONGRANGE] == 0.0 else 2.0 * reach / (slope + root)
-            ok = _append_from_contact(tables, orbit, OUT_OF_CONTACT, at, gap, scale, incoming, longest) and ok
+            ok = _append_from_contact(orbit, OUT_OF_CONTACT, at, gap, scale, incoming, longest) and ok
     return ok
 
 
 @kernel(shared=True, vectors=True)
-def interpolate_motion(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
+def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
     """Interpolate the motion of `source` to the nodes and edges of `orbit`."""
     last, count = head_of(source).count, head_of(orbit).count
     several = orbit.modes.shape[1] > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
@@ -245,13 +248,13 @@ def interpolate_motion(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
                 at = 0
             while at < last - 1 and theta > element_of(source, at + 1).edge:
                 at += 1
-            w, u = interpolate(tables, source, at, theta)
+            w, u = interpolate(source, at, theta)
             if k == NODES:
                 one.edge_w, one.edge_u = w, u
             else:
                 one.w[k], one.u[k] = w, u
             if several:
-                interpolation_shares(tables, source, at, theta, shares)
+                interpolation_shares(source, at, theta, shares)
                 for i in range(orbit.modes.shape[1]):
                     for row in (MOTION, MOTION_RATE):
                         x = shares[PLACES] * source.modes[at + 1, i, row, NODES]
@@ -261,6 +264,22 @@ def interpolate_motion(tables: np.ndarray, source: Orbit, orbit: Orbit) -> None:
             else:
                 orbit.modes[e, 0, MOTION, k], orbit.modes[e, 0, MOTION_RATE, k] = w, u
     close_ring(orbit)
+
+
+@kernel(shared=True)
+def lay_again(oscillator: Oscillator, orbit: Orbit, level: int) -> bool:
+    """Lay the elements anew where the contacts now are, and carry the motion over; False if there are too many."""
+    other = elsewhere(orbit)
+    if not find_contacts(oscillator.p, orbit) or not lay_elements(oscillator, other, orbit, level):
+        return False
+    interpolate_motion(orbit, other)
+    assign(head_of(orbit), head_of(other))
+    for e in range(head_of(orbit).count + 1):
+        assign(element_of(orbit, e), element_of(other, e))
+        for i in range(orbit.modes.shape[1]):
+            for row in (MOTION, MOTION_RATE):
+                copy(other.modes[e, i, row], orbit.modes[e, i, row])
+    return True
 
 
 @kernel(light=True)
@@ -273,7 +292,7 @@ def _contact_shift(one: Element, bend: float, amplitude: float, z0: float) -> fl
 
 
 @kernel(shared=True, vectors=True)
-def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
+def move_elements(p: np.ndarray, orbit: Orbit) -> bool:
     """After a step that hardly moved the contact, move its elements along with it, by series about where they were.
 
     As `lay_elements` and `interpolate_motion` do, without looking for contacts again. False, and nothing done, where
@@ -302,7 +321,7 @@ def move_elements(p: np.ndarray, tables: np.ndarray, orbit: Orbit) -> bool:
     longer = 1.0 + (entry - exit_) / (begin + TWO_PI - end)
     for e in range(count):
         one = element_of(orbit, e)
-        place, table = one, tables[one.table]
+        place, table = one, orbit.tables[one.table]
         origin, scale = place.origin, place.scale
         if e < inner:
             place.origin += 0.5 * (entry + exit_)

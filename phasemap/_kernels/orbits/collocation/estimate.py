@@ -31,6 +31,7 @@ from phasemap._kernels.orbits.collocation.system import (
     Head,
     Orbit,
     element_of,
+    elsewhere,
     head_of,
     hold_amplitude,
     hold_parameter,
@@ -51,20 +52,20 @@ ASIDE = 1e-3  # [rad] by which elements may lie beside the contacts and still be
 
 
 @kernel
-def estimate_errors(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray) -> None:
+def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
     """Fill in the errors of phase and tip offset in the row of a converged orbit, at its amplitude.
 
     The slope of its feedback is known already. Errors are NaN where the equations cannot be solved. The orbit stays as
-    it is, the spare room does not.
+    it is.
     """
     p, lever = oscillator.p, oscillator.lever
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = math.nan, math.nan
-    head, kept = Head(), head_of(orbit)
+    head, kept, other = Head(), head_of(orbit), elsewhere(orbit)
     assign(head, kept)
-    laid = find_contacts(p, tables, orbit) and lay_elements(oscillator, tables, spare, orbit, head.level)
+    laid = find_contacts(p, orbit) and lay_elements(oscillator, other, orbit, head.level)
     assign(kept, head)
-    halves = _halve(tables, orbit, spare if laid and _same(orbit, spare) else orbit)
-    chained = linearise_orbit(oscillator, tables, halves, no_drift())
+    halves = _halve(orbit, other if laid and _same(orbit, other) else orbit)
+    chained = linearise_orbit(oscillator, halves, no_drift())
     if not chained or not solve_step(lever, halves, no_drift(), (hold_amplitude(halves), hold_parameter(halves))):
         return
     solved = halves.system[:, RIGHT]
@@ -88,10 +89,10 @@ def _same(orbit: Orbit, places: Orbit) -> bool:
 
 
 @kernel
-def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
+def _halve(orbit: Orbit, places: Orbit) -> Orbit:
     """The orbit on elements cut in two, which lie where those of `places` do."""
     count = head_of(orbit).count
-    halves = room_for(2 * count, orbit.modes.shape[1])
+    halves = room_for(2 * count, orbit.modes.shape[1], orbit.tables)
     assign(head_of(halves), head_of(orbit))
     head_of(halves).count = 0
     w, u = np.empty(NODES + 2), np.empty(NODES + 2)
@@ -103,7 +104,7 @@ def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
         w[-1], u[-1] = following.edge_w, following.edge_u
         for part in range(2):
             n = HALVES + 2 * place.table + part
-            append_element(tables, halves, n, place.side, place.origin, place.scale)
+            append_element(halves, n, place.side, place.origin, place.scale)
             half = element_of(halves, 2 * e + part)
             half.edge_u = one.edge_u  # asked for where a side begins
             for j in range(NODES):
@@ -111,6 +112,6 @@ def _halve(tables: np.ndarray, orbit: Orbit, places: Orbit) -> Orbit:
                 for k in range(NODES + 2):
                     at_w += INTO_HALVES[part * NODES + j, k] * w[k]
                     at_u += INTO_HALVES[part * NODES + j, k] * u[k]
-                moved = place.origin - one.origin + (place.scale - one.scale) * tables[n, T_S, j]
+                moved = place.origin - one.origin + (place.scale - one.scale) * orbit.tables[n, T_S, j]
                 half.w[j], half.u[j] = at_w + at_u * moved, at_u
     return halves

@@ -210,7 +210,7 @@ def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: Hit, theta: fl
 
 
 @kernel
-def begin_impact(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, amplitude: float, level: int) -> bool:
+def begin_impact(oscillator: Oscillator, orbit: Orbit, amplitude: float, level: int) -> bool:
     """Set the motion after a kick that takes the drive at this amplitude; False where no short contact does."""
     p, lever = oscillator.p, oscillator.lever
     hit, head = Hit(), head_of(orbit)
@@ -223,7 +223,7 @@ def begin_impact(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, ampli
     head.push, head.drag = kick * math.cos(angle), kick * math.sin(angle)
     head.contacts = 1
     head.contact_start[0], head.contact_end[0], head.neck_end[0] = angle - half, angle + half, angle + half
-    laid = lay_elements(oscillator, tables, orbit, orbit, level)
+    laid = lay_elements(oscillator, orbit, orbit, level)
     for i in range(head.count + 1):
         one = element_of(orbit, i)
         for j in range(NODES):

@@ -321,7 +321,7 @@ def _carry_over(
 
 
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
-def linearise_orbit(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, drift: np.ndarray) -> bool:
+def linearise_orbit(oscillator: Oscillator, orbit: Orbit, drift: np.ndarray) -> bool:
     """Chain the elements round the period; fills `chained` and the monodromy matrix."""
     lever = oscillator.lever
     head, chain, chained, states = head_of(orbit), orbit.chain, orbit.chained, 2 * modes_of(lever)
@@ -334,7 +334,7 @@ def linearise_orbit(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, dr
         for q in range(last + 1):
             chain[0, r, q] = 1.0 if q == STATE + r else 0.0
     for e in range(head.count):
-        table = tables[element_of(orbit, e).table]
+        table = orbit.tables[element_of(orbit, e).table]
         fill_turns(lever, orbit, e)
         if len(drift) > 0:
             _add_drift(oscillator, orbit, e, drift, table, by_m)

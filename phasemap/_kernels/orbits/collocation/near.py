@@ -10,6 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import low_q
+from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
@@ -32,9 +33,7 @@ def depth_at_nodes(orbit: Orbit) -> float:
 
 
 @kernel
-def orbit_near(
-    oscillator: Oscillator, tables: np.ndarray, guess: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
-) -> tuple[int, float, Orbit, Orbit]:
+def orbit_near(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.ndarray) -> tuple[int, float]:
     """Exact orbit from a harmonic one, guess = (z0, mean deflection, A, P, S): its row, and how far it is from it [m].
 
     The status is that under feedback; which orbit it is, is for the caller to see. It is as near as tip offset or depth
@@ -45,20 +44,32 @@ def orbit_near(
     thrown = low_q(oscillator.lever) and guess[col.G_P] > 0.0
     for attempt in range(2 if thrown else FINEST_LEVEL + 1):
         level = 0 if thrown else attempt
-        if not (thrown and attempt == 0 and begin_impact(oscillator, tables, orbit, guess[col.G_A], level)):
-            if not begin_harmonic(oscillator, tables, orbit, guess, level):
+        if not (thrown and attempt == 0 and begin_impact(oscillator, orbit, guess[col.G_A], level)):
+            if not begin_harmonic(oscillator, orbit, guess, level):
                 break
         start, deep = head_of(orbit).tip_offset, depth_at_nodes(orbit)
-        done, _, orbit, spare = solve_at_amplitude(
-            oscillator, tables, orbit, spare, level, tolerance, MOST_STEPS_NEARBY
-        )
+        done = solve_at_amplitude(oscillator, orbit, level, tolerance, MOST_STEPS_NEARBY)
         if done == col.GOOD:
-            done, orbit, spare = refine_orbit(oscillator, tables, orbit, spare, row)
+            done = refine_orbit(oscillator, orbit, row)
             break
     harmonic = guess[col.G_A] - guess[col.G_Z0] + guess[col.G_MEAN]
     deeper = min(abs(row[col.INDENTATION] - deep), abs(row[col.INDENTATION] - harmonic))
     away = min(abs(row[col.TIP_OFFSET] - start), deeper)
-    return feedback_status(row) if done == col.GOOD else done, away, orbit, spare
+    return feedback_status(row) if done == col.GOOD else done, away
+
+
+@kernel
+def orbit_from(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+    """Exact orbit from another one, with amplitude, tip offset, P and S of a guess: its status and row."""
+    head = head_of(orbit)
+    head.amplitude, head.tip_offset = guess[col.G_A], guess[col.G_Z0]
+    head.push, head.drag = guess[col.G_P], guess[col.G_S]
+    if not lay_again(oscillator, orbit, head.level):
+        return col.NOT_CONVERGED
+    done = solve_at_amplitude(oscillator, orbit, 0, tolerance_of(oscillator), MOST_STEPS_NEARBY)
+    if done == col.GOOD:
+        done = refine_orbit(oscillator, orbit, row)
+    return feedback_status(row) if done == col.GOOD else done
 
 
 @kernel

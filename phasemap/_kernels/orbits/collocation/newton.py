@@ -14,8 +14,8 @@ from phasemap._kernels.excitation import seen_amplitude
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
-from phasemap._kernels.orbits.collocation.contacts import PERMANENT, find_contacts
-from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
+from phasemap._kernels.orbits.collocation.contacts import PERMANENT
+from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
@@ -58,7 +58,7 @@ class NewtonLimits(NamedTuple):
 
 
 @kernel
-def begin_harmonic(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, guess: np.ndarray, level: int) -> bool:
+def begin_harmonic(oscillator: Oscillator, orbit: Orbit, guess: np.ndarray, level: int) -> bool:
     """Set a harmonic orbit, guess = (z0, mean deflection, A, P, S); False if it takes too many elements."""
     p = oscillator.p
     z0, mean, amplitude = guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A]
@@ -79,7 +79,7 @@ def begin_harmonic(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, gue
         head.contact_end[0] = math.acos(c)
         breaks = c + p[col.RELEASE] / amplitude
         head.neck_end[0] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
-    ok = lay_elements(oscillator, tables, orbit, orbit, level)
+    ok = lay_elements(oscillator, orbit, orbit, level)
     for e in range(head.count + 1):
         one = element_of(orbit, e)
         for j in range(NODES):
@@ -131,7 +131,7 @@ def settled(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
 
 
 @kernel(shared=True, vectors=True)
-def take_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
+def take_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
     """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
     head = head_of(orbit)
     gain = abs(orbit.system[RA, RIGHT] - head.amplitude)
@@ -140,7 +140,7 @@ def take_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: fl
     limit = 0.5 * (max(head.amplitude, head.nearest_depth) if head.contacts == PERMANENT else head.amplitude)
     share = 1.0 if change <= limit else limit / change
     turned = abs(orbit.system[RP, RIGHT] - head.push) + abs(orbit.system[RS, RIGHT] - head.drag)
-    change = max(apply_step(tables, lever, orbit, share), gain)
+    change = max(apply_step(lever, orbit, share), gain)
     head.change, head.turn = change, turned
     if not change < 1e3 * head.amplitude:
         return col.NOT_CONVERGED, change
@@ -152,58 +152,49 @@ def take_step(tables: np.ndarray, lever: np.ndarray, orbit: Orbit, tolerance: fl
 @kernel(shared=True)
 def solve_orbit(
     oscillator: Oscillator,
-    tables: np.ndarray,
     orbit: Orbit,
-    spare: Orbit,
     held: Equation,
     limits: NewtonLimits,
-) -> tuple[int, int, Orbit, Orbit]:
-    """Iterate to a periodic orbit at which an equation holds; return status, steps, the orbit and the spare room."""
+) -> tuple[int, int]:
+    """Iterate to a periodic orbit at which an equation holds; return status and steps."""
     law, p, lever = oscillator
     level, tolerance, most, coarse = limits
     reach, still = reach_of(law, p), allowed_displacement(oscillator, level)
     for step in range(most):
-        linear = head_of(orbit).equations == EQUATIONS_CURRENT or linearise_orbit(oscillator, tables, orbit, no_drift())
+        linear = head_of(orbit).equations == EQUATIONS_CURRENT or linearise_orbit(oscillator, orbit, no_drift())
         if not linear or not solve_step(lever, orbit, no_drift(), (held, hold_parameter(orbit))):
-            return col.NOT_CONVERGED, step, orbit, spare
-        status, change = take_step(tables, lever, orbit, tolerance, coarse)
+            return col.NOT_CONVERGED, step
+        status, change = take_step(lever, orbit, tolerance, coarse)
         if status != col.PENDING:
-            return status, step + (status == col.GOOD), orbit, spare
+            return status, step + (status == col.GOOD)
         if change < still * contact_size(head_of(orbit), reach):
             continue  # the elements fit as they lie
-        if not find_contacts(p, tables, orbit) or not lay_elements(oscillator, tables, spare, orbit, level):
-            return col.TOO_MANY_CONTACTS, step, orbit, spare
-        interpolate_motion(tables, orbit, spare)
-        orbit, spare = spare, orbit
-    return col.NOT_CONVERGED, most, orbit, spare
+        if not lay_again(oscillator, orbit, level):
+            return col.TOO_MANY_CONTACTS, step
+    return col.NOT_CONVERGED, most
 
 
 @kernel
-def solve_at_amplitude(
-    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, level: int, tolerance: float, most: int
-) -> tuple[int, int, Orbit, Orbit]:
-    """Solve as `solve_orbit` for a periodic orbit with the amplitude that this one has."""
-    limits = NewtonLimits(level, tolerance, most, False)
-    return solve_orbit(oscillator, tables, orbit, spare, hold_amplitude(orbit), limits)
+def solve_at_amplitude(oscillator: Oscillator, orbit: Orbit, level: int, tolerance: float, most: int) -> int:
+    """Solve as `solve_orbit` for a periodic orbit with the amplitude that this one has; return the status."""
+    return solve_orbit(oscillator, orbit, hold_amplitude(orbit), NewtonLimits(level, tolerance, most, False))[0]
 
 
 @kernel
-def solve_at_seen(
-    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, seen: float, tolerance: float
-) -> tuple[int, Orbit, Orbit]:
+def solve_at_seen(oscillator: Oscillator, orbit: Orbit, seen: float, tolerance: float) -> int:
     """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; returns a status."""
     limits = NewtonLimits(head_of(orbit).level, tolerance, 1, False)
     for _ in range(MOST_HELD_STEPS):
         held = hold_seen(oscillator.lever, orbit, seen)
-        status, steps, orbit, spare = solve_orbit(oscillator, tables, orbit, spare, held, limits)
+        status, steps = solve_orbit(oscillator, orbit, held, limits)
         if status == col.GOOD:
             head = head_of(orbit)
             lacks = seen - seen_amplitude(oscillator.lever, head.amplitude, head.push, head.drag)
             if abs(lacks) < HELD_EXACTLY * seen:
-                return col.GOOD, orbit, spare
+                return col.GOOD
         elif steps < 1 or status != col.NOT_CONVERGED:
-            return col.NOT_CONVERGED, orbit, spare
-    return col.NOT_CONVERGED, orbit, spare
+            return col.NOT_CONVERGED
+    return col.NOT_CONVERGED
 
 
 @kernel
@@ -246,7 +237,7 @@ def determinant_of_return(transfer: np.ndarray, states: int) -> float:
 
 
 @kernel(shared=True, vectors=True)
-def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
+def observe(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
     law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
@@ -260,7 +251,7 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
     x, y = drive_needed(lever, amplitude, head.push, head.drag)
     for e in range(head.count):
         one = element_of(orbit, e)
-        h, table = one.scale, tables[one.table]
+        h, table = one.scale, orbit.tables[one.table]
         for j in range(NODES):
             weight = h * table[T_END1, j]
             c, s = one.cos[j], one.sin[j]
@@ -276,7 +267,7 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
             loop += weight * (g - gv * v) * v / omega
             drive += weight * (x * c - y * s) * v / omega
             virial -= weight * g * z
-    air = math.pi * lever[col.DYNAMIC_LOSS] * amplitude * amplitude + lost_by_harmonics(tables, lever, orbit)
+    air = math.pi * lever[col.DYNAMIC_LOSS] * amplitude * amplitude + lost_by_harmonics(lever, orbit)
     if p[col.RELEASE] != 0.0:
         surface += loop
     row[:] = math.nan
@@ -293,7 +284,7 @@ def observe(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.nd
 
 
 @kernel
-def lost_by_harmonics(tables: np.ndarray, lever: np.ndarray, orbit: Orbit) -> float:
+def lost_by_harmonics(lever: np.ndarray, orbit: Orbit) -> float:
     """Energy [m^2] over k that the modes lose in a period by their motion beyond the first harmonic."""
     lost = 0.0
     for i in range(modes_of(lever)):
@@ -301,16 +292,16 @@ def lost_by_harmonics(tables: np.ndarray, lever: np.ndarray, orbit: Orbit) -> fl
         for e in range(head_of(orbit).count):
             one = element_of(orbit, e)
             for j in range(NODES):
-                weight = one.scale * tables[one.table, T_END1, j]
+                weight = one.scale * orbit.tables[one.table, T_END1, j]
                 lost += by * weight * orbit.modes[e, i, MOTION_RATE, j] ** 2
     return lost
 
 
 @kernel
-def fill_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
+def fill_row(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
     lever = oscillator.lever
-    observe(oscillator, tables, orbit, row)
+    observe(oscillator, orbit, row)
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED

@@ -25,7 +25,7 @@ PARTS = 4  # of the angle between two nodes, at whose ends the force is taken fo
 
 
 @kernel
-def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: np.ndarray) -> None:
+def complete_row(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
     """Fill forces, contact time, harmonics, multipliers and start of a full row, at a linearised orbit."""
     law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
@@ -35,7 +35,7 @@ def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: 
     in_phase, across = np.zeros(col.HARMONICS), np.zeros(col.HARMONICS)
     for e in range(head.count):
         one = element_of(orbit, e)
-        side, table = one.side, tables[one.table]
+        side, table = one.side, orbit.tables[one.table]
         for j in range(NODES):
             weight = one.scale * table[T_END1, j]
             c, s, w = one.cos[j], one.sin[j], one.w[j]
@@ -46,7 +46,7 @@ def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: 
             if side == IN_CONTACT:  # with losses the largest force comes before the deepest point, between two nodes
                 after = one.theta[j + 1] if j + 1 < NODES else element_of(orbit, e + 1).edge
                 for part in range(1, PARTS):
-                    d, turn = depth_at(tables, orbit, e, one.theta[j] + (after - one.theta[j]) * part / PARTS)
+                    d, turn = depth_at(orbit, e, one.theta[j] + (after - one.theta[j]) * part / PARTS)
                     peak = max(peak, stiffness * surface_force(law, p, 1.0 / stiffness, side, d, omega * turn)[0])
             contact += weight if side != OUT_OF_CONTACT else 0.0
             cos_n, sin_n = c, s
@@ -76,12 +76,12 @@ def complete_row(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, row: 
     if lever[col.MODES] == 1.0:
         row[col.TRACE] = m[0] + m[3]
         row[col.PRODUCT] = m[0] * m[3] - m[1] * m[2]
-    z, v, _, side = state_at(oscillator, tables, orbit, row[col.PHASE] - 0.5 * math.pi)
+    z, v, _, side = state_at(oscillator, orbit, row[col.PHASE] - 0.5 * math.pi)
     row[col.START_Z], row[col.START_V], row[col.START_HELD] = z, v, 0.0 if side == OUT_OF_CONTACT else 1.0
 
 
 @kernel
-def state_at(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, theta: float) -> tuple[float, float, float, int]:
+def state_at(oscillator: Oscillator, orbit: Orbit, theta: float) -> tuple[float, float, float, int]:
     """z [m], dz/dtau [m], the surface's force [N] and the side at an angle of the first harmonic."""
     law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
@@ -91,7 +91,7 @@ def state_at(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, theta: fl
     e = 0
     while e < count - 1 and element_of(orbit, e + 1).edge <= theta:
         e += 1
-    w, u = interpolate(tables, orbit, e, theta)
+    w, u = interpolate(orbit, e, theta)
     amplitude = head_of(orbit).amplitude
     z = amplitude * math.cos(theta) + w
     v = omega * (u - amplitude * math.sin(theta))
@@ -100,7 +100,7 @@ def state_at(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, theta: fl
 
 
 @kernel
-def time_trace(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, phase: float, trace: np.ndarray) -> None:
+def time_trace(oscillator: Oscillator, orbit: Orbit, phase: float, trace: np.ndarray) -> None:
     """Fill trace, shape (2, n), with z [m] and force [N] at n equal steps of one period from drive phase 0 on.
 
     `phase` [rad] is that of the orbit: the first harmonic lags by pi/2 less the phase.
@@ -108,4 +108,4 @@ def time_trace(oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, phase: 
     count = trace.shape[1]
     for i in range(count):
         angle = 2.0 * math.pi * i / count + phase - 0.5 * math.pi
-        trace[0, i], _, trace[1, i], _ = state_at(oscillator, tables, orbit, angle)
+        trace[0, i], _, trace[1, i], _ = state_at(oscillator, orbit, angle)

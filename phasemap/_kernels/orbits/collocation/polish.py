@@ -8,8 +8,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.collocation.contacts import find_contacts
-from phasemap._kernels.orbits.collocation.elements import interpolate_motion, lay_elements
+from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     fill_row,
@@ -41,25 +40,18 @@ def feedback_status(row: np.ndarray) -> int:
 
 
 @kernel
-def refine_orbit(
-    oscillator: Oscillator, tables: np.ndarray, orbit: Orbit, spare: Orbit, row: np.ndarray
-) -> tuple[int, Orbit, Orbit]:
+def refine_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
-    p = oscillator.p
-    status = fill_row(oscillator, tables, orbit, row)
+    status = fill_row(oscillator, orbit, row)
     level, tolerance = head_of(orbit).level, tolerance_of(oscillator)
     while status == col.GOOD and abs(row[col.CLOSURE]) > MOST_IMBALANCE and level < FINEST_LEVEL:
         level += 1
-        if not find_contacts(p, tables, orbit) or not lay_elements(oscillator, tables, spare, orbit, level):
+        if not lay_again(oscillator, orbit, level):
             break
-        interpolate_motion(tables, orbit, spare)
-        orbit, spare = spare, orbit
-        fine, _, orbit, spare = solve_at_amplitude(
-            oscillator, tables, orbit, spare, level, tolerance, MOST_NEWTON_STEPS
-        )
+        fine = solve_at_amplitude(oscillator, orbit, level, tolerance, MOST_NEWTON_STEPS)
         if fine != col.GOOD:
             break
-        status = fill_row(oscillator, tables, orbit, row)
+        status = fill_row(oscillator, orbit, row)
     if status == col.GOOD and abs(row[col.CLOSURE]) > WORST_IMBALANCE:
         status = col.NOT_CONVERGED
-    return status, orbit, spare
+    return status

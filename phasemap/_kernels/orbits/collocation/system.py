@@ -138,17 +138,20 @@ class Head:
 
 
 class Orbit(NamedTuple):
-    """A periodic orbit and the room to work on it: arrays, for it is too large for a stack and is returned."""
+    """A periodic orbit and the room to work on it: arrays, for it is too large for a stack."""
 
     elements: np.ndarray  # a row of words for each, and one for the end of the last; see `element_of`
     head: np.ndarray  # shape (1, words); see `head_of`
     modes: np.ndarray  # shape (elements + 1, modes, MODE_ROWS, PLACES); motion of each mode
-    forces: (
-        np.ndarray
-    )  # shape (elements, unknowns + 1, NODES); g at its nodes by the unknowns, with the states at its start
+    # shape (elements, unknowns + 1, NODES); g at its nodes by the unknowns, with the states at its start
+    forces: np.ndarray
     chain: np.ndarray  # shape (elements + 1, states, unknowns + 1); states at its start by the unknowns
     chained: np.ndarray  # shape (states + 2, unknowns + 1); the chained equations
     system: np.ndarray  # shape (unknowns, unknowns + 1); the same with those of the drive and of what is held, solved
+    tables: np.ndarray  # `phasemap._kernels.quadrature.TABLES`
+    other_elements: np.ndarray  # room to lay the elements anew, see `elsewhere`
+    other_head: np.ndarray
+    other_modes: np.ndarray
 
 
 ELEMENT_WORDS = words_of(Element)
@@ -158,24 +161,38 @@ head_of = rows_of(Head, Orbit, "head")
 
 
 @kernel(light=True)
-def room_for(elements: int, modes: int) -> Orbit:
+def room_for(elements: int, modes: int, tables: np.ndarray) -> Orbit:
     """Return an orbit's room for so many elements, and modes of the lever."""
     unknowns = STATE + 2 * modes
+    laid = np.zeros((elements + 1, ELEMENT_WORDS)), np.zeros((1, HEAD_WORDS))
+    motion = np.zeros((elements + 1, modes, MODE_ROWS, PLACES))
     return Orbit(
-        np.zeros((elements + 1, ELEMENT_WORDS)),
-        np.zeros((1, HEAD_WORDS)),
-        np.zeros((elements + 1, modes, MODE_ROWS, PLACES)),
+        laid[0], laid[1], motion,
         np.empty((elements, unknowns + 1, NODES)),
         np.empty((elements + 1, 2 * modes, unknowns + 1)),
         np.zeros((2 * modes + 2, unknowns + 1)),
         np.zeros((unknowns, unknowns + 1)),
-    )
+        tables, laid[0].copy(), laid[1].copy(), motion.copy(),
+    )  # fmt: skip
 
 
 @kernel(light=True)
-def new_orbit(lever: np.ndarray) -> Orbit:
+def new_orbit(lever: np.ndarray, tables: np.ndarray) -> Orbit:
     """Return an orbit's room for this lever."""
-    return room_for(MOST_ELEMENTS, modes_of(lever))
+    return room_for(MOST_ELEMENTS, modes_of(lever), tables)
+
+
+@kernel(light=True)
+def another(orbit: Orbit) -> Orbit:
+    """Return room for an orbit of the same lever."""
+    return room_for(MOST_ELEMENTS, orbit.modes.shape[1], orbit.tables)
+
+
+@kernel(light=True)
+def elsewhere(orbit: Orbit) -> Orbit:
+    """Return an orbit with its elements, head and motion in the other room."""
+    elements, head, modes, forces, chain, chained, system, tables, other, other_head, other_modes = orbit
+    return Orbit(other, other_head, other_modes, forces, chain, chained, system, tables, elements, head, modes)
 
 
 @kernel

@@ -1,8 +1,9 @@
-"""Rows that are solved: averages of the force's slope and damping along their orbits, and its harmonics."""
+"""Integrals over the nodes of an orbit: what attraction does, what contacts store, slope and harmonics of the force."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,13 +17,13 @@ from phasemap._kernels.law import (
     damping,
     longrange_force,
     longrange_slope,
-    parameters,
 )
 from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
-from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes, moves
-from phasemap._kernels.orbits.response.orbit import Room
-from phasemap._kernels.rows.along_orbit import nodes_of, room_again
+from phasemap._kernels.neck import loop_energy
+from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes
 from phasemap._kernels.wide import (
+    ADHESION_LOSS,
+    ADHESION_VIRIAL,
     DRAG,
     GRADIENT,
     IN_LOOP,
@@ -30,8 +31,8 @@ from phasemap._kernels.wide import (
     LOSSES,
     NOT_DRIVEN,
     SIDEBANDS,
+    STORAGE,
     WAVES,
-    SolvedRows,
 )
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count
@@ -204,42 +205,65 @@ def _fill_losses(lever: np.ndarray, waves: np.ndarray, resolved: int, row: np.nd
         row[LOSSES + i] = 2.0 * math.pi * omega * mode.rate * lever[col.STIFFNESS] / mode.share * total
 
 
-@kernel
-def force_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, tables: np.ndarray, second: int, solved: SolvedRows,
-    harmonics: int,
-) -> None:  # fmt: skip
-    """Fill in GRADIENT and DRAG of rows that have a periodic orbit.
+class LoadRoom(NamedTuple):
+    """Room for a load at the nodes and its harmonics."""
 
-    SIDEBANDS are filled in where the `second` mode is driven, AT_REST or IN_LOOP; WAVES where col.HARMONICS `harmonics`
-    of the force are wanted, or LOSS_HARMONICS, which LOSSES take.
-    """
-    out, averaged, kept = solved
-    at, slopes, waves, load = (
-        OrbitNodes(),
-        np.zeros((2, SLOPE_HARMONICS)),
-        np.zeros((2, harmonics)),
-        np.zeros((5, MOST_NODES)),
-    )
-    again = room_again(lever, at, Room())
+    load: np.ndarray  # shape (5, MOST_NODES)
+    slopes: np.ndarray  # shape (2, SLOPE_HARMONICS)
+    yields: np.ndarray  # complex, shape (2, 1 + SLOPE_HARMONICS)
+    waves: np.ndarray  # shape (2, harmonics)
+
+
+@kernel
+def room_for_loads(harmonics: int) -> LoadRoom:
+    """Room for so many harmonics of the force."""
     yields = np.zeros((2, 1 + SLOPE_HARMONICS), np.complex128)
-    for i in range(len(rows)):
-        oscillator, row = Oscillator(law, parameters(rows[i]), lever), out[i]
-        if not moves(row) or not nodes_of(
-            oscillator, tables, row, averaged[i], kept[i if kept.shape[1] > 0 else 0], again
-        ):
-            continue
-        p, count = oscillator.p, at.count
-        gradient, drag = _slope_load(law, p, at, count, load)
-        gradient += _jump_slope(law, p, at)
-        row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
-        if second != NOT_DRIVEN:
-            _sideband_compliances(lever, row[GRADIENT] if second == IN_LOOP else 0.0, yields)
-            _harmonics(at, count, load, 1, slopes)
-            _sidebands(yields, slopes, row)
-        if harmonics >= col.HARMONICS:
-            _force_load(oscillator, at, count, load)
-            _harmonics(at, count, load, 2, waves)
-            _fill_waves(lever, waves, row)
-        if harmonics >= LOSS_HARMONICS:
-            _fill_losses(lever, waves, _resolved_harmonics(at, count, load), row)
+    return LoadRoom(np.zeros((5, MOST_NODES)), np.zeros((2, SLOPE_HARMONICS)), yields, np.zeros((2, harmonics)))
+
+
+@kernel
+def fill_force_integrals(oscillator: Oscillator, at: OrbitNodes, second: int, room: LoadRoom, row: np.ndarray) -> None:
+    """Fill in GRADIENT and DRAG of a row from the nodes of its orbit, and what else is asked for.
+
+    SIDEBANDS are filled in where the `second` mode is driven, AT_REST or IN_LOOP; WAVES where the room is for
+    col.HARMONICS of the force, or for LOSS_HARMONICS, which LOSSES take.
+    """
+    law, p, lever = oscillator
+    count, (load, slopes, yields, waves) = at.count, room
+    gradient, drag = _slope_load(law, p, at, count, load)
+    gradient += _jump_slope(law, p, at)
+    row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
+    if second != NOT_DRIVEN:
+        _sideband_compliances(lever, row[GRADIENT] if second == IN_LOOP else 0.0, yields)
+        _harmonics(at, count, load, 1, slopes)
+        _sidebands(yields, slopes, row)
+    if waves.shape[1] >= col.HARMONICS:
+        _force_load(oscillator, at, count, load)
+        _harmonics(at, count, load, 2, waves)
+        _fill_waves(lever, waves, row)
+    if waves.shape[1] >= LOSS_HARMONICS:
+        _fill_losses(lever, waves, _resolved_harmonics(at, count, load), row)
+
+
+@kernel
+def fill_adhesion_integrals(oscillator: Oscillator, without: np.ndarray, at: OrbitNodes, row: np.ndarray) -> None:
+    """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of a row from the nodes of its orbit.
+
+    `without`: parameters of the same contact without adhesion and bias.
+    """
+    law, p, _ = oscillator
+    virial, storage = 0.0, 0.0
+    for j in range(at.count):
+        d, weight = at.depth[j], at.weight[j]
+        if d > 0.0:
+            storage += weight * contact_slope(law, d, without) * at.rate[j] ** 2
+        if at.touches[j] == 0.0:
+            f = longrange_force(law, min(d, 0.0), p)
+        else:
+            f = contact_force(law, d, p)
+            if d > 0.0:
+                f -= contact_force(law, d, without)
+        virial -= weight * f * at.cos[j]
+    row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
+    row[ADHESION_LOSS] = loop_energy(law, p) if at.ends > 0.0 and p[col.RELEASE] != 0.0 else 0.0
+    row[STORAGE] = storage / (2.0 * math.pi)

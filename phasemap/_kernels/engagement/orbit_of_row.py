@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.exact import Rooms
+from phasemap._kernels.engagement.exact import Rooms, new_rooms, orbit_along_curve
 from phasemap._kernels.engagement.resonance import decide, forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
@@ -29,7 +29,6 @@ from phasemap._kernels.orbits.kept import (
     read_nodes,
 )
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
-from phasemap._kernels.rows.exact import new_rooms, orbit_along_curve
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
 ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may differ
@@ -47,16 +46,14 @@ class Again(NamedTuple):
 
 
 @kernel
-def room_again(lever: np.ndarray, at: OrbitNodes, room: Room) -> Again:
+def room_again(lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, room: Room) -> Again:
     """Room for orbits that are solved again, with these nodes and the room of the passes."""
     limits = np.array([AGAIN_PHASE, AGAIN_HEIGHT])
-    return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_rooms(lever))
+    return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_rooms(lever, tables))
 
 
 @kernel
-def nodes_of(
-    oscillator: Oscillator, tables: np.ndarray, row: np.ndarray, averaged: bool, kept: np.ndarray, again: Again
-) -> bool:
+def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.ndarray, again: Again) -> bool:
     """Fill the nodes of a result row of the tip; False where its orbit is not found again.
 
     An orbit that is `averaged` is harmonic; the nodes of another one are `kept` behind the row (shape (any,)), or it is
@@ -75,15 +72,14 @@ def nodes_of(
         if _by_passes(oscillator, row, side, again):
             return True
         guess_of_row(oscillator.lever, row, again.guess)  # which passes began elsewhere
-    orbit, spare, saved, found = again.rooms
-    done, _, orbit, spare = orbit_near(oscillator, tables, again.guess, orbit, spare, again.row)
+    orbit = again.rooms.orbit
+    done, _ = orbit_near(oscillator, again.guess, orbit, again.row)
     if done != col.GOOD or not same_orbit(again.row, row):
-        rooms = Rooms(orbit, spare, saved, found)
-        done, rooms = orbit_along_curve(oscillator, tables, row[col.AMPLITUDE], side == REPULSIVE, rooms, again.row)
-        orbit = rooms.found
+        done = orbit_along_curve(oscillator, row[col.AMPLITUDE], side == REPULSIVE, again.rooms, again.row)
+        orbit = again.rooms.found
     if done != col.GOOD or not same_orbit(again.row, row):
         return not faint and _by_passes(oscillator, row, side, again)  # what holds the harmonics roughly
-    nodes_from_collocation(oscillator, tables, orbit, again.at)
+    nodes_from_collocation(oscillator, orbit, again.at)
     return True
 
 

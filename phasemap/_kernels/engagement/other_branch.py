@@ -2,7 +2,7 @@
 
 Whether there is one is asked at the setpoint's amplitude, as engagement asks it at every amplitude on its way: far from
 the end of the branch averaging tells, and the lever's response gives the orbit; what is near is left PENDING for exact
-orbits (`other_branch_exact`).
+orbits (`rows.exact`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ATTRACTING, ENGAGED, LONGRANGE, REPELLING
+from phasemap._kernels.columns import LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.end import (
     CLOSEST,
@@ -21,7 +21,7 @@ from phasemap._kernels.engagement.end import (
     maximum_of_exact_mismatch,
 )
 from phasemap._kernels.engagement.resonance import CLEAR_MISMATCH, DETUNED, forces_are_plain, low_q_margin_factor
-from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
+from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.sides import (
@@ -33,9 +33,7 @@ from phasemap._kernels.orbits.averaged.sides import (
     find_mismatch_maximum,
     mismatch_at_gap,
 )
-from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine, slope_is_clear
-from phasemap._kernels.rows.answers import Answers
-from phasemap._kernels.rows.fast import choose
+from phasemap._kernels.orbits.response.orbit import Room, refine, slope_is_clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 EXACTLY_DAMPED = 2e-3  # the same of exact orbits
@@ -44,12 +42,6 @@ HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
 BESIDE = 0.5  # a step outside of the strongest pull, over its depth and the reach
 MOST_STEPS = 60
-
-
-@kernel
-def side_of(slot: int) -> int:
-    """Sign of the mean interaction."""
-    return REPULSIVE if slot == REPELLING else ATTRACTIVE
 
 
 @kernel
@@ -162,46 +154,12 @@ def exact_drag(oscillator: Oscillator, reach: float, amplitude: float, gap: floa
 
 
 @kernel
-def other_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, allowed: np.ndarray,
-    first: int, last: int, answers: Answers,
-) -> int:  # fmt: skip
-    """Stable orbits on both branches for every row in [first, last), from what engagement found; returns how many wait.
-
-    Parameters
-    ----------
-    limits : ndarray, shape (2,)
-        Largest estimated errors of an exact orbit: phase [rad], height [m].
-    allowed : ndarray, shape (2,)
-        The same within which an averaged orbit may stand.
-    answers : Answers
-        By slot. Of these ENGAGED is given, the other two are filled; what is PENDING has a harmonic orbit (z0, mean
-        deflection, A, P, S) to start from, or NaN.
-    """
-    out, status, solver = answers
-    room, guess, waiting = Room(), np.zeros(col.GUESS), 0
-    for i in range(first, last):
-        here = REPELLING if out[ENGAGED, i, col.STIFFENING] > 0.0 else ATTRACTING
-        p, reach, left = parameters(rows[i]), reach_of(law, parameters(rows[i])), False
-        for slot in range(ENGAGED):
-            row = out[slot, i]
-            if status[ENGAGED, i] == col.GOOD and slot == here:
-                for j in range(col.COLUMNS):
-                    row[j] = out[ENGAGED, i, j]
-                status[slot, i], solver[slot, i] = col.GOOD, solver[ENGAGED, i]
-                continue
-            row[:] = math.nan
-            done = averaged_on(Oscillator(law, p, lever), amplitudes[i], side_of(slot), guess, room)
-            if done == col.GOOD:
-                exact = refine(Oscillator(law, p, lever), reach, guess, limits, room)
-                if not exact or not slope_is_clear(Oscillator(law, p, lever), limits, room):
-                    done = col.PENDING
-            if done == col.GOOD:
-                solver[slot, i] = choose(lever, guess, nodes_of_solution(room), room.state, True, allowed, row)
-            elif done == col.PENDING:
-                left = True
-                for j in range(5):
-                    row[j] = guess[j] if guess[col.G_A] > 0.0 else math.nan
-            status[slot, i] = done
-        waiting += left
-    return waiting
+def orbit_on(
+    oscillator: Oscillator, amplitude: float, side: int, limits: np.ndarray, guess: np.ndarray, room: Room
+) -> int:
+    """As `averaged_on`, with the exact orbit of the lever's response in room.state where GOOD."""
+    done = averaged_on(oscillator, amplitude, side, guess, room)
+    if done != col.GOOD:
+        return done
+    exact = refine(oscillator, reach_of(oscillator.law, oscillator.p), guess, limits, room)
+    return col.GOOD if exact and slope_is_clear(oscillator, limits, room) else col.PENDING

@@ -1,0 +1,146 @@
+"""Orbits that the detector sees with a given amplitude, where it does not see the motion of the tip itself.
+
+What A is follows from the phase: orbits by passes of the lever's response, or averaged ones where these do not
+converge, are come to by secants in A, and tell the branch; from an averaged one collocation holds what is seen itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
+from phasemap._kernels.engagement.exact import Rooms, exact_orbit
+from phasemap._kernels.engagement.response import cheap_orbit
+from phasemap._kernels.excitation import likely_amplitude, next_amplitude, seen_rate, show
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import drive_needed, phase_of
+from phasemap._kernels.orbits.collocation.closing import curve_derivative
+from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.newton import solve_at_seen
+from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.system import (
+    RA,
+    RIGHT,
+    RP,
+    RS,
+    RZ,
+    Orbit,
+    head_of,
+    hold_amplitude,
+    hold_parameter,
+    no_drift,
+)
+from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution
+from phasemap._kernels.orbits.response.passes import fill_row_from_passes
+
+ROUGHLY_SEEN, EXACTLY_SEEN = 1e-3, 1e-12  # of the amplitude seen: of averaged orbits, and of those of passes
+MOST_SECANTS = 20
+APART, BESIDE = 1e-7, 1e-5  # of A: secants over less say nothing; an orbit asked for slopes alone
+# What changes with A along the curve of orbits: amplitude seen [1], phase [rad/m], tip offset [1].
+SEEN_BY_A, PHASE_BY_A, OFFSET_BY_A, SLOPES = 0, 1, 2, 3
+
+
+class SeenRoom(NamedTuple):
+    """Room for the orbits of one material."""
+
+    guess: np.ndarray
+    room: Room
+    limits: np.ndarray  # largest errors of passes: phase [rad], tip offset [m]
+
+
+@kernel
+def orbit_at(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> tuple[int, float]:
+    """Orbit of amplitude A [m] that engagement reaches: GOOD by passes, KNOWN if averaged, or PENDING; its phase."""
+    guess = room.guess
+    surety = engage_by_averaging(oscillator, amplitude, guess, room.room.top)
+    done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
+    if done == col.GOOD:
+        return col.GOOD, room.room.state.phase
+    if done == col.KNOWN:
+        return col.KNOWN, phase_of(oscillator.lever, amplitude, guess[col.G_P], guess[col.G_S])
+    return col.PENDING, math.nan
+
+
+@kernel
+def by_passes_at_seen(
+    oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
+) -> tuple[int, float]:
+    """Orbit by passes that is seen with an amplitude, in its row, with its slopes: GOOD, KNOWN or PENDING; and its A.
+
+    KNOWN where passes do not lead from the averaged orbit, which is then the one seen with about this amplitude.
+    """
+    lever, state = oscillator.lever, room.room.state
+    amplitude = likely_amplitude(lever, seen, -1)
+    done, phase = orbit_at(oscillator, amplitude, room)
+    if done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]:
+        amplitude = likely_amplitude(lever, seen, 1)  # the attractive branch is not what is reached there
+        done, phase = orbit_at(oscillator, amplitude, room)
+    before, old_phase, old_offset = (math.nan, math.nan), math.nan, math.nan
+    for _ in range(MOST_SECANTS):
+        if done == col.PENDING:
+            following = 0.5 * (amplitude + before[0])
+        else:
+            miss, moved = show(lever, amplitude, phase)[0] - seen, amplitude - before[0]
+            if done == col.KNOWN and abs(miss) < ROUGHLY_SEEN * seen:
+                return col.KNOWN, amplitude
+            if abs(moved) > APART * amplitude:
+                slopes[SEEN_BY_A], slopes[PHASE_BY_A] = (miss - before[1]) / moved, (phase - old_phase) / moved
+                slopes[OFFSET_BY_A] = (state.tip_offset - old_offset) / moved
+            there = done == col.GOOD and abs(miss) < EXACTLY_SEEN * seen
+            if there and math.isfinite(slopes[SEEN_BY_A]):
+                fill_row_from_passes(lever, nodes_of_solution(room.room), state, row)
+                return col.GOOD, amplitude
+            following = next_amplitude(lever, seen, amplitude, phase, miss, before)
+            if there:
+                following = amplitude * (1.0 + BESIDE)  # for the slopes alone
+            before, old_phase, old_offset = (amplitude, miss), phase, state.tip_offset
+        amplitude = following
+        if not amplitude > 0.0:
+            break
+        done, phase = orbit_at(oscillator, amplitude, room)
+    return col.PENDING, math.nan
+
+
+@kernel
+def slopes_along(lever: np.ndarray, orbit: Orbit, slopes: np.ndarray) -> bool:
+    """Fill in the slopes along the curve at an orbit that is linearised."""
+    if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
+        return False
+    head, rate = head_of(orbit), orbit.system[:, RIGHT]
+    of, by = (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS])
+    x, y = drive_needed(lever, head.amplitude, head.push, head.drag)
+    of_x, of_y = by[1] + by[0] * lever[col.DYNAMIC_STIFFNESS], by[0] * lever[col.DYNAMIC_LOSS] - by[2]
+    slopes[SEEN_BY_A], slopes[PHASE_BY_A] = seen_rate(lever, of, by), (of_x * y - x * of_y) / (x * x + y * y)
+    slopes[OFFSET_BY_A] = rate[RZ]
+    return True
+
+
+@kernel
+def by_collocation_at_seen(
+    oscillator: Oscillator, seen: float, amplitude: float, room: SeenRoom, rooms: Rooms,
+    row: np.ndarray, slopes: np.ndarray,
+) -> bool:  # fmt: skip
+    """Orbit by collocation that is seen with an amplitude, from the one of amplitude A beside the averaged one."""
+    guess = room.guess
+    done, found = exact_orbit(oscillator, amplitude, SURE, guess, rooms, row), rooms.found
+    if done != col.GOOD:
+        return False
+    done = solve_at_seen(oscillator, found, seen, tolerance_of(oscillator))
+    if done == col.GOOD:
+        done = refine_orbit(oscillator, found, row)
+    good = done == col.GOOD and feedback_status(row) == col.GOOD and slopes_along(oscillator.lever, found, slopes)
+    if not good or (row[col.STIFFENING] > 0.0) != (guess[col.G_P] > 0.0):
+        return False
+    # Engagement reaches the same branch at the amplitude that it then has.
+    amplitude, side = head_of(found).amplitude, row[col.STIFFENING] > 0.0
+    done, _ = orbit_at(oscillator, amplitude, room)
+    push = room.room.state.push if done == col.GOOD else guess[col.G_P]
+    if done == col.PENDING or (push > 0.0) != side:
+        return False
+    estimate_errors(oscillator, found, row)
+    return True

@@ -1,0 +1,124 @@
+"""Averaged orbits on a branch that is known, near a guess: roots c of the mismatch of the drive."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import mismatch, phase_of
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+
+MOST_ROOT_STEPS = 14  # of Newton's method for c, and of the search for the amplitude of the tip
+EXACT_HOLD = 1e-12  # of the amplitude that is held: as near is exact,
+ENOUGH_HOLD = 1e-8  # and as near is enough in the end
+C_DIFFERENCE = 1e-4  # of the scale of the mismatch, for derivatives with respect to c
+LAST_ROOT_STEP = 1e-5  # of the scale of the mismatch: Newton's last step, whose square is what is left
+LONGEST_ROOT_STEP = 0.6  # of the scale of the mismatch
+
+
+class DetectorSignal(NamedTuple):
+    """What the detector sees of a harmonic orbit, and how far that is from an orbit."""
+
+    mismatch: float  # of the drive, 0 on an orbit
+    amplitude: float  # [m]
+    phase: float  # [rad]
+    offset: float  # of the tip [m]
+
+
+@kernel
+def mismatch_scale(reach: float, amplitude: float, c: float) -> float:
+    """Scale [1] on which the mismatch changes with c: the depth of the tip over the amplitude."""
+    return reach / amplitude + abs(c - 1.0) + 1e-9
+
+
+@kernel
+def phase_and_offset(
+    lever: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float
+) -> tuple[float, float]:
+    """Phase [rad] and tip offset [m] of a harmonic orbit."""
+    return phase_of(lever, amplitude, push, drag), amplitude * c + mean
+
+
+@kernel
+def root_near(oscillator: Oscillator, reach: float, amplitude: float, side: int, c: float) -> tuple[float, float]:
+    """Root c of the mismatch near a guess, and its slope; NaN if Newton's method leaves the stable branch."""
+    lever = oscillator.lever
+    slope = math.nan
+    for _ in range(MOST_ROOT_STEPS):
+        depth = mismatch_scale(reach, amplitude, c)
+        push, drag, _mean = harmonics(oscillator, reach, amplitude, c)
+        h = mismatch(lever, amplitude, push, drag)
+        near, far, _mean = harmonics(oscillator, reach, amplitude, c + C_DIFFERENCE * depth)
+        slope = (mismatch(lever, amplitude, near, far) - h) / (C_DIFFERENCE * depth)
+        if not slope < 0.0:
+            return math.nan, math.nan
+        step = min(max(-h / slope, -LONGEST_ROOT_STEP * depth), LONGEST_ROOT_STEP * depth)
+        c += step
+        if abs(step) < LAST_ROOT_STEP * depth:
+            return (c, slope) if (push > 0.0) == (side > 0) else (math.nan, math.nan)
+    return math.nan, math.nan
+
+
+@kernel
+def root_anywhere(oscillator: Oscillator, reach: float, amplitude: float, side: int) -> tuple[float, float]:
+    """Farthest stable root c of the mismatch on this branch, and the slope there; NaN if there is none."""
+    candidates = averaged_orbits(oscillator, amplitude)
+    for i in range(len(candidates)):
+        if (candidates[i, col.G_P] > 0.0) == (side > 0):
+            c, slope = root_near(
+                oscillator, reach, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
+            )
+            if slope < 0.0:
+                return c, slope
+    return math.nan, math.nan
+
+
+@kernel
+def stable_root(
+    oscillator: Oscillator, reach: float, amplitude: float, side: int, search: bool, c: float
+) -> tuple[float, float]:
+    """Stable root c of the mismatch near a guess, or with `search` anywhere, and the slope there; NaN without one."""
+    root, slope = root_near(oscillator, reach, amplitude, side, c)
+    if search and not slope < 0.0:
+        root, slope = root_anywhere(oscillator, reach, amplitude, side)
+    return root, slope
+
+
+@kernel
+def detector_signal(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> DetectorSignal:
+    """Signal of the detector on a harmonic orbit, and the mismatch of its drive."""
+    lever = oscillator.lever
+    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
+    phase, offset = phase_and_offset(lever, amplitude, c, push, drag, mean)
+    seen, turned = show(lever, amplitude, phase)
+    return DetectorSignal(mismatch(lever, amplitude, push, drag), seen, turned, offset)
+
+
+@kernel
+def held_root(
+    oscillator: Oscillator, reach: float, held: float, side: int, search: bool, c: float
+) -> tuple[float, float, float]:
+    """Amplitude A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and the slope there."""
+    lever = oscillator.lever
+    amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
+    for step in range(MOST_ROOT_STEPS):
+        c, slope = stable_root(oscillator, reach, amplitude, side, search, c)
+        if not slope < 0.0 or sees_tip(lever):
+            return amplitude, c, slope
+        push, drag, mean = harmonics(oscillator, reach, amplitude, c)
+        phase, _ = phase_and_offset(lever, amplitude, c, push, drag, mean)
+        miss = show(lever, amplitude, phase)[0] - held
+        if abs(miss) < (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
+            return amplitude, c, slope
+        following = next_amplitude(lever, held, amplitude, phase, miss, before)
+        before, amplitude = (amplitude, miss), following
+        if not amplitude > 0.0:
+            break
+    return amplitude, math.nan, math.nan
