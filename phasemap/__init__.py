@@ -77,7 +77,7 @@ _NAMES = {
     "inference.images.sensitivities": ("sensitivity",),
     "inference.series.series": ("series",),
     "io.exchange": ("from_sidpy", "to_sidpy"),
-    "io.export": ("export", "write_gsf", "write_gwy"),
+    "io.export": ("export",),
     "io.curves": ("read_curve",),
     "io.read": ("read_image",),
     "results.channels": ("channels",),

@@ -91,14 +91,6 @@ def test_several_setpoints_are_a_dim() -> None:
         pm.simulate(SURFACE, SCOPE, [0.5, 0.5])
 
 
-def test_old_names_of_what_had_two_meanings_go_on_with_a_warning() -> None:
-    scope = pm.Microscope(LEVER, TIP, pm.Drive(20e-9, frequency=299e3))
-    with pytest.warns(DeprecationWarning, match="Microscope.free_amplitude is now called driven_amplitude, for"):
-        assert scope.free_amplitude == scope.driven_amplitude < scope.drive.free_amplitude  # beside resonance
-    with pytest.warns(DeprecationWarning, match="Cantilever.damping is now called damping_ratio, for"):
-        assert LEVER.damping == LEVER.damping_ratio == 1 / 800
-
-
 def test_the_variables_of_a_sweep_come_in_groups() -> None:
     curve = pm.sweep_distance(SOFT, SCOPE, np.linspace(30e-9, 10e-9, 5))
     groups = curve.phasemap.groups

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
@@ -93,23 +92,6 @@ class Number(Generic[T]):
         """Warn of a value outside all practice."""
         if self.usual is not None:
             question(str(self._said), value, self.unit, self.usual)
-
-
-class Renamed:
-    """The old name of an attribute, now `new`, which goes on for a release with a warning of `why`."""
-
-    def __init__(self, new: str, why: str) -> None:
-        self._new, self._why = new, why
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._old = f"{owner.__name__}.{name}"
-
-    def __get__(self, instance: object, owner: type | None = None) -> Any:
-        if instance is None:
-            return self
-        message = f"{self._old} is now called {self._new}, for {self._why}."
-        warnings.warn(message, DeprecationWarning, stacklevel=2)
-        return getattr(instance, self._new)
 
 
 def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:

@@ -77,7 +77,7 @@ KINDS: dict[str, Callable[[], object]] = {
     "JKR pixel": lambda: _pixel("jkr"),
     "JKR sweep": lambda: _distances(_under("jkr")),
     "Maugis pixel": lambda: _pixel("maugis"),
-    "spring": lambda: _pixel("spring"),
+    "punch": lambda: _pixel("punch"),
     "neck": lambda: _pixel(pm.interaction.Neck(1e-9)),
     "bias": lambda: _pixel("dmt", 1.0),
     "one's own law": lambda: _pixel(_Own()),

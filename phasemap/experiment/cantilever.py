@@ -8,7 +8,7 @@ from typing import Any
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, Renamed, known_as
+from phasemap._shared.fields import Number, known_as
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.shown import Shown
 from phasemap.experiment.eigenmode import (
@@ -192,8 +192,6 @@ class Cantilever(Shown):
     def eigenmodes(self) -> tuple[Eigenmode, ...]:
         """All modes, the first one too, with every number that a higher one leaves to the uniform beam."""
         return all_modes(self.quality_factor, self.participation, self.modes)
-
-    damping = Renamed("damping_ratio", "`damping` is that of a material")
 
 
 def _in_fluid(beam: Beam, fluid: Fluid, count: int, fluid_pulls: bool = True) -> Cantilever:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, Renamed, known_as
-from phasemap._shared.plausible import advise, question
+from phasemap._shared.fields import Number, known_as
+from phasemap._shared.plausible import question
 from phasemap._shared.shown import Shown
 from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.cantilever import Cantilever as Cantilever
-from phasemap.experiment.eigenmode import Eigenmode, free_motion
+from phasemap.experiment.eigenmode import free_motion
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS, DETECTORS = ("direct", "base"), ("slope", "tip")
@@ -48,22 +48,15 @@ class Tip(Shown):
     poisson_ratio: Number[float] = Number("1", 0.3, said="tip poisson_ratio", above=-1, maximum=0.5)
 
 
-@known_as(k="stiffness", f="frequency", f2="frequency", Q="quality_factor", A="free_amplitude")
+@known_as(A="free_amplitude")
 @dataclass(frozen=True, repr=False)
 class Mode(Shown):
     """The second mode of the lever, driven together with the first, and so little that it only feels its way.
 
     Parameters
     ----------
-    stiffness : float, optional
-        k2 [N/m], where the lever has one mode: with the next two it becomes its second, with a warning. All three will
-        go in the next release; `Cantilever.modes` has them.
-    frequency : float, optional
-        f2 [Hz], likewise.
-    quality_factor : float, optional
-        Q2 [1], likewise.
     free_amplitude : float
-        Of the second mode, free, at the tip [m], > 0.
+        Of the second mode, free, at the tip [m], > 0; the mode itself is one of `Cantilever.modes`.
     detection : {"fm", "am"}
         "fm": a phase-locked loop holds the phase at resonance and shows the shift of the frequency, another loop holds
         the amplitude (AM-FM). "am": driven at f2, it shows amplitude and phase (AM-AM).
@@ -74,11 +67,6 @@ class Mode(Shown):
     'fm'
     """
 
-    stiffness: Number[float | None] = Number("N/m", None, said="second mode's stiffness", above=0, usual=(1e-2, 1e5))
-    frequency: Number[float | None] = Number("Hz", None, said="second mode's frequency", above=0, usual=(5e3, 1e8))
-    quality_factor: Number[float | None] = Number(
-        "1", None, said="second mode's quality_factor", above=0.5, usual=(0.5, 1e6)
-    )
     free_amplitude: Number[float] = Number(
         "m", 0.1e-9, said="second mode's free_amplitude", above=0, usual=(1e-12, 100e-9)
     )
@@ -86,11 +74,6 @@ class Mode(Shown):
 
     def __post_init__(self) -> None:
         check_choice("detection", self.detection, DETECTIONS)
-
-    @property
-    def own(self) -> tuple[float | None, ...]:
-        """Numbers that belong to the lever."""
-        return self.stiffness, self.frequency, self.quality_factor
 
 
 @known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
@@ -188,8 +171,8 @@ class Microscope(Shown):
             if not isinstance(part, cls):
                 hint = "The order is Microscope(Cantilever(...), Tip(...), Drive(...), Interaction(...))."
                 raise InputError(name, part, f"{'an' if cls is Interaction else 'a'} {cls.__name__}", hint)
-        if self.drive.second is not None:
-            self._settle_second(self.drive.second)
+        if self.drive.second is not None and not self.cantilever.modes:
+            raise InputError("modes", (), "at least a second mode where the drive has one", SECOND_HINT)
         object.__setattr__(self, "detector", self._checked_detector())
         number("drive frequency over resonance frequency", self.frequency_ratio, "1", above=0, maximum=1e100)
         if self.drive.frequency is not None:
@@ -258,23 +241,6 @@ class Microscope(Shown):
         modes = free_motion(self.cantilever.eigenmodes, omega, self.base_amplitude, self.drive.excitation)
         return sum((weight * mode for weight, mode in zip(self.detector_weights, modes, strict=True)), 0j)
 
-    def _settle_second(self, second: Mode) -> None:
-        """Make the numbers of a driven second mode, which a lever of one mode could have, a mode of the lever."""
-        lever = self.cantilever
-        if second.own == (None, None, None):
-            if not lever.modes:
-                raise InputError("modes", lever.modes, "at least a second mode where the drive has one", SECOND_HINT)
-            return
-        if lever.modes or None in second.own:
-            allowed = "a Mode of free_amplitude and detection; the rest is that of the cantilever's second mode"
-            raise InputError("second", second, allowed)
-        k, f, q = (float(one or 0.0) for one in second.own)
-        mode = Eigenmode(f / lever.resonance_frequency, q, k / lever.stiffness)
-        advise(f"The second mode is one of the lever's now: write modes=({mode!r},) there.", DeprecationWarning)
-        object.__setattr__(self, "cantilever", replace(lever, modes=(mode,)))
-        driven = Mode(free_amplitude=second.free_amplitude, detection=second.detection)
-        object.__setattr__(self, "drive", replace(self.drive, second=driven))
-
     def _checked_detector(self) -> str | tuple[float, ...]:
         """The detector, its weights as floats."""
         count, given = len(self.cantilever.eigenmodes), self.detector
@@ -284,5 +250,3 @@ class Microscope(Shown):
             return tuple(number("detector", weight, "1") for weight in given)
         allowed = f"'slope', 'tip', or as many weights as modes, {count}, the first of them 1"
         raise InputError("detector", given, allowed)
-
-    free_amplitude = Renamed("driven_amplitude", "`free_amplitude` is that of the drive, at resonance")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,25 +84,6 @@ def export(
     if variable is not None:
         ds = ds[[_known(ds, variable), *_status(ds)]]
     return _write_gwy(ds, path, overwrite)
-
-
-def write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Old name of `export` to .gwy, which goes on for a release with a warning."""
-    warnings.warn("write_gwy is now export, to a file that ends in .gwy.", DeprecationWarning, stacklevel=2)
-    return _write_gwy(_checked(ds), path, overwrite)
-
-
-def write_gsf(
-    ds: xr.Dataset,
-    path: str | os.PathLike[str],
-    variable: str | None = None,
-    direction: str | None = None,
-    *,
-    overwrite: bool = False,
-) -> Path:
-    """Old name of `export` to .gsf, which goes on for a release with a warning."""
-    warnings.warn("write_gsf is now export, to a file that ends in .gsf.", DeprecationWarning, stacklevel=2)
-    return _write_gsf(_checked(ds), path, variable, direction, overwrite)
 
 
 def _write_gwy(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool) -> Path:

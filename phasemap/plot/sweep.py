@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -43,7 +42,7 @@ WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.6
 def curve(
     ds: xr.Dataset,
     path: str | os.PathLike[str] | None = None,
-    overwrite: bool | Sequence[str] = False,
+    overwrite: bool = False,
     *,
     quantities: Sequence[str] | str | None = None,
     ax: Axes | Sequence[Axes] | None = None,
@@ -79,12 +78,6 @@ def curve(
     >>> [axes.get_ylabel() for axes in curve(ds, quantities=["phase", "peak_force"]).axes]
     ['phase (degrees)', 'peak force (nN)']
     """
-    if not isinstance(overwrite, bool):
-        warnings.warn(
-            "`curve` takes overwrite as its third argument, as other pictures do: give quantities by name.",
-            DeprecationWarning, stacklevel=2,
-        )  # fmt: skip
-        quantities, overwrite = overwrite, False
     names = _check(ds, quantities)
     sweep = Sweep.of(_as_lag(ds) if lag else ds)
     keys = _keys(sweep)

@@ -33,7 +33,7 @@ from phasemap._kernels.orbits.averaged import harmonics
 from phasemap._kernels.orbits.time import elastic, march
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
-from phasemap.experiment.interaction import JKR, Capillary, ContactLaw, Interaction, LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction import JKR, Capillary, ContactLaw, Interaction, MaugisDugdale, Neck
 from phasemap.experiment.lever import one_mode
 from phasemap.results.variables import describe
 from phasemap.solvers.problem import make_work
@@ -60,9 +60,8 @@ LAWS: dict[str, Callable[[float], Any]] = {
     "dmt": lambda scale: "dmt",
     "jkr": lambda scale: "jkr",
     "maugis": lambda scale: "maugis",
-    "spring": lambda scale: "spring",
+    "punch": lambda scale: "punch",
     "maugis, own range": lambda scale: MaugisDugdale(1e-9 * scale),
-    "spring, own radius": lambda scale: LinearSpring(5e-9 * scale),
     "neck": lambda scale: Neck(0.8e-9 * scale),
     "own": lambda scale: Own(),
     "lossy dmt": lambda scale: laws.LossyDMT(2.0, 1e-7, 1e-9 * scale),
@@ -70,7 +69,7 @@ LAWS: dict[str, Callable[[float], Any]] = {
         tuple(scale * d for d in (-2e-8, -5e-9, -2e-9, 0.0, 2e-9, 5e-9, 2e-8)),
         (-1e-11, -2e-10, -1e-9, -5e-9, 1e-8, 4e-8, 4e-7),
     ),
-    "punch": lambda scale: laws.FlatPunch(5e-9 * scale),
+    "punch, own radius": lambda scale: laws.FlatPunch(5e-9 * scale),
     "cone": lambda scale: laws.Cone(30.0),
     "film": lambda scale: laws.Film(),
     "slipping film": lambda scale: "slipping film",
@@ -475,7 +474,7 @@ def test_a_law_that_cannot_work_is_refused_before_work_starts() -> None:
         pm.InputError, match=r"decay_length is None; allowed: a length in m where the contact is 'maugis'"
     ):
         Interaction("maugis", decay_length=None)
-    for wrong in (lambda: Neck(0.0), lambda: LinearSpring(-1.0), lambda: MaugisDugdale(math.nan)):
+    for wrong in (lambda: Neck(0.0), lambda: laws.FlatPunch(-1.0), lambda: MaugisDugdale(math.nan)):
         with pytest.raises(pm.InputError, match=r"is -?\S+; allowed: a finite number above 0 m"):
             wrong()
 
@@ -506,7 +505,7 @@ def test_the_loop_of_jkr_needs_a_tabor_number() -> None:
 
 def test_a_scene_names_laws_and_bias() -> None:
     scene = Path(__file__).parents[2] / "samples" / "step.toml"
-    for name in ("jkr", "maugis", "spring"):
+    for name in ("jkr", "maugis", "punch"):
         made = pm.load_scene(scene, [f"interaction.contact={name}", "interaction.bias=0.5"]).microscope.interaction
         assert made.law.name == name and made.bias == 0.5
 
@@ -516,7 +515,6 @@ def test_provenance_describes_laws_with_their_parameters() -> None:
     assert described[:5] == list(LAWS)[:5]
     assert described[5:] == [
         {"kind": "maugisdugdale", "range": 1e-9},
-        {"kind": "linearspring", "contact_radius": 5e-9},
         {"kind": "neck", "length": 0.8e-9},
         "Own",
         *(describe(LAWS[name](1.0)) for name in ("lossy dmt", "table")),
@@ -622,12 +620,12 @@ MARCHED: dict[str, tuple[Interaction, float]] = {  # with the damping
     "jkr, no force before contact, damped": (Interaction("jkr", None), 0.02),
     "maugis, damped": (Interaction("maugis", 0.3e-9), 0.02),
     "neck, damped": (Interaction(Neck(0.8e-9), 0.3e-9), 0.02),
-    "spring": (Interaction("spring", 0.3e-9), 0.02),
+    "punch": (Interaction("punch", 0.3e-9), 0.02),
     "jkr, bias": (Interaction("jkr", 0.3e-9, bias=0.5), 0.01),
 }
 
 
-LONG_TO_COMPILE = ("neck, damped", "spring", "jkr, bias")
+LONG_TO_COMPILE = ("neck, damped", "punch", "jkr, bias")
 
 
 def marched(problem: Any, z0: float, y: np.ndarray, eta: float, periods: int) -> tuple[np.ndarray, np.ndarray]:

@@ -18,11 +18,11 @@ import phasemap as pm
 from phasemap._shared.fields import Number
 from phasemap._shared.quantities import KINDS, NotThatUnit, array_in_si, in_si
 from phasemap.experiment import generate
-from phasemap.experiment.interaction import LinearSpring, MaugisDugdale, Neck
+from phasemap.experiment.interaction import FlatPunch, MaugisDugdale, Neck
 
 CLASSES = (
     pm.Material, pm.Cantilever, pm.Tip, pm.Drive, pm.Interaction, pm.Accuracy, pm.Feedback, pm.Realism, pm.TipChange,
-    LinearSpring, MaugisDugdale, Neck, pm.Mode, pm.Eigenmode,
+    FlatPunch, MaugisDugdale, Neck, pm.Mode, pm.Eigenmode,
 )  # fmt: skip
 BESIDE = {  # what else a constructor needs
     pm.Material: {"modulus": 1e9}, pm.Drive: {"free_amplitude": 20e-9}, pm.Tip: {"radius": 10e-9},

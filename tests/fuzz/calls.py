@@ -165,7 +165,7 @@ def _of_parts() -> Iterator[Call]:
         pm.Eigenmode: {"frequency_ratio": 6.3, "quality_factor": 400.0},
         pm.Raster: {}, pm.Realism: {}, pm.Tip: {"radius": 1e-8}, pm.TipChange: {"line": 1, "radius": 2e-8},
         pm.Surface: {"modulus": [[1e9, 3e9]], "pixel_size": 4e-9}, pm.interaction.Cone: {}, pm.interaction.Film: {},
-        pm.interaction.FlatPunch: {}, pm.interaction.LinearSpring: {}, pm.interaction.MaugisDugdale: {},
+        pm.interaction.FlatPunch: {}, pm.interaction.MaugisDugdale: {},
         pm.interaction.Neck: {"length": 2e-9},
     }  # fmt: skip
     for cls, good in values.items():

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import phasemap as pm
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.cli import main
 from phasemap.io.export import export
@@ -156,13 +155,3 @@ def test_the_command_writes_what_python_writes(tmp_path: Path, capsys: pytest.Ca
     assert (tmp_path / "command.gwy").read_bytes() == (tmp_path / "python.gwy").read_bytes()
     assert main(["export", str(tmp_path / "image.nc"), str(tmp_path / "image.gsf")]) == 2
     assert "variable is None; allowed: one of height, phase" in capsys.readouterr().err
-
-
-def test_the_old_names_of_export_still_write_and_warn(tmp_path: Path) -> None:
-    image = two_scans()
-    with pytest.warns(DeprecationWarning, match="write_gwy is now export"):
-        old = pm.write_gwy(image, tmp_path / "old.gwy")
-    with pytest.warns(DeprecationWarning, match="write_gsf is now export"):
-        pm.write_gsf(image, tmp_path / "old.gsf", "phase")
-    assert old.read_bytes() == export(image, tmp_path / "new.gwy").read_bytes()
-    assert (tmp_path / "old.gsf").read_bytes() == export(image, tmp_path / "new.gsf", "phase").read_bytes()

@@ -184,12 +184,6 @@ def test_gaps_are_marked_counted_and_given_advice(sweeps: dict[str, xr.Dataset])
     assert "× 3 of 36 points (8.33 %): No stable orbit has the setpoint amplitude" in words(figure)
 
 
-def test_quantities_in_their_old_place_are_drawn_with_a_warning(sweeps: dict[str, xr.Dataset]) -> None:
-    with pytest.warns(DeprecationWarning, match="give quantities by name"):
-        (axes,) = curve(sweeps["distance"], None, ["phase"]).axes
-    assert axes.get_ylabel() == "phase (degrees)"
-
-
 def test_a_jump_that_leads_nowhere_is_a_cross(sweeps: dict[str, xr.Dataset]) -> None:
     ds = sweeps["distance"].copy(deep=True)
     for name in ("amplitude", "phase", "tip_offset"):

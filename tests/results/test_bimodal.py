@@ -11,8 +11,6 @@ import pytest
 from cases import Case, load
 
 import phasemap as pm
-from phasemap.io.metadata import microscope_of
-from phasemap.results.variables import describe
 
 CASES = load("bimodal")
 SMALL, LARGE = CASES[:4], CASES[4:7]  # A2 of 0.1 nm; the first case over with 0.5, 1 and 2 nm
@@ -128,20 +126,6 @@ def test_a_scene_has_a_second_mode_and_its_file_knows_it(tmp_path: Path) -> None
         pm.simulate(scene.surface, without, 0.7, variables=["bimodal_modulus"])
     with pytest.raises(pm.InputError, match="detection is 'pm'"):
         pm.Mode(detection="pm")
-
-
-def test_a_second_mode_with_numbers_of_its_own_becomes_one_of_the_lever_with_a_warning() -> None:
-    wanted = scope_of(CASES[0])
-    own = pm.Mode(1600.0, CASES[0]["second_frequency"], 600.0, 1e-10)
-    one = replace(wanted.cantilever, modes=())
-    with pytest.warns(DeprecationWarning, match=r"write modes=\(Eigenmode\(.*stiffness_ratio=40.0\),\) there"):
-        assert replace(wanted, cantilever=one, drive=replace(wanted.drive, second=own)) == wanted
-    for drive, lever in ((own, wanted.cantilever), (pm.Mode(1600.0), one)):
-        with pytest.raises(pm.InputError, match="second is Mode"):
-            replace(wanted, cantilever=lever, drive=replace(wanted.drive, second=drive))
-    described = describe(replace(wanted, cantilever=one, drive=pm.Drive(40e-9)))
-    described["drive"]["second"] = describe(own)
-    assert microscope_of(described).second_mode == wanted.second_mode
 
 
 def test_a_map_of_the_contrast_has_the_channels_of_a_second_mode() -> None:

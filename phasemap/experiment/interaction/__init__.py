@@ -36,7 +36,7 @@ from phasemap._shared.shown import Shown
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.capillary import Capillary
 from phasemap.experiment.interaction.cone import Cone
-from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz, LinearSpring, Neck
+from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz, Neck
 from phasemap.experiment.interaction.damping import PowerLawDamping
 from phasemap.experiment.interaction.film import Film
 from phasemap.experiment.interaction.jkr import JKR
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DLVO", "DMT", "JKR", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "Hydration",
-    "Interaction", "LennardJones", "LinearSpring", "LossyDMT", "MaugisDugdale", "Neck", "Solvation",
+    "Interaction", "LennardJones", "LossyDMT", "MaugisDugdale", "Neck", "Solvation",
     "Table",
 ]  # fmt: skip
 
@@ -81,7 +81,7 @@ class Interaction(Shown):
         "hertz" (no adhesion), "dmt", "jkr", "maugis" (Maugis-Dugdale, its range the decay length), "punch" (flat),
         "cone", "film" (on a rigid base, which it sticks to), "slipping film" or "capillary" (under films of liquid), in
         capitals or not; or a law object: `FlatPunch`, `Cone`, `MaugisDugdale`, `Neck` and `Capillary` take parameters,
-        and a law of your own is a class derived from `ContactLaw`. "spring" is the old name of "punch".
+        and a law of your own is a class derived from `ContactLaw`.
     decay_length : float, optional
         d0 [m], > 0, of the inverse-square attraction outside contact, Wang (1999) Eq. 3; None (in a scene "none") for
         no such force.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Array = np.ndarray
 
 __all__ = [
-    "DMT", "JKR", "LAWS", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz", "LinearSpring",
+    "DMT", "JKR", "LAWS", "Capillary", "Cone", "ContactLaw", "Film", "FlatPunch", "Hertz",
     "MaugisDugdale", "Neck",
 ]  # fmt: skip
 
@@ -80,17 +80,6 @@ class FlatPunch(SphereLaw):
 
 
 @dataclass(frozen=True)
-class LinearSpring(FlatPunch):
-    """`FlatPunch` under its old name, with the damping of a sphere where a material has a viscosity."""
-
-    name: ClassVar[str] = "spring"
-    spread: ClassVar[float] = 0.5
-
-    def radius_at(self, depth: Array, radius: float) -> Array:
-        return ContactLaw.radius_at(self, depth, radius)
-
-
-@dataclass(frozen=True)
 class Neck(SphereLaw):
     """DMT contact whose adhesion holds the retracting tip over a length: a neck of liquid or polymer that then breaks.
 
@@ -120,5 +109,5 @@ class Neck(SphereLaw):
 
 LAWS: dict[str, ContactLaw] = {
     **{law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), FlatPunch(), Cone(), Film(), Capillary())},
-    "slipping film": Film("slipping"), "spring": LinearSpring(),
+    "slipping film": Film("slipping"),
 }  # fmt: skip

@@ -29,7 +29,7 @@ CALIBRATED, GUESSED = 1.05, 1.15  # factors within which the sensitivity of the 
 NECK, FILM, LIQUID = 1e-9, 5e-9, 0.4e-9  # length and thicknesses to start from [m]
 BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0)}
 """Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
-EVERY = (*(name for name in LAWS if name != "spring"), "neck")
+EVERY = (*LAWS, "neck")
 
 
 class Recorded(NamedTuple):

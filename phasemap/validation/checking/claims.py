@@ -24,7 +24,6 @@ from phasemap.experiment.interaction import (
     Film,
     FlatPunch,
     Interaction,
-    LinearSpring,
     LossyDMT,
     MaugisDugdale,
     Neck,
@@ -45,7 +44,7 @@ KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
         *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
-        Interaction, LinearSpring, LossyDMT, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
+        Interaction, LossyDMT, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
         TipChange,
     )
 }  # fmt: skip
