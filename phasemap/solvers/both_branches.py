@@ -191,7 +191,7 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
 
 def _search(work: Work, first: int, last: int, answers: Answers) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
-    from phasemap._kernels.continuation.path import fixed_path
+    from phasemap._kernels.orbits.collocation.path import fixed_path
 
     rows, status, used = answers
     waiting = status[:ENGAGED, first:last] == col.PENDING

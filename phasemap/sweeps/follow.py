@@ -132,8 +132,8 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
 
 def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
-    from phasemap._kernels.continuation.path import fixed_path, held_value
     from phasemap._kernels.lever import free_amplitude
+    from phasemap._kernels.orbits.collocation.path import fixed_path, held_value
 
     oscillator = curves.standing(m)
     value, path = held_value(curves.path, m), fixed_path(oscillator)

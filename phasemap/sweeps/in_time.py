@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import fixed_path
 from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.results.status import Status

@@ -9,13 +9,13 @@ from phasemap._kernels.continuation.path import (
     ENTRY_A,
     ENTRY_M,
     ENTRY_Z0,
-    Path,
     Point,
     answer_entry,
     control_entry,
     scales,
     tangent_row,
 )
+from phasemap._kernels.orbits.collocation.path import Path
 
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
 

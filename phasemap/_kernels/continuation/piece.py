@@ -14,14 +14,12 @@ from phasemap._kernels.continuation.path import (
     ENTRY_A,
     ENTRY_M,
     ENTRY_Z0,
-    Path,
     Point,
     control_entry,
     reach_on,
     scaled_direction,
     scales,
     solve_on,
-    standing_at,
     tangent_row,
 )
 from phasemap._kernels.continuation.step import (
@@ -50,6 +48,7 @@ from phasemap._kernels.orbits.collocation.newton import (
     solve_orbit,
 )
 from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
+from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_KEPT,
     HOLD_OFFSET,
@@ -313,7 +312,7 @@ def exact_orbit_at(path: Path, guess: np.ndarray, m: float, hold: int, tolerance
     if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, orbit, guess, 0):
         return False
     held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
-    status, _ = solve_orbit(oscillator, orbit, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False))
+    status, _ = solve_orbit(path, orbit, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False, False, 0.0))
     return status == col.GOOD and head_of(orbit).amplitude > 0.0
 
 

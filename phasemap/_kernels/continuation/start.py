@@ -6,10 +6,10 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import Path, standing_at
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import Equation, Orbit
 
 
@@ -22,4 +22,4 @@ def start_far(path: Path, orbit: Orbit, amplitude: float, level: int) -> int:
     held = Equation(1.0, -1.0, 0.0, guess[col.G_Z0] - free, 0.0, 0.0)
     if not begin_harmonic(oscillator, orbit, guess, level):
         return col.NOT_CONVERGED
-    return solve_orbit(oscillator, orbit, held, NewtonLimits(level, 1e-3 * path.reach, 30, True))[0]
+    return solve_orbit(path, orbit, held, NewtonLimits(level, 1e-3 * path.reach, 30, True, False, 0.0))[0]

@@ -23,18 +23,14 @@ from phasemap._kernels.continuation.path import (
     ENTRY_S,
     ENTRY_SEEN,
     ENTRY_Z0,
-    Path,
     Point,
     answer_entry,
     control_entry,
-    drift_at,
     gap_scale,
-    held_equation,
     reach_on,
     scaled_direction,
     scales,
     solve_on,
-    standing_at,
     tangent_on,
     tangent_row,
 )
@@ -42,6 +38,7 @@ from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.newton import determinant_of_return, floquet
+from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     RA,

@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import extreme_between
-from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Path, Point, fixed_path, standing_at
+from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Point
 from phasemap._kernels.continuation.piece import turn_between
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
@@ -39,6 +39,7 @@ from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
+from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
 from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.system import Orbit, another, head_of, new_orbit
 from phasemap._kernels.orbits.response.orbit import largest_branch_distance

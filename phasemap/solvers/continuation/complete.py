@@ -11,7 +11,7 @@ from phasemap.experiment.excitation import sees_tip, tip_amplitudes
 from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:
-    from phasemap._kernels.continuation.path import Path
+    from phasemap._kernels.orbits.collocation.path import Path
 
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
 FAINT = 1e-5  # of the free amplitude, where a curve is left

@@ -29,8 +29,8 @@ class OffOrbit:
 
         `column`: of the control: TIP_OFFSET, AMPLITUDE, or PARAMETER.
         """
-        from phasemap._kernels.continuation.path import HELD_AMPLITUDE, held_value
         from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
+        from phasemap._kernels.orbits.collocation.path import HELD_AMPLITUDE, held_value
         from phasemap._kernels.orbits.time.landing import state_in_row
 
         row, target, by_amplitude = np.full(col.FULL, np.nan), x, column == col.AMPLITUDE

@@ -19,7 +19,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import Work, work_of_material
 
 if TYPE_CHECKING:
-    from phasemap._kernels.continuation.path import Path
+    from phasemap._kernels.orbits.collocation.path import Path
 
 MATERIAL = ("modulus", "adhesion", "damping", "viscosity", "poisson_ratio", *MORE_NUMBERS)
 PARTS = {
@@ -75,7 +75,7 @@ class Question:
 
 def fixed_path(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
-    from phasemap._kernels.continuation.path import fixed_path
+    from phasemap._kernels.orbits.collocation.path import fixed_path
 
     path: Path = fixed_path(question.work().oscillator(0))
     return path
@@ -116,7 +116,7 @@ def swept_path(
 
     `held`: tip offset or amplitude [m] that is held under a microscope.
     """
-    from phasemap._kernels.continuation.path import HELD_AMPLITUDE, HELD_OFFSET, swept_path
+    from phasemap._kernels.orbits.collocation.path import HELD_AMPLITUDE, HELD_OFFSET, swept_path
 
     work = question.with_parameter(name, float(scale.value(0.0))).work()
     table = np.zeros((0, 0))

@@ -14,8 +14,8 @@ from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.excitation import seen, sees_tip
 
 if TYPE_CHECKING:
-    from phasemap._kernels.continuation.path import Path
     from phasemap._kernels.law import Oscillator
+    from phasemap._kernels.orbits.collocation.path import Path
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 
@@ -67,7 +67,7 @@ class Curves:
 
     def standing(self, m: float) -> Oscillator:
         """The lever over the material at m."""
-        from phasemap._kernels.continuation.path import standing_at
+        from phasemap._kernels.orbits.collocation.path import standing_at
 
         if m not in self._standing:
             self._standing[m] = standing_at(self.path, float(m))

@@ -15,10 +15,12 @@ from phasemap._kernels.law import Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements
+from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements, move_elements
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
+from phasemap._kernels.orbits.collocation.path import Path, drift_at, fixed_path, held_equation, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
+    EQUATIONS_KEPT,
     MOTION,
     MOTION_RATE,
     PLACES,
@@ -45,6 +47,8 @@ MOST_NEWTON_STEPS = 30
 MOST_HELD_STEPS = 15  # of one step each, for the amplitude that the detector sees
 HELD_EXACTLY = 1e-12  # of that amplitude
 COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
+STILL_ON_THE_WAY = 1e-2  # of the last change allowed on the way: the tangent is off by as little of it
+TANGENT_ERROR = 1e-6  # of the contact; so much tangent and multipliers of an exact orbit may be off
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
 
 
@@ -55,6 +59,8 @@ class NewtonLimits(NamedTuple):
     tolerance: float  # last change [m]: the error left is its square over the size of the contact
     most_steps: int
     coarse: bool  # whether it is one on the way along a curve, less exact
+    along: bool  # whether it is one of a curve: what its path holds is held, and the elements go with the contact
+    seen: float  # amplitude that the detector is to see [m]: if above 0, it is held in place of the equation given
 
 
 @kernel
@@ -150,51 +156,68 @@ def take_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -
 
 
 @kernel(shared=True)
-def solve_orbit(
-    oscillator: Oscillator,
-    orbit: Orbit,
-    held: Equation,
-    limits: NewtonLimits,
-) -> tuple[int, int]:
-    """Iterate to a periodic orbit at which an equation holds; return status and steps."""
-    law, p, lever = oscillator
-    level, tolerance, most, coarse = limits
-    reach, still = reach_of(law, p), allowed_displacement(oscillator, level)
+def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) -> tuple[int, int]:
+    """Newton's method to a periodic orbit at which an equation holds; return status and steps.
+
+    Along a curve the equations of the last step stand for those of the orbit where it changed nothing any more: by
+    less than TANGENT_ERROR of the contact and the tolerance of an exact orbit, or, on the way, than STILL_ON_THE_WAY of
+    that.
+    """
+    level, tolerance, most, coarse, along, seen = limits
+    head, oscillator = head_of(orbit), standing_at(path, head_of(orbit).parameter)
+    still, smooth = allowed_displacement(oscillator, level), along and allowed_displacement(oscillator, 0) > 0.0
     for step in range(most):
-        linear = head_of(orbit).equations == EQUATIONS_CURRENT or linearise_orbit(oscillator, orbit, no_drift())
-        if not linear or not solve_step(lever, orbit, no_drift(), (held, hold_parameter(orbit))):
+        m = head.parameter
+        oscillator, drift = standing_at(path, m), drift_at(path, m) if along else no_drift()
+        p, lever = oscillator.p, oscillator.lever
+        if seen > 0.0:
+            held = hold_seen(lever, orbit, seen)
+        if head.equations != EQUATIONS_CURRENT and not linearise_orbit(oscillator, orbit, drift):
+            return col.NOT_CONVERGED, step
+        first, other = (held_equation(path, m), held) if along else (held, hold_parameter(orbit))
+        if not solve_step(lever, orbit, drift, (first, other)):
             return col.NOT_CONVERGED, step
         status, change = take_step(lever, orbit, tolerance, coarse)
+        size = contact_size(head, reach_of(path.law, p))
+        if status == col.GOOD and not is_seen(lever, head, seen):
+            continue
         if status != col.PENDING:
-            return status, step + (status == col.GOOD)
-        if change < still * contact_size(head_of(orbit), reach):
+            if (
+                along
+                and status == col.GOOD
+                and change <= (STILL_ON_THE_WAY * tolerance if coarse else min(tolerance, TANGENT_ERROR * size))
+            ):
+                head.equations = EQUATIONS_KEPT
+            return status, step + 1
+        if change < still * size:
             continue  # the elements fit as they lie
+        if smooth and move_elements(p, orbit):
+            continue
         if not lay_again(oscillator, orbit, level):
-            return col.TOO_MANY_CONTACTS, step
+            return col.TOO_MANY_CONTACTS, step + 1
     return col.NOT_CONVERGED, most
+
+
+@kernel
+def is_seen(lever: np.ndarray, head: Head, seen: float) -> bool:
+    """Whether the detector sees an amplitude [m], or need not."""
+    if seen <= 0.0:
+        return True
+    return abs(seen - seen_amplitude(lever, head.amplitude, head.push, head.drag)) < HELD_EXACTLY * seen
 
 
 @kernel
 def solve_at_amplitude(oscillator: Oscillator, orbit: Orbit, level: int, tolerance: float, most: int) -> int:
     """Solve as `solve_orbit` for a periodic orbit with the amplitude that this one has; return the status."""
-    return solve_orbit(oscillator, orbit, hold_amplitude(orbit), NewtonLimits(level, tolerance, most, False))[0]
+    limits = NewtonLimits(level, tolerance, most, False, False, 0.0)
+    return solve_orbit(fixed_path(oscillator), orbit, hold_amplitude(orbit), limits)[0]
 
 
 @kernel
 def solve_at_seen(oscillator: Oscillator, orbit: Orbit, seen: float, tolerance: float) -> int:
-    """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; returns a status."""
-    limits = NewtonLimits(head_of(orbit).level, tolerance, 1, False)
-    for _ in range(MOST_HELD_STEPS):
-        held = hold_seen(oscillator.lever, orbit, seen)
-        status, steps = solve_orbit(oscillator, orbit, held, limits)
-        if status == col.GOOD:
-            head = head_of(orbit)
-            lacks = seen - seen_amplitude(oscillator.lever, head.amplitude, head.push, head.drag)
-            if abs(lacks) < HELD_EXACTLY * seen:
-                return col.GOOD
-        elif steps < 1 or status != col.NOT_CONVERGED:
-            return col.NOT_CONVERGED
-    return col.NOT_CONVERGED
+    """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; return the status."""
+    limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_HELD_STEPS, False, False, seen)
+    return solve_orbit(fixed_path(oscillator), orbit, hold_amplitude(orbit), limits)[0]
 
 
 @kernel

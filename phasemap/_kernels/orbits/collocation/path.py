@@ -1,0 +1,113 @@
+"""How the law and the lever change along a curve of periodic orbits, and what is held.
+
+A curve of orbits is followed in a plane of two of three numbers: tip offset z0, amplitude A, and m in [-1, 1], on which
+the law's parameters and the lever may depend. Either everything but z0 and A is fixed, or m is swept and z0 (a
+response at a fixed tip offset) or A (what a feedback holds) is given as a function of m.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.lever import free_amplitude, scale_of
+from phasemap._kernels.orbits.collocation.system import DRIFT_STEP, Equation, no_drift
+
+# Kinds of paths.
+FIXED_PATH = -1  # nothing but z0 and A moves
+HELD_OFFSET = 0  # a sweep of m holds the tip offset
+HELD_AMPLITUDE = 1
+# Rows of a sweep's table: the law's parameters, the lever, and what is held.
+LEVER_ROW = col.ROW
+HELD_ROW = -1
+
+
+class Path(NamedTuple):
+    """A curve's law and lever, and what its orbits are solved with."""
+
+    law: Law
+    kind: int  # FIXED, HELD_OFFSET or HELD_AMPLITUDE
+    # p, lever, reach: on a fixed path: parameters of the law, lever, length [m] on which orbits change
+    p: tuple[float, ...]
+    lever: np.ndarray
+    reach: float
+    # shape (ROW + len(lever) + 1, n); elsewhere: Chebyshev coefficients over m of the law's parameters, the lever, the
+    # tip offset or amplitude [m] that is held
+    table: np.ndarray
+    width: float  # a small change of m
+
+
+@kernel
+def fixed_path(oscillator: Oscillator) -> Path:
+    """Return the path on which only tip offset and amplitude move."""
+    law, p, lever = oscillator
+    reach = scale_of(oscillator, free_amplitude(lever))
+    return Path(law, FIXED_PATH, p, lever, reach, np.empty((0, 0)), 0.0)
+
+
+@kernel(light=True)
+def swept_path(law: Law, table: np.ndarray, kind: int, width: float) -> Path:
+    """Return the path on which m moves what the table says."""
+    p, lever = material_at(table, 0.0)
+    return Path(law, kind, p, lever, math.nan, table, width)
+
+
+@kernel(light=True)
+def chebyshev(coefficients: np.ndarray, m: float) -> float:
+    """Value of a Chebyshev series (Clenshaw)."""
+    one, two = 0.0, 0.0
+    for k in range(len(coefficients) - 1, 0, -1):
+        one, two = coefficients[k] + 2.0 * m * one - two, one
+    return coefficients[0] + m * one - two
+
+
+@kernel(light=True)
+def material_at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndarray]:
+    """The law's parameters and the lever at m."""
+    values = np.empty(len(table) - 1)
+    for i in range(len(values)):
+        values[i] = chebyshev(table[i], m)
+    return parameters(values), values[LEVER_ROW:]
+
+
+@kernel(light=True)
+def standing_at(path: Path, m: float) -> Oscillator:
+    """The lever over the material at m."""
+    if path.kind == FIXED_PATH:
+        return Oscillator(path.law, path.p, path.lever)
+    p, lever = material_at(path.table, m)
+    return Oscillator(path.law, p, lever)
+
+
+@kernel
+def drift_at(path: Path, m: float) -> np.ndarray:
+    """The law's parameters and the lever beside m, shape (2, ROW + len(lever)): their differences are the drift."""
+    if path.kind == FIXED_PATH:
+        return no_drift()
+    drift = np.empty((2, len(path.table) - 1))
+    for i in range(drift.shape[1]):
+        drift[0, i], drift[1, i] = chebyshev(path.table[i], m + DRIFT_STEP), chebyshev(path.table[i], m - DRIFT_STEP)
+    return drift
+
+
+@kernel(light=True)
+def held_value(path: Path, m: float) -> float:
+    """The tip offset or amplitude [m] that is held at m."""
+    return chebyshev(path.table[HELD_ROW], m)
+
+
+@kernel
+def held_equation(path: Path, m: float) -> Equation:
+    """Equation of what is held, linearised at m: of a fixed path, m itself."""
+    if path.kind == FIXED_PATH:
+        return Equation(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    value = held_value(path, m)
+    rate = (held_value(path, m + DRIFT_STEP) - held_value(path, m - DRIFT_STEP)) / (2.0 * DRIFT_STEP)
+    if path.kind == HELD_AMPLITUDE:
+        return Equation(0.0, 1.0, -rate, value - rate * m, 0.0, 0.0)
+    return Equation(1.0, 0.0, -rate, value - rate * m, 0.0, 0.0)
