@@ -217,7 +217,7 @@ def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> int:
     return col.NOT_CONVERGED
 
 
-@kernel
+@kernel(shared=True)
 def orbit_along_curve(oscillator: Oscillator, amplitude: float, repulsive: bool, rooms: Rooms, row: np.ndarray) -> int:
     """Exact orbit at which a tip stops that is lowered, in `found` of the rooms and its row; returns a status.
 
@@ -234,7 +234,7 @@ def orbit_along_curve(oscillator: Oscillator, amplitude: float, repulsive: bool,
     return feedback_status(row) if done == col.GOOD else done
 
 
-@kernel
+@kernel(shared=True)
 def exact_orbit(
     oscillator: Oscillator, amplitude: float, surety: int, guess: np.ndarray,
     rooms: Rooms, row: np.ndarray,

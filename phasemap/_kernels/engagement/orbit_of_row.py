@@ -52,7 +52,7 @@ def room_again(lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, room: Room
     return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_rooms(lever, tables))
 
 
-@kernel
+@kernel(shared=True)
 def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.ndarray, again: Again) -> bool:
     """Fill the nodes of a result row of the tip; False where its orbit is not found again.
 

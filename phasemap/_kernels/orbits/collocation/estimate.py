@@ -51,7 +51,7 @@ OFFSET_ROUNDING = (
 ASIDE = 1e-3  # [rad] by which elements may lie beside the contacts and still be the same ones
 
 
-@kernel
+@kernel(shared=True)
 def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
     """Fill in the errors of phase and tip offset in the row of a converged orbit, at its amplitude.
 

@@ -32,7 +32,7 @@ def depth_at_nodes(orbit: Orbit) -> float:
     return deepest - head.tip_offset
 
 
-@kernel
+@kernel(shared=True)
 def orbit_near(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.ndarray) -> tuple[int, float]:
     """Exact orbit from a harmonic one, guess = (z0, mean deflection, A, P, S): its row, and how far it is from it [m].
 

@@ -39,7 +39,7 @@ def feedback_status(row: np.ndarray) -> int:
     return col.GOOD if row[col.SLOPE] > 0.0 else col.NO_STABLE_ORBIT
 
 
-@kernel
+@kernel(shared=True)
 def refine_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
     status = fill_row(oscillator, orbit, row)

@@ -88,7 +88,7 @@ def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.n
     return _pass_from(oscillator, reach, guess, e, limits, room)
 
 
-@kernel
+@kernel(shared=True)
 def _pass_from(
     oscillator: Oscillator, reach: float, guess: np.ndarray, e: float, limits: np.ndarray, room: Room
 ) -> bool:

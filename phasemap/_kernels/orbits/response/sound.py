@@ -57,7 +57,7 @@ def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) ->
     return math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
 
 
-@kernel(fastmath=ANY_ORDER)
+@kernel(fastmath=ANY_ORDER, shared=True)
 def orbit_is_kept(
     oscillator: Oscillator, reach: float, f: Nodes, state: PassState, dent: float, recovery: float
 ) -> bool:
