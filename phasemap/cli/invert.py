@@ -76,8 +76,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, metavar=metavar, help=about)
     about = "the true surface is flat: heights of regions differ by indentation only"
     parser.add_argument("--flat", action="store_true", help=about)
-    about = "branch of all regions, where the zero of the phase is unknown"
-    parser.add_argument("--branch", choices=("attractive", "repulsive"), help=about)
     parser.add_argument("--sign", default="1", choices=("1", "-1"), help="sign of the recorded phase; default: 1")
     about = "factor within which the first guess is right; default: 10"
     parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help=about)
@@ -160,7 +158,7 @@ def _invert(
     if arguments.regions is not None:
         return _by_regions(arguments.regions, given, setup, options, arguments), []
     if arguments.zeros_from is None:
-        for name in ("known", "flat", "branch"):
+        for name in ("known", "flat"):
             if getattr(arguments, name):
                 raise PhasemapError(f"--{name} is for --regions and --zeros-from.")
         return _by_pixel(given, options, arguments)
@@ -201,9 +199,7 @@ def _by_regions(
     labels = _labels(text, given.images[0])
     known = _known(setup, arguments.known)
     level = 0.0 if arguments.flat else math.inf
-    return fit_regions(
-        given.images, labels, given.scopes, known=known, branch=arguments.branch, topography_error=level, **options
-    )
+    return fit_regions(given.images, labels, given.scopes, known=known, topography_error=level, **options)
 
 
 def _labels(text: str, image: xr.Dataset) -> np.ndarray:

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", metavar="FILE", nargs="+", help=about)
     parser.add_argument("--regions", type=whole, default=2, metavar="N", help="number of regions to find; default: 2")
     about = "channel that distinguishes regions; default: phase, or height where it shows the same far more sharply"
-    parser.add_argument("--by", choices=("phase", "height", "both"), help=about)
+    parser.add_argument("--by", choices=("phase", "height"), help=about)
     about = "netCDF files with maps of regions, as phasemap scene writes them"
     parser.add_argument("--labels", metavar="LIST", help=about)
     parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the files; default: as recorded")

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 PARAMETERS = ("modulus", "adhesion", "damping")
 UNITS = {"modulus": "Pa", "adhesion": "J m-2", "damping": "1"}
+REACH = 3.0  # standard deviations of the prior that least squares search
+END = 0.98  # of that range: an unknown beyond has run away
 UNKNOWN = 0.5  # standard error of a logarithm above which a property is not determined: a factor of 1.6
 UNLIKELY = 1e-4  # chance of a chi2 as large, below which the model does not describe the data
 CODES = ("determined", "combination_only", "not_identifiable", "given")
@@ -75,25 +77,34 @@ def chance(chi2: Any, degrees: Any) -> Any:
     return chdtrc(degrees, chi2)
 
 
-def codes_of(errors: Array, held: Array) -> NDArray[np.int8]:
+def codes_of(covariance: Array, information: Array | None = None) -> NDArray[np.int8]:
     """How well each logarithm is known: by itself, only with the others, or not at all.
 
-    `errors`: with what all others and the zeros leave open; `held`: with all others known.
+    `information`: inverse of the covariance, if it is known better than by inverting.
 
     Examples
     --------
-    >>> codes_of(np.array([0.1, 1.0, 1.0]), np.array([0.1, 0.1, 1.0])).tolist()
-    [0, 1, 2]
+    >>> codes_of(np.array([[0.01, 0, 0], [0, 1, 0.99], [0, 0.99, 1]])).tolist(), codes_of(np.eye(1)).tolist()
+    ([0, 1, 1], [2])
     """
+    known = np.linalg.inv(covariance) if information is None else information
+    errors, held = np.sqrt(np.diag(covariance)), 1 / np.sqrt(np.diag(known))
     return np.where(errors <= UNKNOWN, DETERMINED, np.where(held <= UNKNOWN, COMBINED, OPEN)).astype(np.int8)
+
+
+def correlation_of(covariance: Array) -> Array:
+    """Correlations of errors with this covariance."""
+    size = np.sqrt(np.diag(covariance))
+    found: Array = covariance / np.outer(size, size)
+    np.fill_diagonal(found, 1.0)
+    return found
 
 
 def say_regions(
     names: list[int], codes: NDArray[np.int8], covariance: NDArray[Any], unknown: NDArray[np.intp]
 ) -> list[str]:
     """A sentence on each region; `codes` is over regions and properties."""
-    said = []
-    correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    said, correlation = [], correlation_of(covariance)
     every = [(int(region), name) for region in unknown for name in PARAMETERS]
     for region, label in enumerate(names):
         if (codes[region] == GIVEN).all():
@@ -103,6 +114,15 @@ def say_regions(
         own = [i for i, (one, _) in enumerate(every) if one == region]
         said.append(f"Region {label}: {say_codes(words, codes[unknown].ravel(), correlation, own)}")
     return said
+
+
+def say_what_helps(zero_unknown: bool, zero_free: bool) -> list[str]:
+    """What to measure where properties stay open."""
+    record = "Record the phase of the free lever with every image (phase_zero)"
+    return [
+        *[record + (', or keep one zero for all (phase_zero="shared").' if zero_free else ".")] * zero_unknown,
+        "Add images at another free amplitude, and at setpoints farther apart, or name a material (known).",
+    ]
 
 
 def say_codes(

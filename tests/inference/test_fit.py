@@ -13,7 +13,11 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap.inference.curves import branches as of_branches
 from phasemap.inference.curves import problem
+from phasemap.inference.curves.data import Setup
+from phasemap.solvers.continuation.visit import Visit
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
 FILM = pm.Material(0.89e9, 0.37, 0.014)
@@ -358,18 +362,36 @@ def test_a_law_that_is_not_there_is_refused() -> None:
         pm.fit_distance(xr.Dataset({"height": ("x", [1.0])}), scope=SCOPE)
 
 
+def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = np.zeros((7, col.FULL))
+    rows[:, col.STIFFENING] = [-1, -1, 1, 1, 1, -1, -1]
+    rows[:, col.AMPLITUDE] = np.arange(7.0)
+    visit = Visit(rows, rows, np.zeros(7, np.int8), [])
+    monkeypatch.setattr(of_branches, "there_and_back", lambda *_: (visit, visit))
+    monkeypatch.setattr(of_branches, "seen", lambda rows, _: rows)
+    wet = Setup(
+        pm.Material(1e9, 0.05, 0.01, liquid_film=1e-9), replace(SCOPE, interaction=pm.Interaction("capillary")), 0.0
+    )
+    found = of_branches.branches(wet, "tip_offset", np.arange(7.0))
+    assert found.gap.tolist()[:3] == [[2, 1, 0, 0, 0, 1, 2], [0, 0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0, 0]]
+
+
 def test_the_film_of_water_comes_back_from_a_curve_both_ways() -> None:
     law = pm.Interaction(pm.interaction.Capillary(tip_film=0.0))
     scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9), law)
     wet, far = pm.Material(2e9, 0.05, damping=0.01, liquid_film=0.8e-9), np.linspace(21.5e-9, 13e-9, 7)
     both = pm.sweep_distance(wet, scope, far)
     # The tip turns repulsive at another distance than it lets go of the neck: both ways show different branches.
-    assert (np.sign(both.phase[0]) != np.sign(both.phase[1])).any()
+    other = np.flatnonzero(np.sign(both.phase[0]) != np.sign(both.phase[1]))
+    assert len(other)
+    early = both[["phase", "amplitude"]].copy(deep=True)  # a tip that is pushed jumps a datum before it has to
+    for name in early.data_vars:
+        early[name].values[0, other[-1]] = both[name].values[1, other[-1]]
     fit = pm.fit_distance(
         far, scope=scope, start=replace(wet, modulus=1.5e9, liquid_film=0.6e-9), starts=1,
         direction=("approach", "retract"), parameters=("modulus", "liquid_film"),
-        phase=both.phase, phase_error=0.1, amplitude=both.amplitude, amplitude_error=20e-12,
+        phase=early.phase, phase_error=0.1, amplitude=early.amplitude, amplitude_error=20e-12,
     )  # fmt: skip
-    assert fit.good and fit.chi2 < 1e-3
+    assert fit.good and fit.chi2 < 1e-3 and "next to a jump (approach)" in fit.status
     assert fit.values["liquid_film"] == pytest.approx(0.8e-9, abs=fit.errors["liquid_film"])
     assert fit.values["modulus"] == pytest.approx(2e9, abs=fit.errors["modulus"])

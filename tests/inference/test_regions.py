@@ -246,8 +246,7 @@ def test_wrong_input_is_named():
         ({"known": {7: SOFT}}, "one of 0, 1"),
         ({"known": {0: "soft"}}, "a Material"),
         ({"known": {0: SOFT, 1: FIRM}}, "every region"),
-        ({"branch": "both"}, "one of attractive, repulsive"),
-        ({"branch": "attractive", "known": {0: pm.Material(1e9, 0.0, 0.01)}}, "orbits in every image"),
+        ({"phase_zero": PHASE_ZERO + 90.0, "known": {0: pm.Material(1e9, 0.0, 0.01)}}, "orbits in every image"),
         ({"topography_error": -1e-9}, "topography_error"),
         ({"phase_zero_error": -1.0}, "phase_zero_error"),
     ):

@@ -188,7 +188,7 @@ def test_the_page_on_files_lists_the_variables_of_a_series(found):
 
 def test_regions_are_found_at_different_places_and_named_alike():
     files = measure(phases(), places=True)
-    for by in ("phase", "height", "both"):
+    for by in ("phase", "height"):
         found = regions_of(files, [one.attrs["title"] for one in files], None, by, 2)
         for i, labels in enumerate(found.labels):
             assert (labels == labels_at(i)).mean() > (0.97 if by != "phase" or i != 2 else 0.9), (by, i)
@@ -333,7 +333,7 @@ def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, u
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"by": "colour"}, "one of phase, height, both"),
+        ({"by": "colour"}, "one of phase, height\."),
         ({"sign": 2}, "1, -1 or None"),
         ({"labels": np.zeros((2, 2), int)}, "whole numbers of shape"),
         ({"setpoints": [0.5, 0.6]}, r"a number or 3 \[1\]"),

@@ -74,8 +74,8 @@ def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
         rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
         repelled = rows[:, col.STIFFENING] > 0
         for side in (repelled, ~repelled):
-            part = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
-            if len(part):
+            there = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
+            for part in np.split(there, 1 + np.flatnonzero(np.diff(there) > 1)) if len(there) else ():
                 gap = np.maximum(0, np.maximum(x[part[0]] - tip_offsets, tip_offsets - x[part[-1]]))
                 values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
                 found.append((*values, gap))

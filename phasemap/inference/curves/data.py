@@ -15,6 +15,7 @@ from phasemap._shared.plausible import unquestioned
 from phasemap.experiment.interaction import Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.verdict import REACH
 from phasemap.solvers.continuation.path import UNITS, Question
 from phasemap.sweeps.sweep import check_axis
 
@@ -28,7 +29,6 @@ ALL_UNITS = UNITS | {
     "resonance_frequency": "Hz", "tip_offset": "m", "offset": "m", "amplitude_scale": "1", "phase_offset": "degree",
     "sensitivity": "1", "neck_length": "m",
 }  # fmt: skip
-REACH = 3.0  # standard deviations of the prior that are searched
 FACTOR, KNOWN = 10.0, 1.44  # within which a property of the sample, and of the microscope, is known beforehand
 WIDTHS = 3.3  # the same of the resonance frequency, in its half widths
 TURN = 60.0  # the same of a phase [degree]

@@ -13,15 +13,15 @@ import numpy as np
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.threads import workers_of
 from phasemap.inference.curves.branches import Branches, branches
-from phasemap.inference.curves.data import REACH, Data, Parameter, Setup
+from phasemap.inference.curves.data import Data, Parameter, Setup
 from phasemap.inference.sampling import prior_draws
-from phasemap.inference.verdict import chance
+from phasemap.inference.verdict import REACH, UNLIKELY, chance
 
+SCALES = ("amplitude_scale", "phase_offset")  # parameters of how a motion is read
 STEP = 1e-4  # of the prior's standard deviations, of central differences
 COARSE = 0.03  # of the picture (largest amplitude, range of the axis): as near counts as one in the coarse comparison
 COARSE_PHASE = 3.0  # the same for phases [degree]
 STRICT = 0.1  # of the spacing of the data: a branch that ends as much before a datum costs one standard error
-UNLIKELY = 1e-3  # chance of a chi2 as large, below which a fit is not believed
 LOOKS = 100  # places of the prior looked at for other starts
 ROUGH = 0.1  # relative error of the derivatives of a datum that is left out of them
 ROUNDS = 2  # of secants
@@ -139,19 +139,23 @@ class Problem:
         return np.concatenate([part.ravel() for part in (*parts, choice.gap / ruler.gap)])
 
     def _branches(self, q: np.ndarray) -> Branches:
-        key = q.tobytes()
+        key = self._moving(q)
         if key not in self._kept:
             self._prepare([q])
         return self._kept[key]
 
+    def _moving(self, q: np.ndarray) -> bytes:
+        """What of q changes the motion, and not only how it is read."""
+        return np.array([one for p, one in zip(self.parameters, q, strict=True) if p.name not in SCALES]).tobytes()
+
     def _prepare(self, places: list[np.ndarray]) -> None:
         """Compute the branches at these q, on all cores, and forget those elsewhere."""
-        kept, self._kept = self._kept, {}
-        new = [q for q in places if q.tobytes() not in kept]
+        wanted = {self._moving(q): q for q in places}
+        new = {key: q for key, q in wanted.items() if key not in self._kept}
         with ThreadPoolExecutor(workers_of(None)) as pool:
-            found = pool.map(lambda q: branches(self.setup_at(q), self.data.axis, self.data.values), new)
-            kept.update(zip([q.tobytes() for q in new], found, strict=True))
-        self._kept = {q.tobytes(): kept[q.tobytes()] for q in places}
+            found = pool.map(lambda q: branches(self.setup_at(q), self.data.axis, self.data.values), new.values())
+            kept = self._kept | dict(zip(new, found, strict=True))
+        self._kept = {key: kept[key] for key in wanted}
         self.evaluations += len(new)
 
 

@@ -10,9 +10,19 @@ import numpy as np
 from phasemap._shared.shown import preformatted
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, REACH, Data, Setup
-from phasemap.inference.curves.problem import UNLIKELY, Choice, Problem, Ruler, Solution, difference
-from phasemap.inference.verdict import DETERMINED, OPEN, chance, codes_of, say_codes
+from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, Data, Setup
+from phasemap.inference.curves.problem import Choice, Problem, Ruler, Solution, difference
+from phasemap.inference.verdict import (
+    DETERMINED,
+    END,
+    OPEN,
+    REACH,
+    UNLIKELY,
+    chance,
+    codes_of,
+    correlation_of,
+    say_codes,
+)
 from phasemap.results.variables import coded, float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
 
@@ -23,7 +33,6 @@ SHOWN = {"Pa": ("GPa", 1e-9), "m": ("nm", 1e9), "J m-2": ("J/m²", 1.0), "N m-1"
          "degree": ("°", 1.0), "Pa s": ("Pa s", 1.0), "1": ("", 1.0)}  # fmt: skip
 STRONG = 0.9  # correlations above it are worth a line
 WORSE = 9.0  # in chi2, by which the orbit visited must fit a datum worse than another one to be the wrong one
-END = 0.98  # of the range searched: a parameter beyond has run away
 APART = 10.0  # factor between moduli of which nobody would say that they are of one material
 MOST_NAMED = 6  # data that a sentence names
 
@@ -168,8 +177,7 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
     off, excused = _off_branch(setup, data, choice, curve)
     _add(curve, data, choice, off)
     own = np.sqrt(np.diag(solution.covariance))
-    correlation = solution.covariance / np.outer(own, own)
-    np.fill_diagonal(correlation, 1.0)
+    correlation = correlation_of(solution.covariance)
     codes = _codes(problem, solution)
     errors = {
         p.name: np.inf if code == OPEN else p.error(float(at), float(error))
@@ -207,9 +215,8 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
 
 def _codes(problem: Problem, solution: Solution) -> np.ndarray:
     """Codes of how well each parameter is known: as `codes_of`, and better than beforehand."""
-    own, held = np.sqrt(np.diag(solution.covariance)), 1 / np.sqrt(np.diag(np.linalg.inv(solution.covariance)))
     sizes = np.array([max(p.size, 1.0) if p.logarithmic else 1.0 for p in problem.parameters])
-    codes = codes_of(own * sizes, held * sizes)
+    codes = codes_of(solution.covariance * np.outer(sizes, sizes))
     codes[np.abs(solution.q) > END * REACH] = OPEN
     return codes
 
@@ -255,12 +262,23 @@ def _off_branch(setup: Setup, data: Data, choice: Choice, curve: xr.Dataset) -> 
             for k, model in enumerate((np.asarray(read[name]), choice.read[name][i])):
                 apart[k, i] += (difference(name, model, measured[i]) / data.errors[name][i]) ** 2
         off[i] = ~(apart[0, i] <= apart[1, i] + WORSE)
-        code = DIRECTIONS[data.axis].index(direction)
-        for jump in curve[f"jump_{data.axis}"].values[curve.jump_direction.values == code]:
+        for jump in _jumps_of(curve, data.axis, direction):
             for side in (values[values >= jump], values[values < jump]):
                 if len(side):
                     excused[i] |= np.abs(values - jump) <= np.abs(side - jump).min() * (1 + 1e-9)
     return off, excused
+
+
+def _jumps_of(curve: xr.Dataset, axis: str, direction: str) -> np.ndarray:
+    """Where a sweep jumps in a direction; one that is marched in time, where it changes its side of the resonance."""
+    if curve[f"curve_{axis}"].size:
+        code = DIRECTIONS[axis].index(direction)
+        found: np.ndarray = curve[f"jump_{axis}"].values[curve.jump_direction.values == code]
+        return found
+    values, sides = curve[axis].values, curve["branch"].sel(direction=direction).values
+    turns = np.flatnonzero(sides[1:] != sides[:-1])
+    between: np.ndarray = 0.5 * (values[turns] + values[turns + 1])
+    return between
 
 
 def _add(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap.experiment.material import Material
-from phasemap.inference.images.joint import Fitted, advise, moments_of_zeros
+from phasemap.inference.images.joint import Fitted, moments_of_zeros
 from phasemap.inference.images.problem import Problem
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 from phasemap.inference.images.zeros import FREE, SHARED, Plan
@@ -25,6 +25,7 @@ from phasemap.inference.verdict import (
     codes_of,
     put,
     say_regions,
+    say_what_helps,
 )
 from phasemap.results.variables import coded, describe, provenance
 
@@ -93,8 +94,7 @@ def of_regions(
     logs[unknown] = fitted.q.reshape(-1, 3)
     errors[unknown] = np.sqrt(np.diag(fitted.covariance)).reshape(-1, 3)
     poor = degrees > 0.5 and chance(chi2, degrees) < UNLIKELY
-    held = 1 / np.sqrt(np.diag(fitted.information))
-    codes[unknown] = OPEN if poor else codes_of(errors[unknown].ravel(), held).reshape(-1, 3)
+    codes[unknown] = OPEN if poor else codes_of(fitted.covariance, fitted.information).reshape(-1, 3)
     materials = problem.model.materials(logs)
     for region, one in fixed.items():
         materials[region] = problem.model.around(one).reference
@@ -175,4 +175,5 @@ def tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: Plan) -> None:
         ]
         said.append(f"Other materials fit as well, such as {', '.join(listed)}.")
     ds.attrs["verdict"] = "\n".join(said)
-    ds.attrs["advice"] = "\n".join(advise(problem, found, plan, names))
+    open_still = np.isin(ds["determination"].values, (COMBINED, OPEN)).any()
+    ds.attrs["advice"] = "\n".join(say_what_helps(plan.phase is not None, plan.phase == FREE) if open_still else [])

@@ -1,4 +1,4 @@
-"""Materials of several regions and the zeros of phase and height, from all images together, and what would tell more.
+"""Materials of several regions and the zeros of phase and height, from all images together.
 
 Materials make up for zeros along valleys of chi2, so that the least squares alone would say too little: its errors come
 from solving it again for data and priors that are drawn within their errors (randomised maximum likelihood, theory,
@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap.inference.images.problem import Problem, Solution, descend, refine
-from phasemap.inference.images.zeros import SHARED, Plan
-from phasemap.inference.verdict import UNKNOWN
+from phasemap.inference.verdict import END
 
 Array = NDArray[np.float64]
 
@@ -25,7 +24,6 @@ SEED = 20
 MODES = 4  # solutions that are kept
 AS_GOOD = 9.0  # chi2 above the least within which another solution cannot be ruled out
 APART = 3.0  # standard errors between two solutions that are not the same
-END = 0.98  # of the range searched: a property beyond has run away
 
 
 class Fitted(NamedTuple):
@@ -116,48 +114,3 @@ def _modes(found: Solution, information: Array) -> NDArray[np.intp]:
         if as_good and len(chosen) < MODES and all(one @ information @ one > APART**2 for one in apart):
             chosen.append(int(i))
     return np.array(chosen)
-
-
-def advise(problem: Problem, found: Fitted, plan: Plan, names: list[int]) -> list[str]:
-    """What would determine more, to first order; nothing if all is determined."""
-    if (np.sqrt(np.diag(found.covariance)) <= UNKNOWN).all():
-        return []
-    options: list[tuple[str, Plan, int | None]] = []
-    if plan.phase is not None:
-        known = replace(plan, phase=None, phase_error=np.zeros_like(plan.phase_error))
-        options.append(("record the phase of the free lever (phase_zero)", known, None))
-        if plan.phase != SHARED:
-            options.append(("keep one zero of the phase for all images (phase_zero='shared')",
-                            replace(plan, phase=SHARED), None))  # fmt: skip
-    if problem.weights[..., 1].any():
-        if plan.height is not None:
-            known = replace(plan, height=None, height_error=np.zeros_like(plan.height_error))
-            options.append(("know how the zero of the height moves between images (height_zero)", known, None))
-        if plan.topography_error > 0:
-            options.append(("know that the surface is flat (topography_error=0)",
-                            replace(plan, topography_error=0.0), None))  # fmt: skip
-    if len(names) > 1:
-        options += [(f"know the material of region {names[r]} (known)", plan, i) for i, r in enumerate(problem.unknown)]
-    now = _errors_with(problem, found, plan)
-    said = []
-    for what, other, left in options:
-        kept = np.arange(len(now)) // 3 != left
-        more = int((_errors_with(problem, found, other, left)[kept] <= UNKNOWN).sum())
-        if more > (now[kept] <= UNKNOWN).sum():
-            said.append(f"It would help to {what}: {more} of {kept.sum()} properties would be determined.")
-    return [*said, "It would help to add images at another free amplitude, and at setpoints farther apart."]
-
-
-def _errors_with(problem: Problem, found: Fitted, plan: Plan, known: int | None = None) -> Array:
-    """Errors of the logarithms if the zeros were as planned, to first order, shape (3 u,).
-
-    `known`: which of the unknown regions would be given; its errors are 0.
-    """
-    zeros = plan.zeros(len(problem.weights))
-    other = replace(problem, projection=zeros.weighted(problem.weights), held=np.zeros((1, len(zeros.widths))))
-    weighed = other.weigh(found.best.slopes)[0]
-    information = weighed.T @ weighed + problem.prior
-    kept = np.arange(len(information)) // 3 != known
-    errors = np.zeros(len(information))
-    errors[kept] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(kept, kept)])))
-    return errors

@@ -21,13 +21,13 @@ from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.properties import contact_stiffness, film_of, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.verdict import REACH
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 STEP = 1e-5  # of a logarithm, for derivatives of orbits: coarser ones end descents early in long valleys
 LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
-REACH = 3.0  # prior standard deviations within which a material is sought
 SIDES = np.array([[-1], [1]], np.int8)  # attractive and repulsive branch
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import check_choice
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.answer import add_data, of_regions, tell
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-BRANCHES = ("attractive", "repulsive")
-
 
 @asked_as()
 def fit_regions(
@@ -45,7 +42,6 @@ def fit_regions(
     height_zero: Any = FREE,
     height_zero_error: Any = 0.0,
     topography_error: float = np.inf,
-    branch: str | None = None,
     prior: Material = PRIOR,
     prior_factor: float = 10.0,
 ) -> xr.Dataset:
@@ -76,9 +72,6 @@ def fit_regions(
     topography_error : float
         Standard deviation of what the undeformed regions differ by in level [m]: 0 for a flat surface, infinite (the
         default) if nothing is known of it.
-    branch : {"attractive", "repulsive"}, optional
-        What all regions are tapped in. By default the sign of the phase tells where its zero is given; elsewhere all
-        are tried in which images that take more amplitude away are the repulsive ones.
     prior, prior_factor
         As for `invert`.
 
@@ -102,6 +95,9 @@ def fit_regions(
 
     Notes
     -----
+    Where the zero of the phase is given, its sign tells the branch; elsewhere all are tried in which images that take
+    more amplitude away are the repulsive ones.
+
     Contrast alone determines two materials where they answer to the setpoint and the free amplitude in different ways:
     two amplitudes at two setpoints mostly do, and so does a region of known material. Images of one free amplitude
     at several setpoints do for soft materials only. A material that is too stiff for the tip to indent stays open
@@ -121,15 +117,13 @@ def fit_regions(
     ([0.6, 0.2], True)
     """
     factor = check_prior(prior, prior_factor)
-    if branch is not None:
-        check_choice("branch", branch, BRANCHES)
     given = list_of_images(images)
     whole = make_stack(given, scope, setpoints, (phase_error, 0.0, 0.0), (height_error, 0.0, 0.0))
     plan = make_plan(given, (phase_zero, phase_zero_error), (height_zero, height_zero_error), topography_error)
     names, numbers = regions_of(labels, given[0]["phase"].shape)
     stack = plan.taken_off(whole, numbers >= 0).medians(numbers, len(names))
     fixed = {names.index(name): one for name, one in check_known(known, names, prior).items()}
-    problem, q = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan, branch)
+    problem, q = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan)
     found = fit(problem, q)
     configuration = {
         "known": {str(names[r]): describe(one) for r, one in fixed.items()}, "prior": describe(prior),
@@ -143,15 +137,11 @@ def fit_regions(
     return ds
 
 
-def _prepare(
-    model: Model, stack: Stack, materials: dict[int, Material], plan: Plan, branch: str | None
-) -> tuple[Problem, Array]:
+def _prepare(model: Model, stack: Stack, materials: dict[int, Material], plan: Plan) -> tuple[Problem, Array]:
     """The problem, and the materials that it starts from; some are known."""
     grid = make_grid(model)
     grids = [grid_of_one(model.around(materials[r])) if r in materials else grid for r in range(len(stack))]
-    sides = sides_of(stack) if branch is not None or plan.phase is None else None
-    if branch is not None and sides is not None:
-        sides = np.abs(sides) * np.int8(1 if branch == "repulsive" else -1)
+    sides = sides_of(stack) if plan.phase is None else None
     q, both = make_starts(model, stack, grids, sorted(materials), plan, sides)
     fixed = {}
     for r in materials:

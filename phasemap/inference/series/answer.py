@@ -107,8 +107,7 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     codes = np.full((regions, 3), GIVEN, np.int8)
     logs = state.logs[:, unknown].reshape(len(state.logs), -1)
     covariance = np.cov(logs.T)
-    held = 1 / np.sqrt(np.diag(np.linalg.inv(covariance)))
-    codes[unknown] = codes_of(np.sqrt(np.diag(covariance)), held).reshape(-1, 3)
+    codes[unknown] = codes_of(covariance).reshape(-1, 3)
     about = coded("how far the series determines a property", *CODES)
     ds["determination"] = (("region", "property"), codes, about)
 

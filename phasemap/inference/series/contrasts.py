@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
-WAYS = ("phase", "height", "both")
+WAYS = ("phase", "height")
 BANDS = 16  # of rows, whose differences say how well a median is known
 PREFERRED = 2.0  # times as sharp has the height to be to tell regions apart instead of the phase
 MUCH = 0.5  # of what regions by phase explain of the phase, that regions by height have to explain
@@ -46,21 +46,21 @@ class Regions(NamedTuple):
 def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, by: str | None, count: int) -> Regions:
     """Take the labels given, one map for each image, or find them.
 
-    `by` ("phase" or "height" or "both"): what tells regions apart; by default the phase, or the height where it is
+    `by` ("phase" or "height"): what tells regions apart; by default the phase, or the height where it is
         much sharper and tells apart what the phase shows.
     """
     if by is not None:
         check_choice("by", by, WAYS)
     if labels is not None:
         return Regions(_given(labels, images), ["Regions as given."])
-    if by in ("height", "both") and not all("height" in one for one in images):
+    if by == "height" and not all("height" in one for one in images):
         raise InputError("by", by, "'phase', because a file has no height")
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
     found = {way: [_segment(one, way, count) for one in images] for way in tried}
     sharp = {way: [_sharpness(one, mine, way) for one, mine in zip(images, found[way], strict=True)] for way in tried}
     way = tried[-1] if len(tried) == 1 or _height_serves(images, found, sharp) else "phase"
     best = int(np.argmax(sharp[way]))
-    told = [f"Regions by {'phase and height' if way == 'both' else way}; region 0 is the largest."]
+    told = [f"Regions by {way}; region 0 is the largest."]
     laid = _laid(images, best, found[way][best])
     if laid is not None:
         told.append(f"All files are of one place: the regions of {names[best]} serve all.")
@@ -147,19 +147,14 @@ def _segment(image: xr.Dataset, way: str, count: int) -> Labels:
     try:
         if way == "height":
             return segment_height(image["height"].values, count).astype(np.int64)
-        feature = _feature(image, "phase")
-        if way == "both":
-            phase, height = (one / max(float(np.ptp(np.percentile(one, [16, 84]))), 1e-30)
-                             for one in (feature, _feature(image, "height")))  # fmt: skip
-            feature = phase + np.sign(np.cov(phase.ravel(), height.ravel())[0, 1]) * height
-        return segment_phase(feature, count).astype(np.int64)
+        return segment_phase(_feature(image, "phase"), count).astype(np.int64)
     except InputError:
         return np.zeros(image["phase"].shape, np.int64)
 
 
 def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
     """Distance of the populations over their spread."""
-    values = _feature(image, "phase" if way == "both" else way)
+    values = _feature(image, way)
     parts = [values[labels == k] for k in np.unique(labels[labels >= 0])]
     if len(parts) < 2:
         return 0.0

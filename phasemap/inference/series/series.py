@@ -70,7 +70,7 @@ def series(
         assumed, and said in the attribute ``notes``.
     regions : int
         How many to find, 2 to 4.
-    by : {"phase", "height", "both"}, optional
+    by : {"phase", "height"}, optional
         What tells regions apart; by default the phase, or the height where that shows the same much more sharply.
     labels : array_like of int, or a sequence of them, one a file; optional
         Regions (2 to 5) that are known, -1 where pixels are left out.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.settings import ANYWHERE, FREE, HELD, SHARED
-from phasemap.inference.verdict import UNLIKELY, chance, say_regions
+from phasemap.inference.verdict import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -203,18 +203,15 @@ def _of_amplitude(ds: xr.Dataset, problem: Problem) -> str:
 
 
 def _advice(ds: xr.Dataset, problem: Problem, poor: bool) -> list[str]:
-    said = []
-    settings = problem.settings
+    said, settings, free = [], problem.settings, problem.settings.zero == FREE
     if settings.sign is None:
         said.append("Say which way the instrument counts phase (sign).")
-    if settings.zero == FREE:
-        said.append("Record the phase of the free lever with every file (phase_zero), or keep one zero for all.")
     if settings.amplitude != HELD:
         said.append("Calibrate the amplitude (free_amplitudes, in m).")
     if settings.setpoint != HELD:
         said.append("Record the free amplitude in the units of the setpoint (setpoints).")
-    if np.isin(ds["determination"].values, (1, 2)).any():
-        said.append("Add files at another free amplitude, and setpoints farther apart, or name a material (known).")
+    helps = say_what_helps(free, free)
+    said += helps if np.isin(ds["determination"].values, (COMBINED, OPEN)).any() else helps[:-1]
     if poor:
         said.insert(0, "Look at the regions first, then at lever and tip radius: the fit takes them as they are.")
     return said
