@@ -333,7 +333,7 @@ def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, u
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"by": "colour"}, "one of phase, height\."),
+        ({"by": "colour"}, "one of phase, height"),
         ({"sign": 2}, "1, -1 or None"),
         ({"labels": np.zeros((2, 2), int)}, "whole numbers of shape"),
         ({"setpoints": [0.5, 0.6]}, r"a number or 3 \[1\]"),
