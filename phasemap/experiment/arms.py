@@ -14,7 +14,8 @@ from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.prony import Prony, arms_at, spectrum_of
 
 FASTEST_SEEN = 30.0  # drive frequencies up to which a tap hears: half of it lasts for a sixtieth of the period or more
-REDUCED = 1e-4  # largest error of the complex modulus up to there that merging fast arms may make, over its size
+REDUCED = 1e-4  # largest error of the complex modulus up to there that merging arms may make, over its size
+SHORTENED = np.geomspace(1.0, 1e6, 400)  # by which the time of slow arms that are one may be shorter
 _TABLES: dict[float, Array] = {}
 """Tables by the addresses at which kernels find them, for as long as the process lasts."""
 
@@ -29,29 +30,44 @@ class Contact(NamedTuple):
 
 
 def merged(prony: Prony, frequency: float) -> Prony:
-    """The spectrum at a drive frequency [Hz]: arms slower than the dwell are springs, fast arms are one.
+    """The spectrum at a drive frequency [Hz]: arms slower than the dwell are springs, fast arms are one, slow ones too.
 
-    That one has the sums of E tau and E tau^2 of the arms that it stands for, so that the complex modulus changes by
-    the third power of omega tau. As many are merged as change it by `REDUCED` at most up to `FASTEST_SEEN`.
+    A motion that repeats itself knows the complex modulus at multiples of that frequency only, and in the mean what is
+    left of it, which stays. The fast arm has the sums of E tau and E tau^2 of those that it stands for, so that what
+    it changes goes with the third power of omega tau; the slow one has their sum of E, and the shortest time with which
+    it keeps to `REDUCED`, for dents last as long as the slowest arm. Each changes the modulus by that at most, over
+    its size, up to `FASTEST_SEEN`.
     """
     pairs: dict[float, float] = {}
     for time, modulus in sorted(zip(prony.times, prony.moduli, strict=True)):
         if modulus > 0 and not (prony.dwell is not None and time > prony.dwell):
             pairs[time] = pairs.get(time, 0.0) + modulus
+    if not pairs:
+        return Prony([0.0], [1.0], prony.lasting)  # type: ignore[arg-type]
     times, moduli = np.array(list(pairs)), np.array(list(pairs.values()))
     frequencies = np.geomspace(frequency, FASTEST_SEEN * frequency, 30)
     parts = moduli * arms_at(frequencies, times)
     size = np.abs(prony.lasting + parts.sum(axis=1))
-    found = times, moduli
+
+    def off(of: slice, time: float, modulus: float) -> float:
+        one = modulus * arms_at(frequencies, np.array([time]))[:, 0]
+        return float(np.max(np.abs(one - parts[:, of].sum(axis=1)) / size))
+
+    fast, found = 0, (times, moduli)
     for count in range(2, len(times) + 1):
         first, second = float(np.sum((moduli * times)[:count])), float(np.sum((moduli * times**2)[:count]))
-        time, modulus = second / first, first**2 / second
-        one = modulus * arms_at(frequencies, np.array([time]))[:, 0]
-        if np.max(np.abs(one - parts[:, :count].sum(axis=1)) / size) > REDUCED:
+        if off(slice(count), second / first, first**2 / second) > REDUCED:
             break
-        found = np.append(time, times[count:]), np.append(modulus, moduli[count:])
-    if not len(times):
-        return Prony([0.0], [1.0], prony.lasting)  # type: ignore[arg-type]
+        fast = count
+        found = np.append(second / first, times[count:]), np.append(first**2 / second, moduli[count:])
+    times, moduli = found
+    for count in range(1, len(pairs) - fast + 1):
+        modulus, of = float(np.sum(moduli[-count:])), slice(len(pairs) - count, None)
+        longest = modulus / float(np.sum((moduli / times)[-count:]))
+        if off(of, longest, modulus) > REDUCED:
+            break
+        shortest = min(time for time in longest / SHORTENED if off(of, time, modulus) <= REDUCED)
+        found = np.append(times[:-count], shortest), np.append(moduli[:-count], modulus)
     return Prony(found[1], found[0], prony.lasting)  # type: ignore[arg-type]
 
 

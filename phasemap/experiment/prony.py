@@ -189,7 +189,7 @@ class Prony(Shown):
         Examples
         --------
         >>> len(Prony.preset("PIB").times), round(Prony.preset("PIB").instantaneous / 1e9, 1)
-        (17, 8.9)
+        (30, 8.9)
         """
         tables = tomllib.loads(files("phasemap.experiment").joinpath("spectra.toml").read_text(encoding="utf-8"))
         check_choice("preset of a spectrum", name, list(tables))

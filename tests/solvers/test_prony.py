@@ -73,7 +73,16 @@ def test_fast_arms_are_merged_within_the_stated_error_and_slow_ones_are_springs(
     assert len(less.times) == 5 and less.equilibrium == pytest.approx(1.01e9)
     held = pm.Prony(wide.moduli[:-1], wide.times[:-1], 1.01e9)
     off = less.complex_modulus(f) / held.complex_modulus(f) - 1
-    assert np.abs(off).max() < REDUCED
+    assert np.abs(off).max() < 2 * REDUCED  # by the fast arms, and by the slow ones
+
+
+def test_slow_arms_are_one_that_lasts_less_long_with_the_same_modulus_at_the_drive_and_above() -> None:
+    """What is left of the modulus stays, and a motion that repeats itself knows that and harmonics only."""
+    slow = pm.Prony([8e8, 5e7, 3e7], [100e-9, 20e-6, 30e-6], 1e9)
+    less = merged(slow, 300e3)
+    assert len(less.times) == 2 and less.times[-1] < 23e-6 and less.lasting == slow.lasting
+    f = np.geomspace(300e3, 9e6, 50)
+    assert np.abs(less.complex_modulus(f) / slow.complex_modulus(f) - 1).max() < 1.1 * REDUCED
 
 
 def test_images_of_spectra_beside_one_time_are_those_of_their_pixels() -> None:
@@ -102,19 +111,26 @@ def test_what_cannot_carry_a_spectrum_says_so() -> None:
         pm.orbits(pm.Material(relaxation=RUBBER), SCOPE, setpoint=0.6)
 
 
-def test_polyisobutylene_comes_nearer_to_a_published_table_the_deeper_the_dents_that_it_may_form() -> None:
-    """The table (examples/relaxation_spectrum.py) has the same arms, but a sample that flows and sinks by 90 nm.
+# Amplitude over free, and phase [degree], of the motion behind a published table: tests/reference/polyisobutylene.py.
+SIMULATED = ((0.7820, 33.903), (0.7069, 39.915), (0.5905, 47.991), (0.5110, 52.891), (0.3901, 59.587))
 
-    Its phases are those of Lee and Radok's theory after 750 periods. With a dwell of 1 ms four of the five are met
-    within 0.1 degree, in minutes each, and the fifth does not settle; longer ones do not settle at all.
-    """
+
+def _polyisobutylene(dwell: float, setpoint: float) -> float:
     scope = pm.Microscope(
         pm.Cantilever(6.5, 46e3, 150.0), pm.Tip(10e-9), pm.Drive(230e-9), pm.Interaction("dmt", decay_length=0.2e-9)
     )
-    for setpoint, published in ((0.7828, 34.30), (0.5115, 53.29)):
-        off = []
-        for dwell in (2e-6, 20e-6, 50e-6, 200e-6):
-            rubber = pm.Material(relaxation=pm.Prony.preset("PIB", dwell), adhesion=0.1326, poisson_ratio=0.5)
-            off.append(published - float(pm.solve_pixel(rubber, scope, setpoint=setpoint).phase))
-        assert off == sorted(off, reverse=True)
-        assert 0 < off[-1] < 1.2 and off[0] < 3.5
+    rubber = pm.Material(relaxation=pm.Prony.preset("PIB", dwell), adhesion=0.1326, poisson_ratio=0.5)
+    return float(pm.solve_pixel(rubber, scope, setpoint=setpoint).phase)
+
+
+def test_polyisobutylene_has_the_phase_of_a_simulation_of_its_source_if_the_tip_dwells_as_long() -> None:
+    """That is of 760 periods, 16.5 ms, by Lee and Radok's theory, which differs; 1 ms takes a third as long."""
+    setpoint, simulated = SIMULATED[1]
+    soon, late = (_polyisobutylene(dwell, setpoint) - simulated for dwell in (50e-6, 1e-3))
+    assert -2.0 < soon < -1.0 and -0.5 < late < 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("setpoint", "simulated"), SIMULATED)
+def test_polyisobutylene_is_within_half_a_degree_of_the_simulation(setpoint: float, simulated: float) -> None:
+    assert _polyisobutylene(16.5e-3, setpoint) == pytest.approx(simulated, abs=0.25)

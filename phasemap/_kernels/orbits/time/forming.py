@@ -18,7 +18,7 @@ from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, Way, copy_memory,
 
 FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
 FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
-FORMING_STEP = 0.3  # of the amplitude: a longer step leads elsewhere
+FORMING_STEP = 0.1  # of the amplitude: a longer step leads elsewhere
 
 
 @kernel
@@ -42,10 +42,11 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
             fill_way_to_rest(linear, linear.now, target, ahead)
             way = 0.0
         step = length_of(ahead) + abs(ahead.z0)
-        if not step < FORMING_STEP * target:
+        if not step < math.inf:
             return False
-        way += step
-        move_state(lever, ahead, 1.0, u)
+        part = min(FORMING_STEP * target / step, 1.0)
+        way += part * step
+        move_state(lever, ahead, part, u)
         if not pass_from(oscillator, eta, tip, u, u[Z0], y):
             return False
         copy_memory(y, u)
