@@ -65,8 +65,9 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
         push = 0.375 * np.sqrt(2 / amplitude) * stiffness * np.sqrt(radius) * depth**2 / k
         push = push - pull * (2 * np.sqrt(2 * depth / amplitude) + tail) / (np.pi * k)
         drag = omega * damping / np.sqrt(radius) * (2 / amplitude) ** 1.5 * amplitude * depth**2 / 4
-        across = push + amplitude * lever[col.DYNAMIC_STIFFNESS]
-        missing: Array = np.sign(across) * across**2 + (lever[col.DYNAMIC_LOSS] * amplitude + drag) ** 2 - drive**2
+        across: Array = push + amplitude * lever[col.DYNAMIC_STIFFNESS]
+        along: Array = drag + amplitude * lever[col.DYNAMIC_LOSS]
+        missing: Array = np.sign(across) * across**2 + along**2 - drive**2
         return missing
 
     low, high = np.zeros(len(materials)), np.full(len(materials), amplitude)

@@ -166,7 +166,7 @@ def _draw_border(axes: Axes, points: np.ndarray, x: np.ndarray, y: np.ndarray, s
         left = list(members)
         while len(left) > 1:
             pairs = [(m, n) for m in left for n in left if m < n]
-            m, n = min(pairs, key=lambda pair: float(np.hypot(*((points[pair[0]] - points[pair[1]]) / scale))))
+            m, n = min(pairs, key=lambda pair: float(np.linalg.norm((points[pair[0]] - points[pair[1]]) / scale)))
             joined[m].add(n)
             joined[n].add(m)
             left = [other for other in left if other not in (m, n)]
