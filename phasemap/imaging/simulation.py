@@ -19,7 +19,7 @@ from phasemap._shared.notices import tell
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, bounds_of, found_in, workers_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.control import Control, Engage, Raster
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material_rows import MORE, PLAIN
 from phasemap.experiment.microscope import Microscope
@@ -263,16 +263,14 @@ def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
 
     `asked`: variables and channels asked for, as they were named.
     """
-    if job.surface.lazy and (job.surface.relaxes or job.scope.interaction.withdrawal == "ting"):
-        raise InputError("surface", Word("in Dask arrays"), "maps in memory where contacts remember")
+    if job.surface.lazy and job.scope.interaction.withdrawal == "ting":
+        raise InputError("surface", Word("in Dask arrays"), "maps in memory where withdrawal is 'ting'")
     if not job.only_in_time:
         return
     check_marches(job.solver.name)
     if isinstance(job.control, Raster):
         hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
         raise InputError("control", "Raster", "Engage or Feedback where contacts remember or are wet", hint)
-    if isinstance(job.control, Feedback) and job.surface.relaxation is not None:
-        raise InputError("control", "Feedback", "Engage where materials have a spectrum of relaxation times")
     check_marched(True, job.scope)
     check_integrals([name for name in asked if {*OF_ADHESION, *OF_FORCES}.intersection(needs_of((name,)))])
 

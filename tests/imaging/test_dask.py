@@ -150,6 +150,15 @@ def test_atlas_of_a_lazy_surface_is_that_in_memory() -> None:
     assert_same(simulate(lazily(surface, (40, 73))), whole)
 
 
+def test_lazy_materials_that_relax_are_those_in_memory() -> None:
+    moduli = np.array([[2e9, 1e9], [1e9, 2e9]])
+    solid = {"relaxed_modulus": 5e8, "relaxation_time": 20e-9, "pixel_size": 1e-9}
+    later, now = (pm.Surface(one, **solid) for one in (da.from_array(moduli, chunks=(1, 2)), moduli))
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
+    images = [pm.simulate(one, scope, 0.6, variables=["phase"]) for one in (later, now)]
+    np.testing.assert_array_equal(images[0].compute().phase, images[1].phase)
+
+
 def test_averaging_and_chosen_variables() -> None:
     names = ("phase", "dissipation")
     whole = simulate(few(), solver="averaging", variables=names)

@@ -60,7 +60,7 @@ def new_periods(eta: float) -> Periods:
     """Return a lever at rest, to be marched in steps of this size."""
     memory = PeriodMemory()
     memory.eta = eta
-    return Periods(np.zeros(LOOP_STATE), np.zeros(elements.memory_size(1)), PeriodResult(), memory, Taps())
+    return Periods(np.zeros(LOOP_STATE), np.zeros(elements.memory_size(col.MOST_ARMS)), PeriodResult(), memory, Taps())
 
 
 @kernel

@@ -108,6 +108,7 @@ def _placeholder(surface: Surface) -> Surface:
     """One pixel of the same kind."""
     more = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
     more |= {} if surface.thickness is None else {"thickness": 1e-8}
+    more |= {"relaxed_modulus": 1e9, "relaxation_time": 1e-7} if surface.relaxes else {}
     return Surface(1e9, **more, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
 
 
