@@ -8,6 +8,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -191,7 +192,7 @@ class Prony(Shown):
         >>> len(Prony.preset("PIB").times), round(Prony.preset("PIB").instantaneous / 1e9, 1)
         (30, 8.9)
         """
-        tables = tomllib.loads(files("phasemap.experiment").joinpath("spectra.toml").read_text(encoding="utf-8"))
+        tables = _tables()
         check_choice("preset of a spectrum", name, list(tables))
         one = tables[name]
         return cls.from_shear(one["shear_moduli"], one["times"], one["equilibrium"], dwell or one["dwell"])
@@ -232,6 +233,17 @@ class Prony(Shown):
         found = float(int(hashlib.sha256(json.dumps(self.arguments).encode()).hexdigest()[:13], 16))
         _KNOWN[found] = self
         return found
+
+
+@cache
+def _tables() -> dict[str, Any]:
+    """The presets by their names."""
+    return tomllib.loads(files("phasemap.experiment").joinpath("spectra.toml").read_text(encoding="utf-8"))
+
+
+def spectrum_name(spectrum: Prony) -> str:
+    """Name of the preset that a spectrum is, for a choice of them."""
+    return next((name for name in _tables() if Prony.preset(name) == spectrum), "as given")
 
 
 def arms_at(frequency: Array, times: Array) -> NDArray[np.complex128]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from phasemap.experiment.control import Engage
 from phasemap.experiment.interaction import ContactLaw
+from phasemap.experiment.prony import Prony, spectrum_name
 from phasemap.explorer.subject import Subject
 from phasemap.results.variables import describe
 
@@ -51,7 +52,8 @@ def values_of(subject: Subject) -> dict[str, Any]:
         if "presets" in one or one["key"] == LOSSES:
             continue
         if part == "materials.*":
-            found |= {f"materials.{i}.{name}": getattr(it, name) for i, it in enumerate(subject.materials.values())}
+            every = enumerate(subject.materials.values())
+            found |= {f"materials.{i}.{name}": _plain(getattr(it, name)) for i, it in every}
         elif part == "scan":
             found[one["key"]] = subject.options[name]
         elif part == "detector":
@@ -63,6 +65,11 @@ def values_of(subject: Subject) -> dict[str, Any]:
     contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)
     law = contact.name if isinstance(contact, ContactLaw) else contact
     return found | {"interaction.contact": law, "cantilever.modes": modes}
+
+
+def _plain(value: Any) -> Any:
+    """A number, or the name of a spectrum."""
+    return spectrum_name(value) if isinstance(value, Prony) else value
 
 
 @cache

@@ -13,6 +13,7 @@ from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import PARTS, Microscope
+from phasemap.experiment.prony import Prony
 from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
@@ -211,6 +212,8 @@ def _materials(subject: Subject, names: list[str], changes: Changes) -> dict[str
     for i, (name, base) in enumerate(zip(names, subject.materials.values(), strict=True)):
         values = changes.get(f"materials.{i}", {})
         check_keys(name, values, allowed)
+        if isinstance(spectrum := values.get("relaxation"), str):
+            values = {**values, "relaxation": Prony.preset(spectrum), "modulus": None}
         made[name] = construct(name, values, lambda base=base, **new: replace(base, **new)) if values else base
     return made
 

@@ -360,6 +360,16 @@ def test_a_material_that_relaxes_can_be_explored() -> None:
     assert all(math.isfinite(found.phase) for found in shown(moved))
 
 
+def test_polymers_of_several_relaxation_times_can_be_explored_and_saved() -> None:
+    solid = {"damping": 0, "relaxed_modulus": 0.1e9, "relaxation_time": 1e-6}
+    changes = {f"materials.0.{name}": value for name, value in solid.items()}
+    moved = step({**changes, "materials.1.damping": 0, "materials.1.relaxation": "PIB"})
+    assert list(moved.materials.values())[1].relaxation == pm.Prony.preset("PIB")
+    xr.testing.assert_equal(answers.image(moved), scene_from_tables(moved.tables(), SAMPLES).simulate())
+    assert values_of(replace(moved.subject, materials=moved.materials))["materials.1.relaxation"] == "PIB"
+    assert all(math.isfinite(found.phase) for found in shown(moved))
+
+
 @pytest.mark.parametrize("switch", ["exact", "quick"])
 def test_wet_samples_can_be_explored_and_the_march_is_exact(switch: str) -> None:
     wet = {"interaction.contact": "capillary", "materials.0.contact_angle": 110.0, "materials.0.liquid_film": 0.5e-9}

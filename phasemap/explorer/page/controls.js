@@ -105,17 +105,20 @@ function translateLoss(key, kind) {
     values[at("relaxed_modulus")] ??= round(0.5 * values[at("modulus")], 3);
     values[at("relaxation_time")] ??= 1e-6;
   }
-  if ((kind === "relaxation") !== (was === "relaxation")) lossesAlike(key, kind);
+  if (kind === "spectrum") values[at("relaxation")] ??= "PIB";
+  if (relaxes(kind) !== relaxes(was)) lossesAlike(key, kind);
 }
+
+const relaxes = (kind) => kind === "relaxation" || kind === "spectrum";
 
 /** On one surface all materials relax, or none: the others begin without a loss. */
 function lossesAlike(key, kind) {
   const { values } = state;
   state.names.forEach((_, i) => {
     const other = `materials.${i}.loss`, at = (name) => other.replace("loss", name);
-    if (other === key || (values[other] === "relaxation") === (kind === "relaxation")) return;
-    values[other] = kind;
-    if (kind !== "relaxation") values[at(kind)] = 0;
+    if (other === key || relaxes(values[other]) === relaxes(kind)) return;
+    values[other] = relaxes(kind) ? "relaxation" : kind;
+    if (!relaxes(kind)) values[at(kind)] = 0;
     else [values[at("relaxed_modulus")], values[at("relaxation_time")]] = [values[at("modulus")], 1e-6];
   });
 }

@@ -5,9 +5,9 @@
 
 export const state = { sample: "", start: {}, values: {}, firstNames: [], names: [], pair: [0, 0], exact: false, lag: false };
 
-const LOSSES = { damping: 0, viscosity: null, relaxed_modulus: null, relaxation_time: null }; // and what each is without
+const LOSSES = { damping: 0, viscosity: null, relaxed_modulus: null, relaxation_time: null, relaxation: null }; // and what each is without
 const OF = {
-  damping: ["damping"], viscosity: ["viscosity"], relaxation: ["relaxed_modulus", "relaxation_time"],
+  damping: ["damping"], viscosity: ["viscosity"], relaxation: ["relaxed_modulus", "relaxation_time"], spectrum: ["relaxation"],
 };
 
 /** Begins with a sample as the engine describes it, and what a link says of it. */
@@ -24,7 +24,7 @@ export function begin(name, { values, materials }, link = {}) {
   state.values = { ...values, ...Object.fromEntries(known) };
   materials.forEach((_, i) => {
     const value = (key) => state.values[`materials.${i}.${key}`];
-    state.values[`materials.${i}.loss`] = value("relaxation_time") !== null ? "relaxation" : value("viscosity") ? "viscosity" : "damping";
+    state.values[`materials.${i}.loss`] = value("relaxation") !== null ? "spectrum" : value("relaxation_time") !== null ? "relaxation" : value("viscosity") ? "viscosity" : "damping";
   });
 }
 
