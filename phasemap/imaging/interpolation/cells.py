@@ -207,7 +207,7 @@ class Fit:
 
 def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
     """Interpolate in a cell, with at most `budget` exact orbits, and try the interpolant on some of its `materials`."""
-    asked = exact.pixels
+    asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:
         return Rough(0, hopeless=True)
     making = Fit(exact, cell)
@@ -228,7 +228,7 @@ def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, bud
             return Rough(0, hopeless=True)
         growing = [axis for axis in order if making.sizes[axis] < MOST]
         axis = order[0]
-        if axis not in growing or exact.pixels - asked + making.growth(axis) > budget:
+        if axis not in growing or exact.asked - asked + making.growth(axis) > budget:
             return Rough(axis)
         grown, before = axis, tails
         making.grow(axis)

@@ -42,7 +42,7 @@ class ExactOrbits:
     ) -> None:  # fmt: skip
         self.film = film
         self.scope, self.amplitude, self.axes = scope, amplitude, axes
-        self.pixels = 0
+        self.asked = 0
         self.functions = functions_of(names)
         self._names = names
         # The same orbits without the integrals, which borders do not ask for
@@ -52,7 +52,7 @@ class ExactOrbits:
         self._workers, self._accuracy = workers, accuracy or Accuracy()
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
-        self.pixels += len(points)
+        self.asked += len(points)
         return work_of(
             *self.axes.materials(points.T), self.scope, amplitude or self.amplitude, self._films(len(points))
         )
