@@ -3,7 +3,7 @@
 `law`, `columns`, `quadrature`, `neck` and `lever` are what all others stand on; `orbits` says what an orbit is,
 `continuation` follows one as something changes, `engagement` says which orbit a tip from far ends on. `rows` has
 the loops over materials that Python calls, `scanning` the tip that moves on, `materials` what is known of
-neighbours, `least_squares` sums over the data of many fits.
+neighbours.
 """
 
 from phasemap._kernels import loaded_sources as loaded_sources  # before any kernel, to know what is loaded

@@ -72,14 +72,17 @@ def _contact(first: float, width: float) -> Map:
 
 
 def _outgoing(e: int, width: float) -> Map:
+    """Map of [0, 1] to S = sinh on element number e behind the contact, finest beside it, and its derivative."""
     return lambda y: (np.sinh(width * (e + y)), width * np.cosh(width * (e + y)))
 
 
 def _incoming(e: int, width: float) -> Map:
+    """Map of [0, 1] to S = -sinh on element number e before the contact, finest beside it, and its derivative."""
     return lambda y: (-np.sinh(width * (e + 1 - y)), width * np.cosh(width * (e + 1 - y)))
 
 
 def _straight(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Map of [0, 1] to itself, and its derivative."""
     return y, np.ones_like(y)
 
 

@@ -72,7 +72,10 @@ def answer_entry(path: Path) -> int:
 
 @kernel
 def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float, float]:
-    """Natural lengths of the two coordinates: theory, Eqs. (continuation-1) and (continuation-6)."""
+    """Natural lengths of the two coordinates that move: theory, Eqs. (continuation-1) and (continuation-6).
+
+    These are z0 and A [m] on a path that is fixed, else the parameter m and what is not held of z0 and A [m].
+    """
     gap = gap_scale(reach, z0, amplitude)
     if path.kind == FIXED_PATH:
         return gap, 0.2 * amplitude

@@ -86,7 +86,10 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndar
 
 @kernel
 def find_orbit_at_low_q(oscillator: Oscillator, amplitude: float, rises: bool, guess: np.ndarray, top: Maximum) -> int:
-    """The same at low Q, where averaging is sure of one thing only: that attraction is too weak for a branch."""
+    """Find by averaging the orbit on which a lever of low Q engages: SURE with `guess` filled, or DOUBTFUL.
+
+    Averaging is sure of one thing only there: that attraction is too weak for a branch of its own.
+    """
     law, p, lever = oscillator
     reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
     if p[col.LONGRANGE] != 0.0:

@@ -48,8 +48,6 @@ from phasemap._kernels.records import assign, clear, record
 MOST_APPROACH_POINTS = 1500
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 HIGHER = (0.3, 0.7)  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
-
-
 # Of the way from the setpoint to the free amplitude: where a short contact holds the lever, and its orbit is begun at.
 NEARER = (0.2, 0.5, 0.8)
 
@@ -109,7 +107,10 @@ def descend(
 def descend_by_turn(
     path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit
 ) -> int:  # fmt: skip
-    """As `descend`, by the point between where the amplitude turns if it may just reach the setpoint there."""
+    """Go down from one point of the curve to the next, by the point between at which the amplitude turns, if any.
+
+    Returns what `descend` does; the amplitude may just reach the setpoint where it turns.
+    """
     if not extreme_between(start.point, after, ENTRY_A, wanted.value) > 0.0:
         return descend(path, wanted, start, after, near, way, found)
     turn, top, end = Point(), another(found), Point()

@@ -337,7 +337,7 @@ def settle(oscillator: Oscillator, amplitude: float, eta: float, most: int, row:
 
 @kernel
 def settle_near(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
-    """As `settle`, by a periodic orbit; False where time leads to none, or to the other side of resonance."""
+    """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, as `hold_near` does."""
     law, lever = oscillator.law, oscillator.lever
     tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
     return hold_near(oscillator, amplitude, eta, most, row[col.PHASE] > 0.0, tip, row)
@@ -347,7 +347,10 @@ def settle_near(oscillator: Oscillator, amplitude: float, eta: float, most: int,
 def hold_near(
     oscillator: Oscillator, amplitude: float, eta: float, most: int, repelled: bool, tip: Tip, row: np.ndarray
 ) -> bool:
-    """As `hold_periodic`; False also where time leads to the other side of resonance."""
+    """Hold an amplitude [m] by a periodic orbit that time leads to from the state of the tip; fill a result row.
+
+    False where time leads to none within so many periods, or to one on the other side of the resonance than `repelled`.
+    """
     p = oscillator.p
     tolerance = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
     status = hold_periodic(oscillator, tolerance, amplitude, most, tip, row)
@@ -356,7 +359,7 @@ def hold_near(
 
 @kernel
 def settle_dents(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> bool:
-    """As `settle_near`, where dents last so long that they have to form first."""
+    """Hold an amplitude [m] as `hold_near` does, over dents that last: they form under the orbit in `row` first."""
     law, p, lever = oscillator
     tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
     repelled, tolerance = row[col.PHASE] > 0.0, Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)

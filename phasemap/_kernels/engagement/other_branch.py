@@ -157,7 +157,7 @@ def exact_drag(oscillator: Oscillator, reach: float, amplitude: float, gap: floa
 def orbit_on(
     oscillator: Oscillator, amplitude: float, side: int, limits: np.ndarray, guess: np.ndarray, room: Room
 ) -> int:
-    """As `averaged_on`, with the exact orbit of the lever's response in room.state where GOOD."""
+    """Find the orbit on a side of the resonance by `averaged_on`, and then exactly, in room.state where GOOD."""
     done = averaged_on(oscillator, amplitude, side, guess, room)
     if done != col.GOOD:
         return done

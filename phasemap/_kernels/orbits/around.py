@@ -49,6 +49,7 @@ class OrbitNodes:
 
 @kernel
 def _put(at: OrbitNodes, j: int, amplitude: float, c: float, s: float, depth: float, weight: float, on: float) -> None:
+    """Put node j at the angle with cosine c and sine s of a harmonic orbit; `on` is 1 in contact or neck."""
     at.cos[j], at.sin[j], at.depth[j], at.rate[j] = c, s, depth, -amplitude * s
     at.weight[j], at.touches[j] = weight, on
 

@@ -20,8 +20,8 @@ def seen_rows(
 ) -> None:
     """Orbit of the tip of every row in [first, last) that is seen with an amplitude, where its branch is sure.
 
-    Other rows stay PENDING. limits = (phase [rad], tip offset [m]) are the largest errors of passes. The errors are
-    those at a given A; `slopes` (shape (n, SLOPES)) are there for the rest.
+    Other rows stay PENDING. limits = (phase [rad], tip offset [m]) are the largest errors of passes. Errors in the rows
+    are those at the tip's own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by that give the rest.
     """
     (out, status, solver), seen = answers, pixels.amplitudes
     room, rooms = SeenRoom(np.zeros(col.GUESS), Room(), limits), new_rooms(pixels.lever, tables)

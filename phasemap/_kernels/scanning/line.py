@@ -90,6 +90,7 @@ def _set_loop(place: float, a: complex, y: np.ndarray) -> None:
 @start_swinging.of(Flow)
 @kernel
 def _start_averaged(tip: Flow, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
+    """Begin the slow flow with the complex amplitude a, the mean deflection and the scanner at `place` [m]."""
     _set_loop(place, a, tip.y)
     clear(tip.memory)
     tip.memory.shift = mean
@@ -98,6 +99,7 @@ def _start_averaged(tip: Flow, lever: np.ndarray, place: float, mean: float, a: 
 @start_swinging.of(Periods)
 @kernel
 def _start_marched(tip: Periods, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
+    """Begin the motion in time with the complex amplitude a, the mean deflection and the scanner at `place` [m]."""
     _set_loop(place, a, tip.y)
     begin_periods(lever, mean, a, tip)
 

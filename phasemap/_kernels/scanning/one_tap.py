@@ -242,7 +242,7 @@ def _solve_flight(
 
 @kernel
 def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps) -> Piece:
-    """Contact from the instant of first touch `at` to that of release.
+    """Motion from the instant of first touch `at` to that of release; times are tau, in 1/omega_c.
 
     The lever stands on a spring as stiff as most of the contact: what is left of the force changes little with depth.
     """

@@ -146,6 +146,7 @@ def _exponential(x: float) -> float:
 
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _eighth_power(x: float) -> float:
+    """x^8 by three squares."""
     x *= x
     x *= x
     return x * x

@@ -13,6 +13,8 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 
+MOST_ORBITS = 32  # of one amplitude that are kept, from far to near; a material has a handful
+
 
 @kernel
 def crossing(oscillator: Oscillator, reach: float, amplitude: float, near: float, far: float) -> float:
@@ -68,7 +70,7 @@ def in_phase(oscillator: Oscillator, reach: float, amplitude: float, c: float) -
 
 @kernel(shared=True)
 def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
-    """Every averaged orbit with this amplitude, far to near, as rows (z0, mean deflection, A, P, S).
+    """Averaged orbits with this amplitude, far to near, MOST_ORBITS at most, as rows (z0, mean deflection, A, P, S).
 
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
@@ -101,7 +103,7 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
         at[count], above[count] = c, math.log(1.0 + mismatch(lever, amplitude, push, drag)) > 0.0
         count += 1
         x_before = x
-    rows = np.zeros((32, col.HARMONIC_ORBIT))
+    rows = np.zeros((MOST_ORBITS, col.HARMONIC_ORBIT))
     found = 0
     for i in range(1, count):
         if above[i] == above[i - 1]:

@@ -38,6 +38,7 @@ _FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2
 
 @kernel(inline=True)
 def _added(sums: Sums, force: float, cosine: float, sine: float) -> Sums:
+    """Mean, in-phase and out-of-phase sums with the force at one more node."""
     mean, push, drag = sums
     return mean + force, push + force * cosine, drag + force * sine
 
@@ -134,7 +135,7 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[Sums, floa
 
 @kernel
 def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[Sums, float]:
-    """The same of a Kelvin-Voigt contact after Ting, theory, Eq. (memory-7), time = omega t0."""
+    """Sums of a Kelvin-Voigt contact after Ting, and the angle of its end: theory, Eq. (memory-7), time = omega t0."""
     m2, whole = 0.5 * (1 - c), math.hypot(1.0, time)
     m, lag = math.sqrt(m2), math.atan(time)
     end, scale, sums = math.acos(c / whole) - lag, p[col.CONTACT] * amplitude**1.5, (0.0, 0.0, 0.0)

@@ -60,7 +60,11 @@ def attractive_mismatch(lever: np.ndarray, amplitude: float, push: float, drag: 
 def attractive_mismatch_at_gap(
     oscillator: Oscillator, reach: float, amplitude: float, gap: float
 ) -> tuple[float, float]:
-    """Attractive mismatch, and in-phase force P [m], of the harmonic orbit with this amplitude and gap."""
+    """Attractive mismatch, and in-phase force P [m], of the harmonic orbit that comes to `gap` [m] above contact.
+
+    The mismatch is by what the drive falls short of the averaged equation on the attractive side of the resonance; the
+    force is felt within `reach` [m].
+    """
     lever = oscillator.lever
     push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
     return attractive_mismatch(lever, amplitude, push, drag), push

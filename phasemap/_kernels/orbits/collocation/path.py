@@ -31,7 +31,7 @@ class Path(NamedTuple):
     """A curve's law and lever, and what its orbits are solved with."""
 
     law: Law
-    kind: int  # FIXED, HELD_OFFSET or HELD_AMPLITUDE
+    kind: int  # FIXED_PATH, HELD_OFFSET or HELD_AMPLITUDE
     # p, lever, reach: on a fixed path: parameters of the law, lever, length [m] on which orbits change
     p: tuple[float, ...]
     lever: np.ndarray

@@ -127,7 +127,7 @@ def lag_after_turn(share: float, given: np.ndarray, x: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_relaxing(f: Nodes, lever: np.ndarray, entry: float, turn: float, exit_: float, longrange: bool) -> None:
+def lay_relaxing(f: Nodes, entry: float, turn: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to its turn and on to its end, and outside, the finer the nearer."""
     theta, weight = f.theta, f.weight
     before, after = math.pi + entry, math.pi - exit_
@@ -201,7 +201,11 @@ def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: ContactMemory) -> N
 
 @kernel(fastmath=ANY_ORDER)
 def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> None:
-    """Move the nodes to where the contact begins, turns and ends now, and w with them."""
+    """Move the nodes to where the contact begins, turns and ends now, and the response w [m] with them.
+
+    It begins where the depth amplitude cos + w - e is 0, turns where that is largest, and ends where the depth is that
+    of the dent, RELAXING times the depth that the arm has seen: one step of Newton's method each.
+    """
     theta, i, j = f.theta, TOUCH + N - 1, LATE
     before = f.re
     copy(theta, before)
@@ -211,7 +215,7 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
     d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m.seen[END_NODE]
     exit_ = theta[EXIT] - (d - kappa * seen) / (f.u[EXIT] - amplitude * f.sin[EXIT] - kappa * (d - seen) / time)
-    lay_relaxing(f, lever, entry, turn, exit_, longrange)
+    lay_relaxing(f, entry, turn, exit_, longrange)
     for j in range(len(theta)):
         f.w[j] += f.u[j] * (theta[j] - before[j])
 

@@ -105,7 +105,7 @@ def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
     clear_motion(f)
     exit_ = edge
     for _ in range(MOST_ENDS):
-        lay_relaxing(f, lever, -edge, 0.0, exit_, longrange)
+        lay_relaxing(f, -edge, 0.0, exit_, longrange)
         follow_contact(p, lever, f, amplitude, e, m)
         d, seen = m.depth[END_NODE], m.seen[END_NODE]
         move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)

@@ -116,7 +116,7 @@ def orbit_is_kept(
 
 @kernel
 def _several_modes_are_kept(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
-    """The same of a lever of several modes, which also may touch once more, or come to swing in another mode."""
+    """Whether an orbit of a lever of several modes is kept: it touches once, is stable, and its energy closes."""
     lever = oscillator.lever
     if f.theta[EXIT] > f.theta[ENTRY]:
         if not touches_once(oscillator, reach, f, state):

@@ -98,6 +98,6 @@ def fill_arms(p: Any, arms: Arms) -> None:
 
 @kernel
 def fill_kelvin(recovery: float, arms: Arms) -> None:
-    """Fill in the one dashpot of a Kelvin-Voigt surface, whose dent it is."""
+    """Fill in the one arm of a Kelvin-Voigt surface: its dent comes back at the rate `recovery` [1/tau]."""
     arms.count, arms.share[0], arms.rate[0], arms.recovery[0] = 1, 1.0, 0.0, recovery
     arms.to_arms[0] = arms.to_dents[0] = arms.whole[0] = arms.one[0] = 1.0

@@ -48,7 +48,7 @@ def lingering(oscillator: Oscillator) -> float:
 
 @intrinsic
 def by_memory(_context: Any, law: Any, p: Any, lever: Any, z0: Any, eta: Any, y: Any, acc: Any) -> Any:
-    """As `march.march_period`, over a surface that remembers."""
+    """March one period over a surface that remembers; arguments as for `march.march_period`."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         addresses, row, lever_, z0_, eta_, y_, acc_ = arguments

@@ -34,7 +34,7 @@ TURNED = -2  # the tip is deepest
 
 @record
 class Moved:
-    """Moved that a step moves, and integrals over it; or the slopes of all that by s."""
+    """What a step moves, and integrals over it; or the slopes of all that by s."""
 
     # of a contact that relaxes, of each arm but the first, the last one first: `seen` and `inside`
     arms: np.ndarray = column(2 * col.MOST_ARMS - 2)

@@ -108,6 +108,7 @@ def withdrawal_pull(contact: Any) -> float:
 @push_of.of(Elastic)
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Push:
+    """Force of an elastic surface: x is d off the surface, else the root q of the depth above `bottom`."""
     if off:
         lost = outer_loss(contact.law, y.x, contact.p) if contact.law.lossy == 1 else 0.0
         return Push(1.0, y.x, attraction(contact, y.x), lost)
@@ -121,12 +122,14 @@ def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Pus
 @first_moved.of(Elastic)
 @kernel(inline=True)
 def _first_moved(contact: Elastic, many: bool) -> int:
+    """Place of x: an elastic surface has no motion of its own."""
     return PLACE_OF_X
 
 
 @fill_own_slopes.of(Elastic)
 @kernel(inline=True)
 def _fill_own_slopes(contact: Elastic, off: bool, many: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
+    """Slope of x, which is the tip's; the surface takes no energy but by its drag."""
     k.x = y.v
     return 0.0
 
@@ -152,6 +155,7 @@ def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> fl
 @edge_of.of(Elastic)
 @kernel(inline=True)
 def _edge(contact: Elastic, event: int, time: float) -> tuple[float, float]:
+    """Return x at which an event is, and its rate: contact begins at 0, or where a neck forms or closes."""
     if event == FIRST_TOUCH:
         return contact.p[col.FORMING], 0.0
     return contact.neck if event == NECK_CLOSES else 0.0, 0.0
@@ -160,6 +164,7 @@ def _edge(contact: Elastic, event: int, time: float) -> tuple[float, float]:
 @stop_at_event.of(Elastic)
 @kernel(inline=True)
 def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
+    """End the step where the tip touches, turns on a law with a pull on withdrawal, leaves the contact or its neck."""
     now, u, end, inside = contact.now, motion.here.at, motion.end.at, motion.trial.at
     if now.mode == OFF_SURFACE:
         stop_at_touch(here, motion)
@@ -202,6 +207,7 @@ def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
 @pass_event.of(Elastic)
 @kernel(inline=True)
 def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
+    """Let the contact be what it is behind the event at which the step ended, and count the energy lost there."""
     event, u = motion.event, motion.here.at
     if event == NO_EVENT:
         return True

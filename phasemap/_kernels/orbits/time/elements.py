@@ -306,7 +306,7 @@ def turn_back(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> N
 
 @kernel
 def turn_forth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
-    """End a shrinkage of the contact at its edge xi."""
+    """Let a contact that shrank grow again from its edge xi, at time t: what lay outside is kept in new nodes."""
     fill_curves(m, inside(m, xi, t, arms), xi, t, arms.rate, arms)
     top = int(m[INNER_COUNT]) - 1
     peak = m[node_at(m, False, top) + NODE_PEAK]

@@ -90,6 +90,7 @@ class Samples:
 
 @kernel
 def _begin_samples(flight: FreeFlight, step: float, samples: Samples) -> None:
+    """Begin to sample a free flight at instants a step [tau] apart: its modes, and the factors from one to the next."""
     for i in range(flight.count + 1):
         factor = cmath.exp(complex(-flight.decay[i], flight.turning[i]) * step)
         samples.term_re[i], samples.term_im[i] = flight.own_re[i], flight.own_im[i]

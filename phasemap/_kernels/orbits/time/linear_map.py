@@ -85,7 +85,7 @@ def fill_way_to_rest(linear: PeriodMap, now: Change, target: float, way: Way) ->
 
 @kernel
 def length_of(way: Way) -> float:
-    """Length of a way [m] but for the tip offset."""
+    """Length [m] of a displacement of the tip's state at the begin of a period, but for the tip offset."""
     total = 0.0
     for i in range(len(way.motion)):
         total += way.motion[i] * way.motion[i]

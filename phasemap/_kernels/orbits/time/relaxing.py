@@ -100,6 +100,7 @@ class Pressed(NamedTuple):
 @first_moved.of(Relaxing)
 @kernel(inline=True)
 def _first_moved(contact: Relaxing, many: bool) -> int:
+    """Place of the first number of the arms, two each, which stand before x."""
     return PLACE_OF_X - 2 * contact.arms.count if many else PLACE_OF_X - 2
 
 
@@ -191,6 +192,7 @@ def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
 @push_of.of(Relaxing)
 @kernel(inline=True)
 def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pressed:
+    """Force of a relaxing surface: x is d off the surface, else where the edge of the contact is [m^(1/2)]."""
     x, v, t, mode, t0 = y.x, y.v, time + y.passed, contact.now.mode, contact.t0
     if off:
         dent, rise = dent_at(contact, t) if contact.p[col.LONGRANGE] != 0.0 else (0.0, 0.0)
@@ -217,6 +219,7 @@ def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pr
 @fill_own_slopes.of(Relaxing)
 @kernel(inline=True)
 def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y: Moved, a: float, k: Moved) -> float:
+    """Slopes of x and of two numbers of each arm; returns the rate of the energy into the surface, over stiffness."""
     k.x = push.speed
     if off:
         return push.taken

@@ -146,6 +146,7 @@ def strays(contact: Relaxing, motion: Motion) -> bool:
 @edge_of.of(Relaxing)
 @kernel(inline=True)
 def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
+    """Return x at which an event is, and its rate: a touch is at the dent that comes back, a pass at an old edge."""
     if event == FIRST_TOUCH:
         dent, rise = dent_at(contact, time)
         return dent, -rise
@@ -155,6 +156,10 @@ def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
 @stop_at_event.of(Relaxing)
 @kernel(inline=True)
 def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
+    """End the step where the tip touches or leaves, or the contact turns, grows past an old edge or comes to a node.
+
+    A step whose motion strays from what the surface was laid out for is halved first.
+    """
     u, end, m, now = motion.here.at, motion.end, contact.m, contact.now
     if now.mode == OFF_SURFACE:
         stop_at_touch(here, motion)
@@ -251,6 +256,7 @@ def turn_contact(contact: Relaxing, motion: Motion) -> bool:
 @pass_event.of(Relaxing)
 @kernel(inline=True)
 def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
+    """Begin, turn or end the contact at the event that ended the step, and keep its edge there; False if it cannot."""
     event, u, speed = motion.event, motion.here, 0.0
     if event == FIRST_TOUCH:
         begin_contact(contact, here, motion)
@@ -322,7 +328,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
 
 @kernel
 def march_relaxing(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """As `march.march_period`, over a surface that remembers; y has what `elements` names."""
+    """March one period over a surface that remembers, as `march.march_period` does; y is as `elements` names it."""
     law, p, lever = oscillator
     motion, modes, now, arms, compliance = Motion(), Modes(), Memory(), Arms(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)

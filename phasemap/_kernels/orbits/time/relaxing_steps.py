@@ -139,6 +139,7 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
 @step_length.of(Relaxing)
 @kernel(inline=True)
 def _step_length(contact: Relaxing, beam: Beam, eta: float, motion: Motion) -> float:
+    """Length of the next step over a relaxing surface [tau]."""
     if contact.now.mode == OFF_SURFACE:
         return _flight_step(contact, beam, motion)
     return _contact_step(contact, beam, motion)

@@ -160,6 +160,10 @@ def _fill_slopes(
 
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _step(here: Here, start: Instant, off: bool, many: bool, point: Point, h: float, end: Moved) -> None:
+    """One step of length h of Dormand and Prince's method of order 8, from `point` to `end`.
+
+    `off`: whether the tip is off the surface. `many`: whether the lever has several modes, or the contact several arms.
+    """
     m, first = Stages(), PLACE_OF_X if off else first_moved(here.contact, many)
     count = ONE_MODE + 2 * here.beam.modes.count - 2 if many else ONE_MODE
     slope = point.slope if first < PLACE_OF_X else m.k1  # kept where it is wanted: memory would cost 3 % of a step
@@ -211,16 +215,19 @@ def _step(here: Here, start: Instant, off: bool, many: bool, point: Point, h: fl
 
 @kernel
 def _step_off_surface(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    """One step of a lever of one mode off the surface."""
     _step(here, start, True, False, point, h, end)
 
 
 @kernel
 def _step_in_contact(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    """One step of a lever of one mode in contact."""
     _step(here, start, False, False, point, h, end)
 
 
 @kernel(fastmath=ANY_ORDER)
 def _step_of_many(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+    """One step of a lever of several modes, or over a surface of several arms."""
     _step(here, start, here.contact.now.mode == OFF_SURFACE, True, point, h, end)
 
 

@@ -63,7 +63,7 @@ class PeriodMap:
 
 @record
 class Way:
-    """A way in the space of coordinates and tip offset [m]."""
+    """A displacement [m] of the state at the begin of a period: of the tip offset and of the motion's coordinates."""
 
     z0: float
     motion: np.ndarray = column(MOST_COORDINATES)
