@@ -13,29 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.branch import (
-    C_DIFFERENCE,
-    ENOUGH_HOLD,
-    EXACT_HOLD,
-    MOST_ROOT_STEPS,
     detector_signal,
+    fill_signal_and_slopes,
     held_root,
-    mismatch_scale,
-    stable_root,
 )
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import Room, refine
-
-# Columns of what is measured in an image.
-MEASURED_PHASE = 0  # [rad]
-MEASURED_OFFSET = 1  # tip offset [m]
-
-AMPLITUDE_DIFFERENCE = 1e-5  # of A, for derivatives with respect to it
+from phasemap._kernels.orbits.response.branch import orbit_at_seen
+from phasemap._kernels.orbits.response.orbit import Room
 
 
 class Setpoints(NamedTuple):
@@ -100,84 +87,40 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
             slopes[i, j] = 0.0
             if sides[i, j] == 0:
                 continue
-            lever = levers[j]
-            oscillator = Oscillator(law, p, lever)
+            oscillator = Oscillator(law, p, levers[j])
             amplitude, c, slope = held_root(oscillator, reach, amplitudes[j], sides[i, j], search, places[i, j])
             if not slope < 0.0:
                 good[i] = False
                 break
             places[i, j] = c
-            here = detector_signal(oscillator, reach, amplitude, c)
-            values[i, j, MEASURED_PHASE], values[i, j, MEASURED_OFFSET] = here.phase, here.offset
-            small, wide = C_DIFFERENCE * mismatch_scale(reach, amplitude, c), AMPLITUDE_DIFFERENCE * amplitude
-            there = detector_signal(oscillator, reach, amplitude, c + small)
-            h_c, v_c, phase_c, offset_c = (
-                (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
-                (there.phase - here.phase) / small, (there.offset - here.offset) / small,
-            )  # fmt: skip
-            h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
-            if not sees_tip(lever):
-                there = detector_signal(oscillator, reach, amplitude + wide, c)
-                h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
-                phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
-            for k in range(rows.shape[0] - 1):
-                other = parameters(rows[1 + k, i])
-                there = detector_signal(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
-                # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
-                h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
-                both = h_c * v_a - h_a * v_c
-                along, wider = (h * v_a - v * h_a) / both, (v * h_c - h * v_c) / both
-                phase, offset = there.phase - here.phase, there.offset - here.offset
-                slopes[i, j, MEASURED_PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
-                slopes[i, j, MEASURED_OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step
+            fill_signal_and_slopes(oscillator, (amplitude, c), rows[1:, i], step, values[i, j], slopes[i, j])
 
 
 @kernel
 def exact_block(
-    law: Law, rows: np.ndarray, levers: np.ndarray, amplitudes: np.ndarray, sides: np.ndarray, limits: np.ndarray,
-    places: np.ndarray, values: np.ndarray, good: np.ndarray,
-) -> None:  # fmt: skip
+    law: Law, rows: np.ndarray, setpoints: Setpoints, limits: np.ndarray, values: np.ndarray, good: np.ndarray
+) -> None:
     """Exact phase and tip offset of n materials in m images, by the lever's response to averaged orbits.
 
     Parameters
     ----------
     rows : ndarray, shape (n, ROW)
-    levers, amplitudes, sides, places
-        As for `averaged_block`; places that are NaN are searched for.
+    setpoints : Setpoints
+        Places that are NaN are searched for.
     limits : ndarray, shape (2,)
         Largest estimated errors: phase [rad], tip offset [m].
     values : ndarray, shape (n, m, 2)
         NaN where the response does not converge, or the orbit is not sound.
     good : ndarray of bool, shape (n, m)
     """
-    room, guess = Room(), np.zeros(col.GUESS)
+    (levers, amplitudes, sides, places), room = setpoints, Room()
     for i in range(len(rows)):
         p = parameters(rows[i])
-        reach = reach_of(law, p)
         for j in range(len(amplitudes)):
             values[i, j] = np.nan
             good[i, j] = False
             if sides[i, j] == 0:
                 continue
-            lever, held, before = levers[j], amplitudes[j], (np.nan, np.nan)
-            amplitude = likely_amplitude(lever, held, sides[i, j])
-            for step in range(MOST_ROOT_STEPS):
-                c, slope = stable_root(Oscillator(law, p, lever), reach, amplitude, sides[i, j], True, places[i, j])
-                if not slope < 0.0:
-                    break
-                places[i, j] = c
-                push, drag, mean = harmonics(Oscillator(law, p, lever), reach, amplitude, c)
-                put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
-                guess[col.G_SLOPE] = slope / amplitude
-                if not refine(Oscillator(law, p, lever), reach, guess, limits, room):
-                    break
-                seen, phase = show(lever, amplitude, room.state.phase)
-                miss = seen - held
-                if abs(miss) <= (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
-                    values[i, j, MEASURED_PHASE], values[i, j, MEASURED_OFFSET] = phase, room.state.tip_offset
-                    good[i, j] = True
-                    break
-                following = next_amplitude(lever, held, amplitude, room.state.phase, miss, before)
-                before, amplitude = (amplitude, miss), following
-                if not amplitude > 0.0:
-                    break
+            good[i, j] = orbit_at_seen(
+                Oscillator(law, p, levers[j]), amplitudes[j], sides[i, j], places[i, j], limits, room, values[i, j]
+            )

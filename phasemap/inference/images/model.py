@@ -118,8 +118,8 @@ class Model:
         from phasemap._kernels.rows.derivatives import exact_block
 
         values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
-        rows = self.rows(q)
-        exact_block(self.law, rows, self.levers, self.amplitudes, sides, LIMITS, places.copy(), values, good)
+        setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
+        exact_block(self.law, self.rows(q), setpoints, LIMITS, values, good)
         return values, good
 
 

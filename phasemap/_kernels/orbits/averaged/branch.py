@@ -10,14 +10,19 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mismatch, phase_of
+from phasemap._kernels.law import Oscillator, parameters
+from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+
+# What is measured in an image.
+MEASURED_PHASE = 0  # [rad]
+MEASURED_OFFSET = 1  # tip offset [m]
 
 MOST_ROOT_STEPS = 14  # of Newton's method for c, and of the search for the amplitude of the tip
 EXACT_HOLD = 1e-12  # of the amplitude that is held: as near is exact,
 ENOUGH_HOLD = 1e-8  # and as near is enough in the end
+AMPLITUDE_DIFFERENCE = 1e-5  # of A, for derivatives with respect to it
 C_DIFFERENCE = 1e-4  # of the scale of the mismatch, for derivatives with respect to c
 LAST_ROOT_STEP = 1e-5  # of the scale of the mismatch: Newton's last step, whose square is what is left
 LONGEST_ROOT_STEP = 0.6  # of the scale of the mismatch
@@ -122,3 +127,41 @@ def held_root(
         if not amplitude > 0.0:
             break
     return amplitude, math.nan, math.nan
+
+
+@kernel
+def fill_signal_and_slopes(
+    oscillator: Oscillator, at: tuple[float, float], others: np.ndarray, step: float, values: np.ndarray,
+    slopes: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill in phase and tip offset of the averaged orbit `at` (A, c), and their derivatives: theory, Eq. (inversion-1).
+
+    `others` (shape (k, ROW)): parameters with each of k logarithms larger by `step`.
+    `values` (shape (2,)), `slopes` (shape (2, k)): filled.
+    """
+    law, p, lever = oscillator
+    amplitude, c = at
+    reach = reach_of(law, p)
+    here = detector_signal(oscillator, reach, amplitude, c)
+    values[MEASURED_PHASE], values[MEASURED_OFFSET] = here.phase, here.offset
+    small, wide = C_DIFFERENCE * mismatch_scale(reach, amplitude, c), AMPLITUDE_DIFFERENCE * amplitude
+    there = detector_signal(oscillator, reach, amplitude, c + small)
+    h_c, v_c, phase_c, offset_c = (
+        (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
+        (there.phase - here.phase) / small, (there.offset - here.offset) / small,
+    )  # fmt: skip
+    h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
+    if not sees_tip(lever):
+        there = detector_signal(oscillator, reach, amplitude + wide, c)
+        h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
+        phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
+    for k in range(len(others)):
+        other = parameters(others[k])
+        there = detector_signal(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
+        # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
+        h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
+        both = h_c * v_a - h_a * v_c
+        along, wider = (h * v_a - v * h_a) / both, (v * h_c - h * v_c) / both
+        phase, offset = there.phase - here.phase, there.offset - here.offset
+        slopes[MEASURED_PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
+        slopes[MEASURED_OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step
