@@ -13,6 +13,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
+FORGOTTEN = 2.0  # ring-down rate over a period from which on a motion counts as forgotten in the next
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
 
 
@@ -182,6 +183,15 @@ def bend_by_adhesion(oscillator: Oscillator) -> float:
 def low_q(lever: np.ndarray) -> bool:
     """Whether the lever forgets a kick within a few periods, as in liquid."""
     return bool(lever[ALPHA0] > 0.5 / LOWEST_Q)
+
+
+@kernel(light=True)
+def higher_modes_forget(lever: np.ndarray) -> bool:
+    """Whether the modes above the first have mostly rung down when the tip taps again."""
+    for i in range(1, modes_of(lever)):
+        if 2.0 * math.pi * mode_of(lever, i).rate < FORGOTTEN * lever[col.OMEGA]:
+            return False
+    return True
 
 
 @kernel

@@ -70,8 +70,7 @@ def _check(_job: Job) -> None:
 
 def _interpolates(job: Job) -> bool:
     """Integrals over orbits are not interpolated beside what is solved."""
-    direct = job.scope.drive.excitation == "direct"
-    return direct and interpolates(job) and not set(OF_ORBITS) & set(job.needs)
+    return interpolates(job) and not set(OF_ORBITS) & set(job.needs)
 
 
 def _most(job: Job) -> int:

@@ -95,7 +95,7 @@ def stable_branches(
     ([[True], [True]], [0])
     """
     if not sees_tip(work.lever):
-        return _seen_branches(work, solver, accuracy, workers, progress)
+        return _seen_branches(work, solver, accuracy, workers, progress, engaged)
     count = len(work)
     rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
     status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
@@ -121,8 +121,10 @@ def stable_branches(
     return Branches(rows, status, used, reach)
 
 
-def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int, progress: Progress | None) -> Branches:
-    """The same where the detector sees the deflection."""
+def _seen_branches(
+    work: Work, solver: Solver, accuracy: Accuracy, workers: int, progress: Progress | None, engaged: Found | None
+) -> Branches:
+    """The same where the detector does not see the tip: by secants on the branch that engagement does not find."""
     found = Branches(
         np.full((SLOTS, len(work), col.COLUMNS), np.nan),
         np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, len(work)), -1, np.int8),
@@ -130,20 +132,20 @@ def _seen_branches(work: Work, solver: Solver, accuracy: Accuracy, workers: int,
     )  # fmt: skip
     valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
 
-    def solve_on(slot: int) -> Found:
-        def solve(part: Work) -> Found:
+    if engaged is None:
+        engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
+    found.rows[ENGAGED, valid], found.status[ENGAGED, valid], found.solver[ENGAGED, valid] = engaged
+    answers = Answers(found.rows, found.status, found.solver)
+    for slot, side in ((ATTRACTING, ATTRACTIVE), (REPELLING, REPULSIVE)):
+        here, others = np.flatnonzero(found.engaged == slot), valid[found.engaged[valid] != slot]
+
+        def solve(part: Work, slot: int = slot) -> Found:
             both = stable_branches(part, solver, accuracy, workers, progress)
             return both.rows[slot], both.status[slot], both.solver[slot]
 
-        return hold(work.part(valid), solve, accuracy.periods, (REPULSIVE if slot == REPELLING else ATTRACTIVE,))
-
-    engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
-    for slot, some in ((ATTRACTING, solve_on(ATTRACTING)), (REPELLING, solve_on(REPELLING)), (ENGAGED, engaged)):
-        found.rows[slot, valid], found.status[slot, valid], found.solver[slot, valid] = some
-    for slot in (ATTRACTING, REPELLING):
-        here = found.engaged == (slot == REPELLING)
-        for whole in (found.rows, found.status, found.solver):
-            whole[slot, here] = whole[ENGAGED, here]
+        held = Answers(*hold(work.part(others), solve, accuracy.periods, (side,)))
+        answers.of(slot).put(others, held)
+        answers.of(slot).put(here, answers.of(ENGAGED).of(here))
     _limit(work, accuracy.periods, 0, len(work), found.rows, found.status, found.reach)
     return found
 

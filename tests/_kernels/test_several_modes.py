@@ -17,7 +17,8 @@ from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.response.multipliers import fill_monodromy
 from phasemap._kernels.orbits.response.nodes import Nodes, cut_contact
-from phasemap._kernels.orbits.response.passes import UNRESOLVED, PassState, converge, evaluate_nodes, start_passes
+from phasemap._kernels.orbits.response.passes import UNRESOLVED, converge, start_passes
+from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.exact import exact_rows
@@ -43,11 +44,11 @@ def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
     return work
 
 
-def solved(work: Work) -> np.ndarray:
+def solved(work: Work, used: tuple[int, ...] = (col.CORRECTED, col.ORBIT)) -> np.ndarray:
     answers = Answers(np.empty((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     cheap_rows(work.pixels, LIMITS, False, 0, 1, answers)
     exact_rows(work.pixels, TABLES, 0, 1, answers)
-    assert answers.status[0] == col.GOOD
+    assert answers.status[0] == col.GOOD and answers.solver[0] in used
     return answers.rows[0]
 
 
@@ -72,6 +73,13 @@ def test_orbits_of_two_modes_are_those_of_an_integration_in_time(case: Case) -> 
     assert abs(phase - case["phase"]) < math.degrees(row[col.ERROR_PHASE]) < 1e-3
     assert abs(row[col.TIP_OFFSET] - case["tip_offset"]) < row[col.ERROR_HEIGHT] < 1e-12
     assert row[col.INDENTATION] == pytest.approx(case["indentation"], abs=1e-13)
+
+
+@pytest.mark.parametrize("setpoint", [0.8, 0.5])
+@pytest.mark.parametrize("modulus", [1e7, 1e8, 1e9])
+def test_the_response_alone_gives_orbits_from_gel_to_glass(modulus: float, setpoint: float) -> None:
+    # Plain passes are thrown back by samples stiffer than 0.1 GPa, and collocation takes ten times as long.
+    assert solved(asked(LIQUID, modulus, setpoint), (col.CORRECTED,))[col.ERROR_PHASE] < LIMITS[0]
 
 
 @pytest.mark.parametrize("modulus", [1e7, 1e8])

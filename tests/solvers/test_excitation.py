@@ -269,8 +269,9 @@ def test_a_feedback_comes_to_rest_where_engage_does(scope: pm.Microscope, solver
 def test_contrast_is_the_difference_of_two_pixels() -> None:
     hard = pm.Material(3e9, adhesion=0.02)
     found = pm.contrast(SOFT, hard, WET, [0.6, SETPOINT], solver="orbit")
-    pixels = [pm.solve_pixel(material, WET, SETPOINT, "orbit") for material in (SOFT, hard)]
-    assert float(found.contrast.sel(setpoint=SETPOINT)) == pytest.approx(pixels[1].phase - pixels[0].phase, abs=1e-9)
+    surface = pm.Surface.from_labels([[0, 1]], {0: SOFT, 1: hard}, pixel_size=1e-9)
+    soft, stiff = pm.simulate(surface, WET, SETPOINT, solver="orbit").phase.values[0]
+    assert float(found.contrast.sel(setpoint=SETPOINT)) == pytest.approx(stiff - soft, abs=1e-9)
 
 
 def test_sensitivities_are_differences_of_pixels() -> None:

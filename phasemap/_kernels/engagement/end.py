@@ -19,7 +19,8 @@ from phasemap._kernels.lever import beside_resonance, free_amplitude
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, attractive_mismatch
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import Fit, Room
-from phasemap._kernels.orbits.response.passes import FOUND, PassState, converge, start_passes
+from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
+from phasemap._kernels.orbits.response.state import PassState
 from phasemap._kernels.records import clear
 
 TIGHT = 0.015  # mismatch at the exact maximum that decides

@@ -27,7 +27,7 @@ from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
-from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
+from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 
 
 @kernel

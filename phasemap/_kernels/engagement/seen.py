@@ -18,7 +18,7 @@ from phasemap._kernels.engagement.exact import Rooms, exact_orbit
 from phasemap._kernels.engagement.response import cheap_orbit
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, seen_rate, show
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import drive_needed, phase_of
+from phasemap._kernels.lever import drive_needed, phase_of, reach_of
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.newton import solve_at_seen
@@ -35,8 +35,8 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
     no_drift,
 )
-from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution
-from phasemap._kernels.orbits.response.passes import fill_row_from_passes
+from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
+from phasemap._kernels.orbits.response.state import fill_row_from_passes
 
 ROUGHLY_SEEN, EXACTLY_SEEN = 1e-3, 1e-12  # of the amplitude seen: of averaged orbits, and of those of passes
 MOST_SECANTS = 20
@@ -67,6 +67,34 @@ def orbit_at(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> tuple[
 
 
 @kernel
+def repulsive_at_seen(
+    oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
+) -> float:
+    """A [m] of the repulsive orbit that is seen with an amplitude, in its row, if averaging is sure of it; else NaN.
+
+    It is sure at both ends of what A may be without losses, and at the A found.
+    """
+    (guess, passes, limits), lever = room, oscillator.lever
+    for side in (-1, 1):
+        if not _surely_repulsive(oscillator, likely_amplitude(lever, seen, side), room):
+            return math.nan
+    passes.seen = seen
+    found = refine(oscillator, reach_of(oscillator.law, oscillator.p), guess, limits, passes)
+    passes.seen, state = 0.0, passes.state
+    if not (found and state.seen_by_a > 0.0 and _surely_repulsive(oscillator, state.amplitude, room)):
+        return math.nan
+    slopes[SEEN_BY_A], slopes[PHASE_BY_A], slopes[OFFSET_BY_A] = state.seen_by_a, state.phase_by_a, state.offset_by_a
+    fill_row_from_passes(lever, nodes_of_solution(passes), state, row)
+    return float(state.amplitude)
+
+
+@kernel
+def _surely_repulsive(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> bool:
+    """Whether averaging is sure that engagement reaches a repulsive orbit of amplitude A [m], which it fills in."""
+    return engage_by_averaging(oscillator, amplitude, room.guess, room.room.top) == SURE and room.guess[col.G_P] > 0.0
+
+
+@kernel
 def by_passes_at_seen(
     oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
 ) -> tuple[int, float]:
@@ -75,6 +103,9 @@ def by_passes_at_seen(
     KNOWN where passes do not lead from the averaged orbit, which is then the one seen with about this amplitude.
     """
     lever, state = oscillator.lever, room.room.state
+    amplitude = repulsive_at_seen(oscillator, seen, room, row, slopes)
+    if amplitude > 0.0:
+        return col.GOOD, amplitude
     amplitude = likely_amplitude(lever, seen, -1)
     done, phase = orbit_at(oscillator, amplitude, room)
     if done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]:

@@ -13,9 +13,9 @@ from phasemap._kernels.engagement.holding import settle, settle_remembering
 from phasemap._kernels.engagement.in_time import engage_by_march
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.passes import PassState, fill_row_from_passes
 from phasemap._kernels.orbits.response.relaxing import ContactMemory
 from phasemap._kernels.orbits.response.relaxing_orbit import Bench, refine_relaxing
+from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 

@@ -1,10 +1,26 @@
-"""Where between two nodes of an orbit the tip is deepest."""
+"""Where an orbit of passes, or the part of it between two nodes, is deepest."""
 
 from __future__ import annotations
 
 import math
 
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.orbits.response.nodes import (
+    ENTRY,
+    EXIT,
+    GAUSS_X,
+    IN,
+    LATE,
+    OUT,
+    TOUCH,
+    N,
+    Nodes,
+    first_of,
+    parts_of,
+)
+from phasemap._kernels.quadrature import barycentric
+
+BARYCENTRIC = barycentric(GAUSS_X)
 
 
 @kernel
@@ -26,3 +42,42 @@ def apex_between(
         turn = 6.0 * x * y * (w1 - w0) / h + y * (y - 2.0 * x) * u0 + x * (x - 2.0 * y) * u1
         x += (turn - amplitude * math.sin(theta)) / (rise - fall)
     return amplitude * math.cos(theta) + w, theta
+
+
+@kernel
+def apex_of(f: Nodes, amplitude: float) -> float:
+    """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
+    touching = f.theta[EXIT] > f.theta[ENTRY]
+    theta, w, u = f.theta, f.w, f.u
+    first = TOUCH if touching else OUT
+    before = first if touching else IN
+    most = -math.inf
+    for k in range(N * parts_of(f) if touching else N):
+        j = first + k if k < N else LATE + k - N
+        i, before = before, j
+        most = max(most, amplitude * f.cos[j] + w[j])
+        if not u[i] - amplitude * f.sin[i] > 0.0 >= u[j] - amplitude * f.sin[j]:
+            continue  # no largest one between, for which two sines more would be taken
+        between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
+        if touching and between > most:
+            between = amplitude * math.cos(angle) + _in_contact(f, angle)
+        most = max(most, between)
+    return most
+
+
+@kernel
+def _in_contact(f: Nodes, angle: float) -> float:
+    """Return w at an angle in contact, by the polynomial through the nodes of its element."""
+    centre, half = 0.5 * (f.theta[ENTRY] + f.theta[EXIT]), 0.5 * (f.theta[EXIT] - f.theta[ENTRY])
+    x, first = math.asin((angle - centre) / half) / math.pi + 0.5, TOUCH
+    if parts_of(f) > 1:
+        part = min(int(parts_of(f) * x), parts_of(f) - 1)
+        first, x = first_of(part), parts_of(f) * x - part
+    above, below = 0.0, 0.0
+    for j in range(N):
+        if x == GAUSS_X[j]:
+            return float(f.w[first + j])
+        share = BARYCENTRIC[j] / (x - GAUSS_X[j])
+        above += share * f.w[first + j]
+        below += share
+    return above / below

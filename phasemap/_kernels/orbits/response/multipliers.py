@@ -10,10 +10,11 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope, longrange_slope
+from phasemap._kernels.law import Oscillator, longrange_slope
 from phasemap._kernels.lever import all_shares, mode_of, modes_of
+from phasemap._kernels.orbits.response.newton import stiffness
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -27,24 +28,12 @@ from phasemap._kernels.orbits.response.nodes import (
     fill_mode,
     parts_of,
 )  # fmt: skip
-from phasemap._kernels.orbits.response.passes import PassState
+from phasemap._kernels.orbits.response.state import PassState
 
 SQUARINGS_WITHIN = 20  # of a monodromy matrix, that show whether its powers vanish
 DIVERGED_POWER = 1e60  # entry of a power of it that will not vanish
 FAINT_KICK = 1e-7  # [rad], change of the rate by a kick that does nothing
 CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, that must be lost at least
-
-
-@kernel
-def stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
-    """(kappa, gamma): change of g with depth d and with d', in contact."""
-    law, p, lever = oscillator
-    kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
-    if p[DAMPING] != 0.0:
-        gamma = 2.0 * lever[OMEGA] * damping(law, d, p)
-        if d > 0.0:
-            kappa += 2.0 * lever[OMEGA] * damping_slope(law, d, p) * turn
-    return kappa, gamma
 
 
 @kernel

@@ -8,18 +8,12 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DYNAMIC_STIFFNESS, LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import beside_resonance, modes_of, near_resonance, reach_of
+from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.sides import Maximum, put_averaged_orbit
 from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, cut_contact, parts_of
-from phasemap._kernels.orbits.response.passes import (
-    FOUND,
-    UNRESOLVED,
-    PassState,
-    converge,
-    evaluate_nodes,
-    start_passes,
-)
+from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, converge, start_passes
 from phasemap._kernels.orbits.response.sound import orbit_is_kept
+from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.records import assign, clear, record
 
 LEAST_SLOPE_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the jump
@@ -46,6 +40,7 @@ class Room:
     finer: Nodes  # which cut the contact in two
     state: PassState
     other: PassState
+    seen: float  # amplitude [m] that the detector is to see of an orbit, or 0 where A is that of the averaged one
     top: Maximum  # of the mismatch
     fit: Fit
 
@@ -99,7 +94,7 @@ def _pass_from(
     p, lever = oscillator.p, oscillator.lever
     f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
     clear(state)
-    state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
+    state.amplitude, state.centre, state.slope, state.seen = guess[col.G_A], e, guess[col.G_SLOPE], room.seen
     if not start_passes(oscillator, reach, f, state):
         return False
     state.parts = parts_of(f)
@@ -109,6 +104,7 @@ def _pass_from(
         found == UNRESOLVED
         and f.theta[EXIT] > f.theta[ENTRY]
         and cut
+        and not (parts_of(f) > 1 and state.last_ratio > 1.0)  # which lead away, as where the tip touches twice
         and 2 * parts_of(f) <= (2 if modes_of(lever) == 1 else MOST_PARTS)
     ):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
@@ -128,7 +124,10 @@ def _pass_from(
 def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
     same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
-    return same and abs(state.tip_offset - guess[col.G_Z0]) < largest_branch_distance(lever, guess[col.G_A])
+    if low_q(lever) and higher_modes_forget(lever):
+        return same
+    away = state.tip_offset - state.amplitude - guess[col.G_Z0] + guess[col.G_A]
+    return same and abs(away) < largest_branch_distance(lever, guess[col.G_A])
 
 
 @kernel

@@ -6,30 +6,31 @@ import math
 
 import numpy as np
 
-from phasemap._kernels import columns as col
-from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, LONGRANGE, STIFFNESS
+from phasemap._kernels.columns import DRIVE, LONGRANGE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import beside_resonance, low_q, mismatch, modes_of, phase_of, static_compliance
-from phasemap._kernels.orbits.response.apex import apex_between
-from phasemap._kernels.orbits.response.mixing import keep_motion, mix, new_past
+from phasemap._kernels.lever import (
+    beside_resonance,
+    higher_modes_forget,
+    low_q,
+    mismatch,
+    modes_of,
+    phase_of,
+    static_compliance,
+)
 from phasemap._kernels.orbits.response.motion import respond
+from phasemap._kernels.orbits.response.newton import keep_motion, new_scratch, newton_pass, shortened_lift
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
     GAUSS_WEIGHTS,
-    GAUSS_X,
     HIGHEST,
-    IN,
-    LATE,
     MOST_PARTS,
     OUT,
-    TOUCH,
     N,
     Nodes,
     clear_motion,
     first_of,
-    force,
     grade_outer_nodes,
     lay_nodes,
     middle_of,
@@ -37,8 +38,13 @@ from phasemap._kernels.orbits.response.nodes import (
     parts_needed,
     parts_of,
 )
-from phasemap._kernels.quadrature import barycentric
-from phasemap._kernels.records import record
+from phasemap._kernels.orbits.response.state import (
+    ENERGY_LEFT,
+    PassState,
+    evaluate_nodes,
+    relative_energy_defect,
+    slope_by_tip_offset,
+)
 
 NO_ORBIT = 0  # how passes end
 FOUND = 1
@@ -50,59 +56,18 @@ LIFT_LEFT = 0.05  # of the mismatch that the lift by a pass would make may be le
 PASS_SAFETY = 8.0  # over the error that two changes tell
 PASS_FLOOR_PHASE = 1e-8  # [rad], least error to be expected
 PASS_FLOOR_HEIGHT = 2e-15  # [m], the same
-ENERGY_LEFT = 5e-7  # largest energy imbalance
 SHARE_WITHIN = 0.1  # of the nodes' estimate that is taken within a linewidth of the resonance
 SHARE_BESIDE = 0.01  # the same beside it
 LEAST_EDGE_COSINE = -0.98  # cosine of the contact's edge below which the nodes do not do
-BARYCENTRIC = barycentric(GAUSS_X)
-
-
-@record
-class PassState:
-    """An orbit from pass to pass: what holds it, what its nodes give, the result and its errors, the last changes."""
-
-    amplitude: float  # of the first harmonic [m]
-    centre: float  # e: height of the middle of the oscillation over the surface, z0 less the mean deflection [m]
-    slope: float  # change of the mismatch with e [1/m]
-    mean_force: float  # over stiffness [m]
-    push: float  # P [m]
-    drag: float  # S [m]
-    work: float  # of the conservative force over a period, over stiffness [m2]
-    loss: float  # of damping over a period, over stiffness [m2]
-    virial: float  # integral of g z over a period [m2]
-    phase: float  # [rad]
-    tip_offset: float  # [m]
-    phase_error: float  # [rad]
-    tip_offset_error: float  # [m]
-    passes: int
-    parts: int  # elements in contact, 0 where the orbit is not at the nodes
-    apex: float  # largest A cos(theta) + w [m] where the nodes are others, else 0
-    last_w: float  # w in the middle of the contact, after the last pass [m]
-    phase_change: float  # by the last pass [rad]
-    tip_offset_change: float  # [m]
-    last_ratio: float  # of the changes of the pass before
-    mean_slope: float  # change of `mean_force`, `push` and `drag` with e [1]
-    push_slope: float
-    drag_slope: float
-    move: float  # of e, to where no mismatch is left [m]
-    lacks: float  # what P and e lack to there [m]
-
-
-@kernel(fastmath=ANY_ORDER)
-def evaluate_nodes(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool) -> float:
-    """Fill the state from the force at the nodes; returns the mismatch of the drive."""
-    lever = oscillator.lever
-    amplitude = state.amplitude
-    mean, push, drag, work, loss, virial = force(oscillator, f, amplitude, state.centre, touching)
-    state.mean_force, state.push, state.drag = mean, push, drag
-    state.work, state.loss, state.virial = work, loss, virial
-    return mismatch(lever, amplitude, push, drag)
 
 
 @kernel
-def passes_are_mixed(lever: np.ndarray) -> bool:
-    """Whether passes contract slowly for other reasons than a stiff contact."""
-    return beside_resonance(lever) or (modes_of(lever) > 1 and low_q(lever))
+def passes_contract_slowly(lever: np.ndarray) -> bool:
+    """Whether passes leave much of the error, or do not converge at all, for what a contact makes of the motion.
+
+    Where a higher mode remembers the tap before, there may be several orbits: only passes that converge tell which.
+    """
+    return beside_resonance(lever) or (low_q(lever) and higher_modes_forget(lever))
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -137,7 +102,7 @@ def remaining_change_ratio(ratio: float, ratio_before: float) -> float:
 @kernel
 def tip_offset_error_factor(lever: np.ndarray, state: PassState) -> float:
     """Error of the tip offset per error of P, S and the mean deflection."""
-    return 1.0 + 4.0 / abs(state.slope * lever[DRIVE])
+    return 1.0 + 4.0 / abs(slope_by_tip_offset(lever, state) * lever[DRIVE])
 
 
 @kernel
@@ -257,30 +222,32 @@ def converge(
     """Repeat passes until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, drive is found.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
-    and passes in contact contract slowly, so that all but the first are mixed. So they do where taps set off other
-    modes.
+    and passes in contact contract slowly, as they do at low Q. Newton's method takes their place.
     """
     p, lever = oscillator.p, oscillator.lever
     longrange = p[LONGRANGE] != 0.0
     touching = f.theta[EXIT] > f.theta[ENTRY]  # harmonics may lift the tip so that it touches with e > A
-    nearest, beside = middle_of(f) if touching else OUT, touching and passes_are_mixed(lever)
-    left_before, slow, past = math.inf, 0, new_past(f, beside)
-    harmonic, h = state.passes == 0, 0.0
+    nearest = middle_of(f) if touching else OUT
+    newton = touching and (passes_contract_slowly(lever) or state.seen > 0.0)
+    left_before, slow, scratch = math.inf, 0, new_scratch(f, newton)
+    harmonic, h = state.passes == 0, mismatch(lever, state.amplitude, state.push, state.drag)
     first_pass(state)
     if harmonic:  # which the first pass changes
         state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
         state.tip_offset = state.centre - static_compliance(lever) * state.mean_force
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
-        if beside:
-            keep_motion(f, past)
-        respond(f, lever, state.mean_force, state.push, state.drag, touching, longrange)
-        lift = f.w[nearest] - before
-        if beside and passes > 0:
-            state.centre += mix(f, 0.0 if hold else lift - h / state.slope, passes - 1, past)
-            move_nodes(f, state.amplitude, state.centre, touching, longrange)
-            h = evaluate_nodes(oscillator, f, state, touching)
+        if newton:
+            keep_motion(f, scratch)
+        if newton and not (harmonic and passes == 0):
+            good, h = newton_pass(oscillator, f, state, longrange, h, hold, scratch)
+            if not good:
+                return NO_ORBIT
         else:
+            respond(f, lever, state.mean_force, state.push, state.drag, touching, longrange)
+            lift = f.w[nearest] - before
+            if newton:
+                lift = shortened_lift(f, state, lift, scratch)
             h = balance_drive(oscillator, f, state, touching, math.nan if hold else lift)
         state.passes += 1
         nodes = quadrature_error(lever, f, state, touching, longrange)
@@ -296,79 +263,15 @@ def converge(
                 continue  # too early to give up
             slow += ratio > 0.7
             change = abs(left - left_before)
-            stays = change < 0.5 * abs(left) if beside else abs(left) > 0.5 * abs(left_before)
+            stays = change < 0.5 * abs(left) if newton else abs(left) > 0.5 * abs(left_before)
             rough = nodes > limit_phase * lever[DRIVE] or (
-                beside and nodes * tip_offset_error_factor(lever, state) > limit_height
+                newton and nodes * tip_offset_error_factor(lever, state) > limit_height
             )
             left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
             done = left_phase < limit_phase and left_height < limit_height
-            if rough or (small and stays) or (beside and done and change < 0.1 * abs(left)):
+            if rough or (small and stays) or (newton and done and change < 0.1 * abs(left)):
                 return UNRESOLVED
             if slow > MOST_SLOW:
                 return NO_ORBIT
             left_before = left
     return NO_ORBIT
-
-
-@kernel
-def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
-    """Work of the conservative part of the force over the energy supplied: zero on an exact orbit."""
-    amplitude = state.amplitude
-    return state.work / (math.pi * amplitude * (lever[DYNAMIC_LOSS] * amplitude - state.drag))
-
-
-@kernel
-def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.ndarray) -> None:
-    """Fill a result row from a converged orbit."""
-    amplitude, stiffness = state.amplitude, lever[STIFFNESS]
-    move = state.move
-    mean = -static_compliance(lever) * (state.mean_force + move * state.mean_slope)
-    push = state.push + move * state.push_slope
-    row[:] = math.nan
-    row[col.TIP_OFFSET], row[col.MEAN] = state.tip_offset, mean
-    row[col.PHASE], row[col.AMPLITUDE] = state.phase, amplitude
-    row[col.INDENTATION] = (state.apex if state.apex > 0.0 else apex_of(f, amplitude)) - state.centre
-    row[col.DISSIPATION] = stiffness * state.loss
-    row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
-    row[col.STIFFENING] = push / amplitude
-    row[col.CLOSURE] = relative_energy_defect(lever, state)
-    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state.phase_error, state.tip_offset_error
-
-
-@kernel
-def apex_of(f: Nodes, amplitude: float) -> float:
-    """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
-    touching = f.theta[EXIT] > f.theta[ENTRY]
-    theta, w, u = f.theta, f.w, f.u
-    first = TOUCH if touching else OUT
-    before = first if touching else IN
-    most = -math.inf
-    for k in range(N * parts_of(f) if touching else N):
-        j = first + k if k < N else LATE + k - N
-        i, before = before, j
-        most = max(most, amplitude * f.cos[j] + w[j])
-        if not u[i] - amplitude * f.sin[i] > 0.0 >= u[j] - amplitude * f.sin[j]:
-            continue  # no largest one between, for which two sines more would be taken
-        between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
-        if touching and between > most:
-            between = amplitude * math.cos(angle) + _in_contact(f, angle)
-        most = max(most, between)
-    return most
-
-
-@kernel
-def _in_contact(f: Nodes, angle: float) -> float:
-    """Return w at an angle in contact, by the polynomial through the nodes of its element."""
-    centre, half = 0.5 * (f.theta[ENTRY] + f.theta[EXIT]), 0.5 * (f.theta[EXIT] - f.theta[ENTRY])
-    x, first = math.asin((angle - centre) / half) / math.pi + 0.5, TOUCH
-    if parts_of(f) > 1:
-        part = min(int(parts_of(f) * x), parts_of(f) - 1)
-        first, x = first_of(part), parts_of(f) * x - part
-    above, below = 0.0, 0.0
-    for j in range(N):
-        if x == GAUSS_X[j]:
-            return float(f.w[first + j])
-        share = BARYCENTRIC[j] / (x - GAUSS_X[j])
-        above += share * f.w[first + j]
-        below += share
-    return above / below

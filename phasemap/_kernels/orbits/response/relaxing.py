@@ -22,6 +22,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
+from phasemap._kernels.orbits.response.apex import BARYCENTRIC
 from phasemap._kernels.orbits.response.nodes import (
     EARLY_S,
     EARLY_W,
@@ -40,7 +41,6 @@ from phasemap._kernels.orbits.response.nodes import (
     Nodes,
     fill_angles,
 )
-from phasemap._kernels.orbits.response.passes import BARYCENTRIC
 from phasemap._kernels.records import column, record
 
 Sums = tuple[float, float, float, float, float]

@@ -36,7 +36,6 @@ from phasemap._kernels.orbits.response.passes import (
     MOST_PASSES,
     MOST_SLOW,
     NO_ORBIT,
-    PassState,
     after_pass,
     converge,
     first_pass,
@@ -55,6 +54,7 @@ from phasemap._kernels.orbits.response.relaxing import (
     relay_relaxing,
 )
 from phasemap._kernels.orbits.response.sound import orbit_is_kept
+from phasemap._kernels.orbits.response.state import PassState
 from phasemap._kernels.records import clear
 
 DENT_LEFT = 1e-15  # [m] of dents that a tap may meet

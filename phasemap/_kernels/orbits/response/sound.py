@@ -7,7 +7,7 @@ import math
 from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping, longrange_slope
-from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.lever import low_q, mode_of, modes_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.multipliers import is_held
@@ -27,7 +27,7 @@ from phasemap._kernels.orbits.response.nodes import (
     lay_nodes,
     parts_of,
 )
-from phasemap._kernels.orbits.response.passes import ENERGY_LEFT, PassState, relative_energy_defect
+from phasemap._kernels.orbits.response.state import ENERGY_LEFT, PassState, relative_energy_defect, slope_by_tip_offset
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
@@ -111,7 +111,11 @@ def orbit_is_kept(
             x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
     trace = trace_of(a, nu, x1, y1, x2, y2)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
-    return far and state.slope * depth < -LEAST_SLOPE and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+    return (
+        far
+        and slope_by_tip_offset(lever, state) * depth < -LEAST_SLOPE
+        and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+    )
 
 
 @kernel
@@ -124,7 +128,12 @@ def _several_modes_are_kept(oscillator: Oscillator, reach: float, f: Nodes, stat
     elif max(state.amplitude * f.cos[IN] + f.w[IN], state.amplitude * f.cos[OUT] + f.w[OUT]) > state.centre:
         return False
     depth = max(reach + max(state.centre - state.amplitude, 0.0), state.amplitude - state.centre)
-    good = state.slope * depth < -LEAST_SLOPE and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+    if low_q(lever):  # a stiff sample throws several modes back from far less than what the drive is balanced over
+        depth = state.amplitude
+    good = (
+        slope_by_tip_offset(lever, state) * depth < -LEAST_SLOPE
+        and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+    )
     return good and is_held(oscillator, f, state)
 
 

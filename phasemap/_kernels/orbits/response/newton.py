@@ -1,0 +1,254 @@
+"""Newton's method on the force in contact, in place of plain passes where a contact is stiff or long.
+
+A pass changes the motion by r = -G g - w, of which a stiff contact makes a force that the next pass throws back. With
+kappa and gamma the change of g with d and with d', and R the part of -G between nodes in contact, the force changes by
+
+    dg = (1 - kappa R - gamma R')^-1 (kappa r + gamma r' - kappa de + (kappa cos - gamma sin) dA),
+
+where de makes the mismatch zero to first order, and dA, if A is not held, the amplitude that the detector sees the one
+asked for: theory, Eq. (response-8). Forces outside contact follow from pass to pass.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phasemap._kernels.arrays import copy
+from phasemap._kernels.columns import DAMPING, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, STIFFNESS
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.dense import factor, substitute
+from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
+from phasemap._kernels.lever import drive_needed, mode_of, modes_of, static_compliance
+from phasemap._kernels.orbits.response.motion import respond
+from phasemap._kernels.orbits.response.nodes import (
+    GAUSS_WEIGHTS,
+    GAUSS_X,
+    N,
+    Nodes,
+    contact_node,
+    count_of,
+    fill_mode,
+    first_harmonic,
+    first_of,
+    move_nodes,
+    parts_of,
+    periods_before,
+)
+from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
+from phasemap._kernels.quadrature import integration_matrix
+
+RUNNING = np.ascontiguousarray(integration_matrix(GAUSS_X))  # [j, k]: integral of the k-th polynomial up to node j
+MOST_OF_DEPTH = 0.4  # that a step may change the depth by
+BY_PASS, BY_CENTRE, BY_AMPLITUDE, CAUSES = 0, 1, 2, 3  # of changes of g: r, and e and A by one
+
+
+class Scratch(NamedTuple):
+    """Room for the equations of n nodes in contact."""
+
+    w: np.ndarray  # shape (ALL_CUT,); the motion before the pass [m]
+    u: np.ndarray
+    answer: np.ndarray  # shape (2, n); kappa and gamma
+    system: np.ndarray  # shape (n, n)
+    order: np.ndarray  # shape (n,); of its rows
+    changes: np.ndarray  # shape (CAUSES, n); of g [m], or over e or A
+    rates: np.ndarray  # shape (CAUSES, 3); of its mean, P and S
+
+
+@kernel
+def new_scratch(f: Nodes, wanted: bool) -> Scratch:
+    """Room for the nodes of a contact, or none."""
+    n, all_nodes = N * parts_of(f) if wanted else 0, len(f.w)
+    return Scratch(
+        np.empty(all_nodes), np.empty(all_nodes), np.empty((2, n)), np.empty((n, n)), np.empty(n, np.int64),
+        np.empty((CAUSES, n)), np.empty((CAUSES, 3)),
+    )  # fmt: skip
+
+
+@kernel
+def keep_motion(f: Nodes, scratch: Scratch) -> None:
+    """Keep the motion before a pass."""
+    copy(f.w, scratch.w)
+    copy(f.u, scratch.u)
+
+
+@kernel
+def stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
+    """(kappa, gamma): change of g with depth d and with d', in contact."""
+    law, p, lever = oscillator
+    kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
+    if p[DAMPING] != 0.0:
+        gamma = 2.0 * lever[OMEGA] * damping(law, d, p)
+        if d > 0.0:
+            kappa += 2.0 * lever[OMEGA] * damping_slope(law, d, p) * turn
+    return kappa, gamma
+
+
+@kernel(fastmath=ANY_ORDER)
+def _fill_system(lever: np.ndarray, f: Nodes, scratch: Scratch) -> None:
+    """Fill in 1 - kappa R - gamma R'."""
+    omega, parts, m, (kappa, gamma) = lever[OMEGA], parts_of(f), scratch.system, scratch.answer
+    n, mean, along, across = N * parts, 0.0, 0.0, 0.0
+    m[:, :] = 0.0
+    for i in range(modes_of(lever)):
+        mode = mode_of(lever, i)
+        share, h = mode.share / (omega * omega * mode.turn), first_harmonic(omega, mode, 1.0, 0.0)
+        mean, along, across = mean + mode.share / mode.square, along + h[0], across - h[1]
+        e_re, e_im = periods_before(mode.decay, mode.turn)
+        fill_mode(f, mode)
+        for k in range(n):
+            j = contact_node(k)
+            f.re[j], f.im[j] = f.weight[j] * f.growth[j] * f.turn_cos[j], -f.weight[j] * f.growth[j] * f.turn_sin[j]
+        for j in range(n):
+            at, own = contact_node(j), j // N
+            by_w, by_u = kappa[j] + mode.decay * gamma[j], mode.turn * gamma[j]
+            shrink = share / f.growth[at]
+            t_re, t_im = shrink * f.turn_cos[at], shrink * f.turn_sin[at]
+            # what a force makes of w and w' here, over exp(-lambda phi) and the part of it that has passed
+            t_re, t_im = by_w * t_re - by_u * t_im, by_w * t_im + by_u * t_re
+            b_re, b_im = t_re * e_re - t_im * e_im, t_re * e_im + t_im * e_re
+            row = m[j]
+            for part in range(parts):
+                first, start = first_of(part), N * part
+                if part == own:
+                    for k in range(N):
+                        passed, weight = RUNNING[j - N * own, k], GAUSS_WEIGHTS[k]
+                        row[start + k] += (b_re * weight + t_re * passed) * f.im[first + k] + (
+                            b_im * weight + t_im * passed
+                        ) * f.re[first + k]
+                else:
+                    p_re, p_im = (b_re + t_re, b_im + t_im) if part < own else (b_re, b_im)
+                    for k in range(N):
+                        row[start + k] += GAUSS_WEIGHTS[k] * (p_re * f.im[first + k] + p_im * f.re[first + k])
+    for j in range(n):
+        at = contact_node(j)
+        c, s = f.cos[at], f.sin[at]
+        x, y = along * c + across * s, along * s - across * c
+        by_cos, by_sin = (kappa[j] * x - gamma[j] * y) / math.pi, (kappa[j] * y + gamma[j] * x) / math.pi
+        by_mean, row = kappa[j] * mean / (2.0 * math.pi), m[j]
+        for part in range(parts):
+            first, start = first_of(part), N * part
+            for k in range(N):
+                weight = GAUSS_WEIGHTS[k] * f.weight[first + k]
+                row[start + k] -= weight * (by_mean + by_cos * f.cos[first + k] + by_sin * f.sin[first + k])
+        row[j] += 1.0
+
+
+@kernel(fastmath=ANY_ORDER)
+def _fill_rates(f: Nodes, scratch: Scratch) -> None:
+    """Fill in mean, P and S of the changes of g."""
+    for i in range(CAUSES):
+        mean, push, drag, change = 0.0, 0.0, 0.0, scratch.changes[i]
+        for k in range(N * parts_of(f)):
+            j = contact_node(k)
+            share = GAUSS_WEIGHTS[k % N] * f.weight[j] * change[k]
+            mean += share
+            push += share * f.cos[j]
+            drag += share * f.sin[j]
+        scratch.rates[i, 0], scratch.rates[i, 1], scratch.rates[i, 2] = (
+            mean / (2.0 * math.pi),
+            push / math.pi,
+            drag / math.pi,
+        )
+
+
+@kernel
+def _fill_changes(oscillator: Oscillator, f: Nodes, state: PassState, scratch: Scratch) -> bool:
+    """Fill in what changes g, and how its harmonics change, after a pass; False where the equations are singular."""
+    n, (kappa, gamma), changes = N * parts_of(f), scratch.answer, scratch.changes
+    for k in range(n):
+        j = contact_node(k)
+        d = max(state.amplitude * f.cos[j] + scratch.w[j] - state.centre, 0.0)
+        kappa[k], gamma[k] = stiffness(oscillator, d, scratch.u[j] - state.amplitude * f.sin[j])
+        changes[BY_PASS, k] = kappa[k] * (f.w[j] - scratch.w[j]) + gamma[k] * (f.u[j] - scratch.u[j])
+        changes[BY_CENTRE, k] = -kappa[k]
+        changes[BY_AMPLITUDE, k] = kappa[k] * f.cos[j] - gamma[k] * f.sin[j]
+    _fill_system(oscillator.lever, f, scratch)
+    if not factor(scratch.system, n, scratch.order):
+        return False
+    for i in range(CAUSES):
+        substitute(scratch.system, n, scratch.order, changes[i])
+    _fill_rates(f, scratch)
+    return True
+
+
+@kernel
+def _step(lever: np.ndarray, state: PassState, h: float, hold: bool, rates: np.ndarray) -> tuple[float, float]:
+    """Changes of e and A [m] that leave neither the mismatch h nor a wrong amplitude seen; the slopes of the state."""
+    orbit = (state.amplitude, state.push, state.drag)
+    x, y = drive_needed(lever, *orbit)
+    twice = 2.0 / (lever[DRIVE] * lever[DRIVE])
+    by_e, by_a = rates[BY_CENTRE], rates[BY_AMPLITUDE]
+    h += twice * (x * rates[BY_PASS, 1] - y * rates[BY_PASS, 2])
+    h_by_e = twice * (x * by_e[1] - y * by_e[2])
+    if hold:
+        return 0.0, 0.0
+    state.slope, state.mean_slope, state.push_slope, state.drag_slope = h_by_e, by_e[0], by_e[1], by_e[2]
+    if state.seen == 0.0:
+        return -h / h_by_e, 0.0
+    x_by_a, y_by_a = by_a[1] + lever[DYNAMIC_STIFFNESS], lever[DYNAMIC_LOSS] - by_a[2]
+    h_by_a = twice * (x * x_by_a + y * y_by_a)
+    miss = seen_amplitude(lever, *orbit) - state.seen
+    miss += seen_rate(lever, orbit, (0.0, rates[BY_PASS, 1], rates[BY_PASS, 2]))
+    by_centre, by_amplitude = (
+        seen_rate(lever, orbit, (0.0, by_e[1], by_e[2])),
+        seen_rate(lever, orbit, (1.0, by_a[1], by_a[2])),
+    )
+    # along the curve, on which e changes so with A
+    turn = -h_by_a / h_by_e
+    x_along, y_along = x_by_a + turn * by_e[1], y_by_a - turn * by_e[2]
+    state.seen_by_a = by_amplitude + turn * by_centre
+    state.phase_by_a = (x_along * y - x * y_along) / (x * x + y * y)
+    state.offset_by_a = turn - static_compliance(lever) * (by_a[0] + turn * by_e[0])
+    amplitude = (by_centre * h / h_by_e - miss) / state.seen_by_a
+    return turn * amplitude - h / h_by_e, amplitude
+
+
+@kernel
+def _cut_short(f: Nodes, state: PassState, centre: float, amplitude: float, scratch: Scratch) -> float:
+    """Share of a step in motion, e and A that is taken: less than all where it changes the depth by too much."""
+    deepest, most = 0.0, 0.0
+    for k in range(N * parts_of(f)):
+        j = contact_node(k)
+        deepest = max(deepest, state.amplitude * f.cos[j] + scratch.w[j] - state.centre)
+        most = max(most, abs(f.w[j] - scratch.w[j] + amplitude * f.cos[j] - centre))
+    share = min(MOST_OF_DEPTH * deepest / most, 1.0)
+    for j in range(count_of(f) if share < 1.0 else 0):
+        f.w[j] = scratch.w[j] + share * (f.w[j] - scratch.w[j])
+        f.u[j] = scratch.u[j] + share * (f.u[j] - scratch.u[j])
+    return share
+
+
+@kernel
+def shortened_lift(f: Nodes, state: PassState, lift: float, scratch: Scratch) -> float:
+    """The lift [m] by a plain pass, which is cut short with it."""
+    return _cut_short(f, state, lift, 0.0, scratch) * lift
+
+
+@kernel
+def newton_pass(
+    oscillator: Oscillator, f: Nodes, state: PassState, longrange: bool, h: float, hold: bool, scratch: Scratch
+) -> tuple[bool, float]:
+    """Step of Newton's method in place of a pass, with the mismatch h; False if there is none, else what is left of h.
+
+    With `hold` the centre e stays, and A.
+    """
+    lever, rates, changes = oscillator.lever, scratch.rates, scratch.changes
+    respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
+    if not _fill_changes(oscillator, f, state, scratch):
+        return False, h
+    centre, amplitude = _step(lever, state, h, hold, rates)
+    for k in range(N * parts_of(f)):
+        f.g[contact_node(k)] += (
+            changes[BY_PASS, k] + centre * changes[BY_CENTRE, k] + amplitude * changes[BY_AMPLITUDE, k]
+        )
+    mean, push, drag = rates[BY_PASS] + centre * rates[BY_CENTRE] + amplitude * rates[BY_AMPLITUDE]
+    respond(f, lever, state.mean_force + mean, state.push + push, state.drag + drag, True, longrange)
+    share = _cut_short(f, state, centre, amplitude, scratch)
+    state.centre += share * centre
+    state.amplitude += share * amplitude
+    move_nodes(f, state.amplitude, state.centre, True, longrange)
+    return True, evaluate_nodes(oscillator, f, state, True)
