@@ -20,7 +20,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
 
 from phasemap._kernels import forces
-from phasemap._kernels.columns import BIAS, ROW
+from phasemap._kernels.columns import BIAS, ROW, WITHDRAWN
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap._kernels.compilation.frozen import frozen
@@ -45,7 +45,7 @@ class Law(NamedTuple):
     damping: int
     damping_slope: int
     attracts: int = 1  # 1 where the long-range force attracts, the more the nearer the tip; 0 where it may repel
-    lossy: int = 0  # 1 where rows have WITHDRAWN, LOSS and LOSS_FALL
+    lossy: int = 0  # 1 where rows have WITHDRAWN, LOSS and LOSS_FALL; else the address of `withdrawn_force`, if any
     memory: int = 0  # the march of a period over surfaces that remember, `orbits.time.relaxing`; 0 if none does
     arms: int = 1  # most relaxation times of a material
 
@@ -73,7 +73,7 @@ def law_of(*formulas: Formula) -> Law:
     found = []
     for role, formula, own in zip(Law._fields[:6], formulas, known, strict=True):
         try:
-            found.append(0 if formula is own else _address(formula))
+            found.append(0 if formula is own else address_of(formula))
         except Exception as error:  # numba's errors have no common base
             said = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = next((line for line in said if "Untyped" in line or "NameError" in line), " ".join(said[1:3]))
@@ -81,7 +81,7 @@ def law_of(*formulas: Formula) -> Law:
     return Law(*found)
 
 
-def _address(formula: Formula) -> int:
+def address_of(formula: Formula) -> int:
     """Where the compiled formula is."""
     with global_compiler_lock:
         copy = frozen(formula)
@@ -167,6 +167,12 @@ def damping(law: Law, d: float, p: np.ndarray) -> float:
 def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
     """d alpha_s / dd in contact [1/m]."""
     return _power_law_slope(d, p) if law.damping_slope == 0 else _call_formula(law.damping_slope, d, p)
+
+
+@kernel
+def withdrawn_force(law: Law, d: float, p: np.ndarray) -> float:
+    """Attraction [N] on the way out of contact, beside that on the way in, of a law with losses."""
+    return p[WITHDRAWN] if law.lossy == 1 else _call_formula(law.lossy, d, p)
 
 
 @kernel(light=True)

@@ -101,3 +101,21 @@ def test_files_without_columns_are_refused_in_a_sentence(tmp_path: Path) -> None
     (tmp_path / "worse.csv").write_text("depth [s], force [nN]\n1,2\n3,4\n")
     with pytest.raises(pm.FileError, match=r"the column 'depth \[s\]' is not in a unit of m"):
         Table.read(tmp_path / "worse.csv")
+
+
+def test_a_table_whose_force_is_smaller_on_the_way_out_has_the_orbits_of_adhesion_that_grows() -> None:
+    """LossyDMT takes more adhesion from the deepest point on: the same numbers, over cubics between 600 points."""
+    law = pm.interaction.LossyDMT(1.5)
+    wanted = pm.solve_pixel(POLYMER, scope_of(Interaction(law)), 0.7)
+    table = Table.from_law(POLYMER, scope_of(Interaction("dmt")))
+    less = 0.5 * 2 * np.pi * TIP.radius * POLYMER.adhesion
+    out = Table(table.depths, table.forces, None, tuple(f - less for f in table.forces))
+    found = pm.solve_pixel(POLYMER, scope_of(Interaction(out)), 0.7)
+    assert found.status is pm.Status.good and found.solver == "march"
+    assert found.phase == pytest.approx(wanted.phase, abs=1e-4)
+    assert found.dissipation == pytest.approx(wanted.dissipation, rel=1e-5)
+
+
+def test_a_loop_that_gives_energy_is_refused() -> None:
+    with pytest.raises(pm.InputError, match=r"withdrawal_forces is 'above forces at 1e-09 m'.*create energy"):
+        Table(DEPTHS, FORCES, None, (0.0, -1e-9, -4e-9, 11e-9, 30e-9))

@@ -258,6 +258,10 @@ class Interaction(Shown):
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
         found = found._replace(attracts=int(longrange.attracts), lossy=int(law.lossy))
+        if law.withdrawn is not None:
+            from phasemap._kernels.law import address_of
+
+            found = found._replace(lossy=address_of(law.withdrawn))
         if not remembers:
             return found
         from phasemap._kernels.orbits.time.compiled_memory import address

@@ -126,6 +126,11 @@ class ContactLaw(ABC):
         return np.sqrt(radius * depth)
 
     @property
+    def withdrawn(self) -> Callable[[float, Array], float] | None:
+        """Attraction [N] on the way out of contact beside that on the way in, of a law whose rows do not say it."""
+        return None
+
+    @property
     def hysteretic(self) -> bool:
         """Whether contact may outlast its depth, in a neck."""
         return self.wets or type(self).release is not ContactLaw.release

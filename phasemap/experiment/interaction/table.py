@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 RADIUS, RADIUS_AT_RADIUS = 2, 3  # columns: R [m], damping at d = R [N s/m]
 FEWEST = 4  # points of a table
 OUTER, INNER, LEAST = 100e-9, 20e-9, 1e-13  # depths [m] at which `from_law` asks for a law, and the least apart from 0
-COLUMNS = {"depth": "m", "gap": "m", "force": "N", "damping": "N s/m"}
+COLUMNS = {"depth": "m", "gap": "m", "force": "N", "damping": "N s/m", "withdrawal": "N"}
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,13 @@ class Table(ContactLaw):
     depths: tuple[float, ...]
     forces: tuple[float, ...]
     dampings: tuple[float, ...] | None = None
+    withdrawal_forces: tuple[float, ...] | None = None
     name: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
         import numpy as np
 
-        for field in ("depths", "forces", "dampings"):
+        for field in ("depths", "forces", "dampings", "withdrawal_forces"):
             if (values := getattr(self, field)) is not None:
                 object.__setattr__(self, field, tuple(np.asarray(values, dtype=np.float64).ravel().tolist()))
         d = np.array(self.depths)
@@ -74,19 +75,23 @@ class Table(ContactLaw):
         if len(d) < FEWEST or not (np.isfinite(d).all() and rises and d[0] <= 0.0 < d[-1]):
             said = f"{len(d)} numbers from {d[0]:g} to {d[-1]:g}" if len(d) else "empty"
             raise InputError("depths", said, f"{FEWEST} or more that rise, from 0 m or below to above")
-        for field in ("forces", "dampings"):
+        for field in ("forces", "dampings", "withdrawal_forces"):
             values = getattr(self, field)
             if values is not None and not (len(values) == len(d) and np.isfinite(values).all()):
                 raise InputError(field, f"{len(values)} numbers", f"{len(d)} finite ones, for as many depths")
         if self.dampings is not None and min(self.dampings) < 0:
             raise InputError("dampings", min(self.dampings), "numbers of at least 0 N s/m")
+        if self.withdrawal_forces is not None and min(inner := self._pulled) < 0:
+            at = self.depths[-len(inner) :][inner.index(min(inner))]
+            hint = "A loop of contact would create energy."
+            raise InputError("withdrawal_forces", f"above forces at {at:g} m", "forces at most, in contact", hint)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Table:
         """Read a table from .npz, or from columns of text under a line of their names and units.
 
-        Columns are called depth (or gap, its opposite), force and damping: ``gap [nm], force [nN]``. Arrays of .npz
-        have these names too, and SI units.
+        Columns are called depth (or gap, its opposite), force, damping and withdrawal: ``gap [nm], force [nN]``.
+        Arrays of .npz have these names too, and SI units.
         """
         import numpy as np
 
@@ -104,7 +109,8 @@ class Table(ContactLaw):
         if not {"depth", "force"} <= set(found):
             raise FileError(f"cannot use {path}: it lacks columns depth (or gap) and force, as 'gap [nm], force [nN]'.")
         order = np.argsort(found["depth"])
-        return cls(*(tuple(found[name][order]) for name in ("depth", "force", "damping") if name in found))
+        named = {"depth": "depths", "force": "forces", "damping": "dampings", "withdrawal": "withdrawal_forces"}
+        return cls(**{named[name]: tuple(values[order]) for name, values in found.items()})
 
     @classmethod
     def from_law(cls, material: Material, scope: Microscope, depths: Any = None) -> Table:
@@ -128,6 +134,33 @@ class Table(ContactLaw):
         outer, inner = np.append(d[d < 0], 0.0), np.append(0.0, d[d > 0])
         forces = [acts.outside.force(x, p) for x in outer] + [acts.law.force(x, p) - p[BIAS] for x in inner]
         return cls(tuple(np.concatenate([outer, inner])), tuple(forces))
+
+    @property
+    def _pulled(self) -> tuple[float, ...]:
+        """By what forces in contact are smaller on the way out [N]."""
+        pairs = zip(self.depths, self.forces, self.withdrawal_forces or self.forces, strict=True)
+        return tuple(inward - outward for d, inward, outward in pairs if d >= 0.0)
+
+    @property
+    def lossy(self) -> bool:  # type: ignore[override]
+        """Whether the force is another one on the way out."""
+        return self.withdrawal_forces is not None
+
+    @property
+    def in_time(self) -> bool:  # type: ignore[override]
+        """Whether motion over it is marched in time."""
+        return self.lossy
+
+    @property
+    def withdrawn(self) -> Formula | None:
+        """Attraction [N] on the way out of contact beside that on the way in."""
+        if self.withdrawal_forces is None:
+            return None
+        return _at_least_zero(_between(self.depths[-len(self._pulled) :], self._pulled, True)[0])
+
+    def loss_outside(self) -> tuple[float, float]:
+        """None: 1/length [1/m] and Gamma [N s/m]."""
+        return 0.0, 0.0
 
     def _within(self, values: tuple[float, ...], inside: bool) -> tuple[Formula, Formula]:
         """Value and slope between the points in contact, or outside."""
@@ -275,6 +308,16 @@ def _between(depths: tuple[float, ...], values: tuple[float, ...], inside: bool)
         return float((3.0 * c[0, i] * s + 2.0 * c[1, i]) * s + c[2, i])
 
     return value, slope
+
+
+@lru_cache(maxsize=64)
+def _at_least_zero(profile: Formula) -> Formula:
+    """A table where it is positive."""
+
+    def positive(d: float, p: Array) -> float:
+        return max(profile(d, p), 0.0)
+
+    return positive
 
 
 @lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, Oscillator, contact_force, damping
+from phasemap._kernels.law import Law, Oscillator, contact_force, damping, withdrawn_force
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
@@ -77,7 +77,7 @@ class Touch:
     mode: int
     bottom: float  # depth where x = 0 [m]
     deep: float  # q of the depth to which it goes, roughly [m^(1/2)]
-    withdrawn: float  # attraction that it has on the way out beside that on the way in, over k [m]
+    withdrawing: int  # 1 from the deepest point on, where the law has another force on the way out
 
 
 class Elastic(NamedTuple):
@@ -100,9 +100,9 @@ def outer_loss(law: Law, d: float, p: Row) -> float:
 
 
 @kernel(inline=True)
-def withdrawal_pull(contact: Any) -> float:
-    """Attraction on the way out of contact beside that on the way in, over k [m]."""
-    return contact.p[col.WITHDRAWN] * contact.compliance if contact.law.lossy == 1 else 0.0
+def withdraws(contact: Any) -> bool:
+    """Whether the force is another one on the way out of contact."""
+    return contact.law.lossy != 0 and contact.p[col.WITHDRAWN] > 0.0
 
 
 @push_of.of(Elastic)
@@ -116,7 +116,10 @@ def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Pus
     d = bottom + y.x * y.x
     if p[col.DAMPING] != 0.0 and bottom == 0.0:
         drag = 2 * damping(law, d, p)
-    return Push(2 * y.x, d, contact_force(law, d, p) * contact.compliance - contact.now.withdrawn, drag)
+    force = contact_force(law, d, p)
+    if contact.now.withdrawing == 1:
+        force -= withdrawn_force(law, d, p)
+    return Push(2 * y.x, d, force * contact.compliance, drag)
 
 
 @first_moved.of(Elastic)
@@ -131,7 +134,9 @@ def _first_moved(contact: Elastic, many: bool) -> int:
 def _fill_own_slopes(contact: Elastic, off: bool, many: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
     """Slope of x, which is the tip's; the surface takes no energy but by its drag."""
     k.x = y.v
-    return 0.0
+    if off or contact.now.withdrawing == 0:
+        return 0.0
+    return -push.w * y.v * withdrawn_force(contact.law, push.depth, contact.p) * contact.compliance
 
 
 @step_length.of(Elastic)
@@ -170,7 +175,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
         stop_at_touch(here, motion)
         return
     in_neck = now.mode == IN_NECK
-    if u.v > 0 > end.v and now.withdrawn == 0.0 and withdrawal_pull(contact) > 0.0:
+    if u.v > 0 > end.v and now.withdrawing == 0 and withdraws(contact):
         end_step_at_event(here, motion, TURNED)
         return
     if u.v > 0 > end.v:
@@ -193,7 +198,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
 def _enter_contact(contact: Elastic, beam: Beam, q: float, motion: Motion) -> None:
     """Let the tip be in contact, at q."""
     now, u = contact.now, motion.here.at
-    now.mode, now.bottom, now.withdrawn, u.x = IN_CONTACT, 0.0, 0.0, q
+    now.mode, now.bottom, now.withdrawing, u.x = IN_CONTACT, 0.0, 0, q
     now.deep = depth_reached(contact, beam, 0.0, q, u.v, pull_in_contact(contact, beam, beam.z0 + q * q, u))
 
 
@@ -212,8 +217,7 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
     if event == NO_EVENT:
         return True
     if event == TURNED:
-        contact.now.withdrawn = withdrawal_pull(contact)
-        motion.sums.loss += contact.now.withdrawn * u.x * u.x
+        contact.now.withdrawing = 1
         motion.sums.deepest = max(motion.sums.deepest, u.x * u.x)
         return True
     if event == FIRST_TOUCH and contact.p[col.FORMING] < 0.0:
@@ -247,14 +251,14 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     contact = Elastic(law, row, compliance, pull, edge_force, edge_slope, neck, Touch())
     if u.x > 0 or (u.x == 0 and u.v > 0):
         _enter_contact(contact, beam, math.sqrt(u.x), motion)
-        if y[TOUCHES] == WITHDRAWING or u.v < 0.0:
-            contact.now.withdrawn = withdrawal_pull(contact)
+        if withdraws(contact) and (y[TOUCHES] == WITHDRAWING or u.v < 0.0):
+            contact.now.withdrawing = 1
     elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
         _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
     here = Here(contact, beam)
     steps = march_through(here, eta, motion)
     touches = contact.now.mode != OFF_SURFACE
-    if contact.neck > 0 or law.lossy == 1:
-        y[TOUCHES] = (WITHDRAWING if contact.now.withdrawn > 0.0 else 1.0) if touches else 0.0
+    if contact.neck > 0 or law.lossy != 0:
+        y[TOUCHES] = (WITHDRAWING if contact.now.withdrawing == 1 else 1.0) if touches else 0.0
     end_period(lever, here, motion, contact.now.bottom + u.x * u.x if touches else u.x, y, acc)
     return steps
