@@ -376,6 +376,16 @@ def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.Monk
     assert found.gap.tolist()[:3] == [[2, 1, 0, 0, 0, 1, 2], [0, 0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0, 0]]
 
 
+def test_the_repulsive_branch_is_known_where_the_way_over_the_data_does_not_lead_there() -> None:
+    law = pm.Interaction(pm.interaction.Capillary(tip_film=0.0))
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 200.0), pm.Tip(8e-9), pm.Drive(20e-9), law)
+    wet, far = pm.Material(3e9, 0.03, damping=0.01, liquid_film=1.5e-9), np.array([17.6e-9, 18.0e-9, 22e-9])
+    assert (pm.sweep_distance(wet, scope, far).phase < 0).all()
+    found = of_branches.branches(Setup(wet, scope, 0.0), "tip_offset", far)
+    there = (found.phase > 0) & (found.gap == 0)
+    assert there[:, 0].any() and not there[:, 2].any()
+
+
 def test_the_film_of_water_comes_back_from_a_curve_both_ways() -> None:
     law = pm.Interaction(pm.interaction.Capillary(tip_film=0.0))
     scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9), law)

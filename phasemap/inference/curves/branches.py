@@ -17,6 +17,7 @@ from phasemap.solvers.continuation.visit import segments
 from phasemap.sweeps.follow import STARTS, begin
 from phasemap.sweeps.in_time import there_and_back
 
+NEARER = 4  # tip offsets between the nearest datum and half of the free amplitude
 MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 
 
@@ -67,9 +68,13 @@ def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
 
 
 def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
-    """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance."""
-    order = np.argsort(tip_offsets)
-    x, work, found = tip_offsets[order], question.work(marched=True), []
+    """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance.
+
+    It comes nearer than the data, where it turns repulsive if it had not before, so that its way back is that branch.
+    """
+    nearest, half = float(tip_offsets.min()), 0.5 * question.scope.driven_amplitude
+    nearer = np.linspace(half, nearest, NEARER if half < nearest else 0, endpoint=False)
+    x, work, found = np.concatenate([nearer, np.sort(tip_offsets)]), question.work(marched=True), []
     for visit in there_and_back(work, x):
         rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
         repelled = rows[:, col.STIFFENING] > 0
@@ -80,7 +85,7 @@ def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
                 values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
                 found.append((*values, gap))
     if not found:
-        return _nothing(x)
+        return _nothing(tip_offsets)
     amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
     return Branches(amplitude, np.degrees(phase), gap)
 
