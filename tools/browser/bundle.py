@@ -24,7 +24,7 @@ PACKAGE = Path(phasemap.__file__).parent
 HERE = Path(__file__).parent / "python"
 FOLDERS = ("_shared", "experiment", "explorer", "imaging", "io", "plot", "results", "scenes", "solvers", "sweeps")
 KERNELS = "phasemap._kernels"
-VERBATIM = ("columns", "forces", "rows.answers", "wide", "scanning.slots")
+VERBATIM = ("columns", "forces", "wide", "scanning.slots")
 OWN = ("law",)  # modules of kernels that are written anew in the folder python
 IMPORTS = f"""from __future__ import annotations
 import math
@@ -43,7 +43,7 @@ def modules() -> dict[str, str]:
             found[f"phasemap/{path.relative_to(PACKAGE)}"] = bare(path.read_text())
     found |= {
         f"phasemap/{name}": (PACKAGE / name).read_text()
-        for name in ("explorer/page/knobs.json", "experiment/presets.toml")
+        for name in ("explorer/page/knobs.json", "experiment/presets.toml", "experiment/spectra.toml")
     }
     found |= {str(path.relative_to(HERE)): bare(path.read_text()) for path in HERE.rglob("*.py")}
     return found | kernels(imported(found))

@@ -25,6 +25,7 @@ LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 MESSAGES = (
     ("picture", "step", {}), ("picture", "bistable", {"exact": True}), ("picture", "copolymer", {}),
     ("picture", "step", {"changes": {"interaction.contact": "maugis"}}),
+    ("picture", "step", {"changes": {"interaction.contact": "capillary"}}),
     ("picture", "step", {"changes": {"drive.excitation": "base", "cantilever.modes": 2}}),
     ("picture", "step", {"changes": {"interaction.bias": 2.0, "cantilever.quality_factor": 5.0}}),
     ("curves", "bistable", {}), ("save/scene", "blend", {"changes": {"tip.radius": 2e-8}}),
