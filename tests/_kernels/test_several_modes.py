@@ -15,9 +15,9 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.response.multipliers import fill_monodromy
 from phasemap._kernels.orbits.response.nodes import Nodes, cut_contact
 from phasemap._kernels.orbits.response.passes import UNRESOLVED, converge, start_passes
+from phasemap._kernels.orbits.response.stability_of_several_modes import fill_monodromy
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers

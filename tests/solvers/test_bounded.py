@@ -10,7 +10,7 @@ import pytest
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement import holding, in_time, lowering
+from phasemap._kernels.engagement import holding, holding_mean, in_time, lowering
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state
@@ -48,7 +48,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
     if what == 0:
         holding.hold(problem, amplitude, 0.25, most, tip, row)
     elif what == 1:
-        holding.hold_mean(problem, amplitude, holding.EAGER_GAIN, 0.25, most, tip, row)
+        holding_mean.hold_mean(problem, amplitude, holding_mean.EAGER_GAIN, 0.25, most, tip, row)
     elif what == 2:
         in_time.move_slowly(problem, amplitude, 0.0, tolerance, most, tip)
     elif what == 3:

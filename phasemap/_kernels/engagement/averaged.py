@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import FARTHEST_FOLD, attraction_defies_averaging, lands_attractive
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import (
+from phasemap._kernels.engagement.side_from_far import (
     DETUNED,
     attraction_is_too_weak,
     decide,

@@ -117,7 +117,7 @@ def add_total(total: Total, more: Total) -> None:
 
 
 @kernel
-def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn) -> bool:
+def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn) -> bool:
     """March so many periods, and sum up what is seen; z0 falls by way + gain (A - setpoint) [m] in each.
 
     A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
@@ -130,7 +130,7 @@ def average(oscillator: Oscillator, eta: float, count: int, move: Numbers, tip: 
     for _ in range(count):
         tip.u[Z0] -= way + gain * (math.hypot(lock_in.low_cos, lock_in.low_sin) - setpoint)
         tip.periods.marched += 1
-        if march_period(oscillator, tip.u[Z0], eta, tip.u, acc) < 0:
+        if march_period(oscillator, tip.u[Z0], step_size, tip.u, acc) < 0:
             return False
         add_period(total.period, acc)
         lock_in.least_depth = min(lock_in.least_depth, acc.deepest)

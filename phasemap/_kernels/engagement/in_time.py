@@ -27,7 +27,8 @@ from phasemap._kernels.engagement.averages import (
     mean_amplitude,
     touches_alike,
 )
-from phasemap._kernels.engagement.holding import (
+from phasemap._kernels.engagement.holding import hold
+from phasemap._kernels.engagement.holding_mean import (
     COARSER_STEPS,
     EAGER_GAIN,
     OFFSET_ERROR,
@@ -35,7 +36,6 @@ from phasemap._kernels.engagement.holding import (
     STATE_ERROR,
     WIDER_ERRORS,
     fine,
-    hold,
     hold_mean,
 )
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
@@ -109,20 +109,22 @@ def slow_pace(lever: np.ndarray) -> float:
 
 
 @kernel
-def amplitude_after_jump(oscillator: Oscillator, eta: float, block: int, most: int, tip: Tip, lock_in: LockIn) -> float:
+def amplitude_after_jump(
+    oscillator: Oscillator, step_size: float, block: int, most_periods: int, tip: Tip, lock_in: LockIn
+) -> float:
     """Mean amplitude [m] to which swings after a jump come, that may pass it; NaN where it takes too long to see."""
     wait = int(DISTURBED) * block
-    if tip.periods.marched + wait + block > most:
+    if tip.periods.marched + wait + block > most_periods:
         return math.nan
     for count in (wait, block):
-        if not average(oscillator, eta, count, (0.0, 0.0, 0.0), tip, lock_in):
+        if not average(oscillator, step_size, count, (0.0, 0.0, 0.0), tip, lock_in):
             return math.nan
     return mean_amplitude(oscillator.lever, lock_in)
 
 
 @kernel
 def move_slowly(
-    oscillator: Oscillator, amplitude: float, least: float, tolerance: Tolerance, most: int, tip: Tip
+    oscillator: Oscillator, amplitude: float, least: float, tolerance: Tolerance, most_periods: int, tip: Tip
 ) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached; returns how the motion ends.
 
@@ -134,20 +136,22 @@ def move_slowly(
     p, lever = oscillator.p, oscillator.lever
     block, slow, from_z0 = block_of(lever), slow_pace(lever), tip.u[Z0]
     hasty, haste = p[col.RELEASE] != 0.0, 1.0
-    eta = ROUGH_STEPS * tolerance.eta if hasty else tolerance.eta
+    step_size = ROUGH_STEPS * tolerance.step_size if hasty else tolerance.step_size
     lock_in, u, acc = LockIn(), tip.u.copy(), PeriodResult()
     begin_lock_in(lever, tip.acc, lock_in)
-    if tip.periods.marched + block > most or not average(oscillator, eta, block, (0.0, 0.0, 0.0), tip, lock_in):
+    if tip.periods.marched + block > most_periods or not average(
+        oscillator, step_size, block, (0.0, 0.0, 0.0), tip, lock_in
+    ):
         return TIME_SPENT
     before, change = mean_amplitude(lever, lock_in), lock_in.change
     down = before > amplitude
-    while tip.periods.marched + block <= most:
+    while tip.periods.marched + block <= most_periods:
         pace = haste * slow
         if hasty:
             pace = max(slow / FINEST_FALL, min(pace, LANDING_FALL * abs(before - amplitude) / block))
         copy(tip.u, u)
         assign(acc, tip.acc)
-        if not average(oscillator, eta, block, (pace if down else -pace, 0.0, 0.0), tip, lock_in):
+        if not average(oscillator, step_size, block, (pace if down else -pace, 0.0, 0.0), tip, lock_in):
             return TIME_SPENT
         now = mean_amplitude(lever, lock_in)
         led = abs(abs(now - before) - pace * block) > PARTS_BY * pace * block or lock_in.change < TAMER * change
@@ -158,7 +162,7 @@ def move_slowly(
             haste = 1.0
             continue
         if not hasty and (now <= amplitude) == down and abs(now - before) > JUMPS_BY * amplitude:
-            now = amplitude_after_jump(oscillator, eta, block, most, tip, lock_in)
+            now = amplitude_after_jump(oscillator, step_size, block, most_periods, tip, lock_in)
             if math.isnan(now):
                 return TIME_SPENT
         if (now <= amplitude) == down:
@@ -178,32 +182,42 @@ def move_slowly(
 
 @kernel
 def lower_to_setpoint(
-    oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
+    oscillator: Oscillator,
+    amplitude: float,
+    step: float,
+    step_size: float,
+    most_periods: int,
+    tip: Tip,
+    row: np.ndarray,
 ) -> int:
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
-    tolerance = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
+    tolerance = Tolerance(
+        COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR
+    )
     least, pace, loose = NEXT_TRY * free, pace_of_leap(oscillator), False
-    short = WHOLE_FALL * ring_down_periods(lever) > most  # for more than to see that the surface catches the tip
+    short = (
+        WHOLE_FALL * ring_down_periods(lever) > most_periods
+    )  # for more than to see that the surface catches the tip
     while True:
         if loose and pace > 0.0:
-            ends, periodic = fall_to_setpoint(oscillator, amplitude, 0.0, 0.0, tolerance, most, tip), False
+            ends, periodic = fall_to_setpoint(oscillator, amplitude, 0.0, 0.0, tolerance, most_periods, tip), False
         else:
-            ends = follow_down(oscillator, amplitude, step, TRAIL_PERIODS * pace, tolerance, most, tip)
+            ends = follow_down(oscillator, amplitude, step, TRAIL_PERIODS * pace, tolerance, most_periods, tip)
             periodic = ends == AMPLITUDE_SEEN
         if ends == ORBIT_LEFT:
             if pace > 0.0:
-                ends = fall_to_setpoint(oscillator, amplitude, pace, least, tolerance, most, tip)
+                ends = fall_to_setpoint(oscillator, amplitude, pace, least, tolerance, most_periods, tip)
                 if short and not (ends == ORBIT_HELD and sticks(p, lever, amplitude, tip)):
                     return col.NOT_SETTLED
             else:
-                ends = move_slowly(oscillator, amplitude, least, tolerance, most, tip)
+                ends = move_slowly(oscillator, amplitude, least, tolerance, most_periods, tip)
             least *= 2.0
         if law.memory == 0 and ends in (AMPLITUDE_SEEN, ORBIT_HELD) and sticks(p, lever, amplitude, tip):
             if loose:
                 return col.NO_STABLE_ORBIT
-            comes = raise_stuck_tip(oscillator, amplitude, periodic, pace > 0.0, tolerance, most, tip)
+            comes = raise_stuck_tip(oscillator, amplitude, periodic, pace > 0.0, tolerance, most_periods, tip)
             if comes == JUMPS_FREE:
                 return col.NO_STABLE_ORBIT
             if comes == REACHES_AMPLITUDE:
@@ -212,11 +226,13 @@ def lower_to_setpoint(
                 loose = True
                 continue
         if periodic or ends == ORBIT_HELD:
-            return hold(oscillator, amplitude, eta, most, tip, row)
+            return hold(oscillator, amplitude, step_size, most_periods, tip, row)
         if ends == MOTION_KEPT:
-            return hold_mean(oscillator, amplitude, SLOW_GAIN, eta, most, tip, row)
+            return hold_mean(oscillator, amplitude, SLOW_GAIN, step_size, most_periods, tip, row)
         if ends == AMPLITUDE_SEEN:
-            return hold_mean(oscillator, amplitude, LAST_GAIN if pace > 0.0 else EAGER_GAIN, eta, most, tip, row)
+            return hold_mean(
+                oscillator, amplitude, LAST_GAIN if pace > 0.0 else EAGER_GAIN, step_size, most_periods, tip, row
+            )
         if ends != ORBIT_AGAIN:
             return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
 
@@ -229,7 +245,7 @@ def free_state(law: Law, lever: np.ndarray, z0: float) -> np.ndarray:
 
 
 @kernel
-def share_before_ringing(oscillator: Oscillator, most: int) -> float:
+def share_before_ringing(oscillator: Oscillator, most_periods: int) -> float:
     """Share of the periods allowed for `lower_to_setpoint` before `engage_ringing` starts, or WITHOUT_RINGING.
 
     A contact with hysteresis or memory leads to other tapping patterns, depending on how the tip is lowered.
@@ -241,21 +257,31 @@ def share_before_ringing(oscillator: Oscillator, most: int) -> float:
     if pace_of_leap(oscillator) > 0.0:
         far = abs(lever[col.DYNAMIC_STIFFNESS]) > FAR_BESIDE
         return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else WITHOUT_RINGING
-    return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most else HASTY_SHARE
+    return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most_periods else HASTY_SHARE
 
 
 @kernel
-def engage_by_march(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
+def engage_by_march(
+    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
+) -> int:
     """Engage from so far that the surface hardly matters, as `approach_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
     z0 = free * far_start(oscillator, reach_of(law, p), free, amplitude)
-    return approach_by_march(oscillator, amplitude, z0, 0.1 * scale_of(oscillator, free) + 1e-3 * free, eta, most, row)
+    return approach_by_march(
+        oscillator, amplitude, z0, 0.1 * scale_of(oscillator, free) + 1e-3 * free, step_size, most_periods, row
+    )
 
 
 @kernel
 def approach_by_march(
-    oscillator: Oscillator, amplitude: float, z0: float, step: float, eta: float, most: int, row: np.ndarray
+    oscillator: Oscillator,
+    amplitude: float,
+    z0: float,
+    step: float,
+    step_size: float,
+    most_periods: int,
+    row: np.ndarray,
 ) -> int:
     """Engage from z0 [m]: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
 
@@ -263,74 +289,80 @@ def approach_by_march(
     ----------
     step : float
         Length on which orbits change as the tip comes near [m].
-    eta : float
+    step_size : float
         As for `march_period`.
-    most : int
+    most_periods : int
         Periods that may be marched.
 
-    Returns GOOD; NOT_SETTLED after `most` periods; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
+    Returns GOOD; NOT_SETTLED after `most_periods`; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
     amplitude jumps across the setpoint.
     """
     law, lever = oscillator.law, oscillator.lever
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
-    share = share_before_ringing(oscillator, most)
+    share = share_before_ringing(oscillator, most_periods)
     row[:] = math.nan
-    status = lower_to_setpoint(oscillator, amplitude, step, eta, int(min(share, 1.0) * most), tip, row)
+    status = lower_to_setpoint(oscillator, amplitude, step, step_size, int(min(share, 1.0) * most_periods), tip, row)
     if status != col.NOT_SETTLED or share > 1.0:
         return status
     again = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
     began = again.periods.marched = tip.periods.marched
     row[:] = math.nan
-    status = engage_ringing(oscillator, amplitude, step, eta, most, again, row)
+    status = engage_ringing(oscillator, amplitude, step, step_size, most_periods, again, row)
     spent = again.periods.marched
-    if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most:
+    if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most_periods:
         return status
     # Several patterns may hold the setpoint: what another start does not lead to is found by chance.
     start, other = free_state(law, lever, z0 + NEXT_TRY * free_amplitude(lever)), np.empty(col.COLUMNS)
     tip = Tip(start, PeriodResult(), PeriodMap(), Periods())
     tip.periods.marched = spent
-    if engage_ringing(oscillator, amplitude, step, eta, most, tip, other) != col.GOOD:
+    if engage_ringing(oscillator, amplitude, step, step_size, most_periods, tip, other) != col.GOOD:
         return col.GOOD
     allowed = SAME_PHASE + row[col.ERROR_PHASE] + (other[col.ERROR_PHASE] if other[col.SPREAD_AMPLITUDE] > 0.0 else 0.0)
     return col.GOOD if abs(other[col.PHASE] - row[col.PHASE]) < allowed else col.NOT_SETTLED
 
 
 @kernel
-def move_to_tip_offset(oscillator: Oscillator, z0: float, eta: float, most: int, u: np.ndarray, row: np.ndarray) -> int:
+def move_to_tip_offset(
+    oscillator: Oscillator, z0: float, step_size: float, most_periods: int, u: np.ndarray, row: np.ndarray
+) -> int:
     """Move a tip in state u = (z, z', touching, tip offset) slowly to z0 [m], and fill a result row with its motion.
 
-    Returns GOOD, or NOT_SETTLED after `most` periods; u is where it then is.
+    Returns GOOD, or NOT_SETTLED after `most_periods` periods; u is where it then is.
     """
     p, lever = oscillator.p, oscillator.lever
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
     count = int(abs(u[Z0] - z0) / slow_pace(lever))
-    if count >= most or not march_tip(oscillator, eta, tip):
+    if count >= most_periods or not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
     move, lock_in = ((u[Z0] - z0) / max(count, 1), 0.0, 0.0), LockIn()
     begin_lock_in(lever, tip.acc, lock_in)
-    if not average(oscillator, COARSER_STEPS * eta, count, move, tip, lock_in):
+    if not average(oscillator, COARSER_STEPS * step_size, count, move, tip, lock_in):
         return col.NOT_SETTLED
     u[Z0] = z0
-    tolerance = Tolerance(fine(p, eta), STATE_ERROR * free_amplitude(lever), OFFSET_ERROR)
-    if rest(oscillator, tolerance, min(int(DISTURBED * ring_down_periods(lever)), most - tip.periods.marched), tip):
+    tolerance = Tolerance(fine(p, step_size), STATE_ERROR * free_amplitude(lever), OFFSET_ERROR)
+    if rest(
+        oscillator, tolerance, min(int(DISTURBED * ring_down_periods(lever)), most_periods - tip.periods.marched), tip
+    ):
         fill_orbit(lever, tip, row)
         return col.GOOD
-    return hold_mean(oscillator, 0.0, 0.0, eta, most, tip, row)
+    return hold_mean(oscillator, 0.0, 0.0, step_size, most_periods, tip, row)
 
 
 @kernel
 def move_to_amplitude(
-    oscillator: Oscillator, amplitude: float, eta: float, most: int, u: np.ndarray, row: np.ndarray
+    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, u: np.ndarray, row: np.ndarray
 ) -> int:
     """Move a tip in state u slowly to the amplitude [m], hold it, and fill a result row; as `approach_by_march`."""
     lever = oscillator.lever
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
-    if not march_tip(oscillator, eta, tip):
+    if not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
-    tolerance = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
-    ends = move_slowly(oscillator, amplitude, NEXT_TRY * free_amplitude(lever), tolerance, most, tip)
+    tolerance = Tolerance(
+        COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR
+    )
+    ends = move_slowly(oscillator, amplitude, NEXT_TRY * free_amplitude(lever), tolerance, most_periods, tip)
     if ends == ORBIT_AGAIN:
-        return hold(oscillator, amplitude, eta, most, tip, row)
+        return hold(oscillator, amplitude, step_size, most_periods, tip, row)
     if ends == AMPLITUDE_SEEN:
-        return hold_mean(oscillator, amplitude, EAGER_GAIN, eta, most, tip, row)
+        return hold_mean(oscillator, amplitude, EAGER_GAIN, step_size, most_periods, tip, row)
     return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT

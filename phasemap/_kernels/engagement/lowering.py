@@ -18,7 +18,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
-from phasemap._kernels.engagement.resonance import forces_are_plain, leaps
+from phasemap._kernels.engagement.side_from_far import forces_are_plain, leaps
 from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator, longrange_force
@@ -109,7 +109,13 @@ def pace_of_leap(oscillator: Oscillator) -> float:
 
 @kernel
 def follow_down(
-    oscillator: Oscillator, amplitude: float, step: float, trail: float, tolerance: Tolerance, most: int, tip: Tip
+    oscillator: Oscillator,
+    amplitude: float,
+    step: float,
+    trail: float,
+    tolerance: Tolerance,
+    most_periods: int,
+    tip: Tip,
 ) -> int:
     """Lower the tip along periodic orbits until the amplitude is reached; returns how the motion ends.
 
@@ -123,7 +129,7 @@ def follow_down(
     before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
     patience = int((DISTURBED if p[col.RELEASE] == 0.0 else DISTURBED_NECK) * ring_down_periods(lever))
     stride, slope = 0.0, 0.0
-    while tip.periods.marched < most:
+    while tip.periods.marched < most_periods:
         if u[Z0] < -FARTHEST_AT_ALL:
             return LOWEST_OFFSET
         copy_state(u, before)
@@ -149,7 +155,7 @@ def follow_down(
         elif not rests:
             copy(before, u)
             u[Z0] -= stride
-            if not rest(oscillator, tolerance, min(patience, most - tip.periods.marched), tip):
+            if not rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
                 return ORBIT_LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return AMPLITUDE_SEEN
@@ -166,7 +172,7 @@ class Fall(NamedTuple):
 
     amplitude: float  # at which a feedback takes over [m]
     pace: float  # by which it is lowered in a period until then [m]
-    eta: float  # as for `march_period`
+    step_size: float  # as for `march_period`
     gentle: bool  # whether many periods may be passed at once
 
 
@@ -202,11 +208,11 @@ def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip,
         last_x, last_y, many = acc.cos, acc.sin, 1
         if seen.held == 0 and fall.gentle:
             flow.count = min(flow.count, ring)
-            many = pass_many(oscillator, ROUGH_STEPS * fall.eta, fall.pace, allowed, tip, flow)
+            many = pass_many(oscillator, ROUGH_STEPS * fall.step_size, fall.pace, allowed, tip, flow)
         else:
             off, gain = math.hypot(seen.cos, seen.sin) - fall.amplitude, FIRST_GAIN / (ring + seen.held / GAIN_HALVES)
             tip.u[Z0] -= fall.pace if seen.held == 0 else gain * off
-            many = 1 if march_tip(oscillator, fall.eta, tip) else 0
+            many = 1 if march_tip(oscillator, fall.step_size, tip) else 0
         if many == 0:
             return False
         passed += many
@@ -227,12 +233,12 @@ def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip,
 
 @kernel
 def end_of_fall(
-    oscillator: Oscillator, fall: Fall, tolerance: Tolerance, far: bool, most: int, tip: Tip, seen: Seen
+    oscillator: Oscillator, fall: Fall, tolerance: Tolerance, far: bool, most_periods: int, tip: Tip, seen: Seen
 ) -> int:
     """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. Orbits above the amplitude count if `far`."""
     ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), fall.amplitude
     still, held = seen.change < STILL_MOTION * amplitude, seen.held > 0
-    if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * most):
+    if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * most_periods):
         if not still:
             return AMPLITUDE_SEEN
         return ORBIT_AGAIN if math.hypot(seen.cos, seen.sin) > amplitude else ORBIT_HELD
@@ -248,7 +254,13 @@ def end_of_fall(
 
 @kernel
 def fall_to_setpoint(
-    oscillator: Oscillator, amplitude: float, pace: float, least: float, tolerance: Tolerance, most: int, tip: Tip
+    oscillator: Oscillator,
+    amplitude: float,
+    pace: float,
+    least: float,
+    tolerance: Tolerance,
+    most_periods: int,
+    tip: Tip,
 ) -> int:
     """Lower the tip by `pace` [m] a period until its motion repeats itself, above the amplitude or at it.
 
@@ -260,19 +272,19 @@ def fall_to_setpoint(
     """
     lever, acc, u = oscillator.lever, tip.acc, tip.u
     ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), Flow(), 0
-    if not march_tip(oscillator, tolerance.eta, tip):
+    if not march_tip(oscillator, tolerance.step_size, tip):
         return TIME_SPENT
     seen.cos, seen.sin = seen_phasor(lever, acc.cos, acc.sin)
     seen.held, from_z0 = 0 if pace > 0.0 else 1, u[Z0]
-    fall = Fall(amplitude, pace, tolerance.eta, falls_gently(oscillator))
-    if seen.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.eta, pace, tip, flow):
+    fall = Fall(amplitude, pace, tolerance.step_size, falls_gently(oscillator))
+    if seen.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.step_size, pace, tip, flow):
         return TIME_SPENT
-    while tip.periods.marched + ring <= most:
+    while tip.periods.marched + ring <= most_periods:
         if not pass_ring_down_time(oscillator, fall, ring, tip, flow, seen):
             return TIME_SPENT
         if too_far(lever, from_z0, u[Z0]):
             return LOWEST_OFFSET
-        ends = end_of_fall(oscillator, fall, tolerance, from_z0 - u[Z0] > least, most, tip, seen)
+        ends = end_of_fall(oscillator, fall, tolerance, from_z0 - u[Z0] > least, most_periods, tip, seen)
         if ends != ORBIT_LEFT:
             return ends
         steady = steady + 1 if seen.held > 0 and seen.missed < KEPT_WITHIN * amplitude else 0

@@ -9,8 +9,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.exact import Rooms, new_rooms, orbit_along_curve
-from phasemap._kernels.engagement.resonance import decide, forces_are_plain
+from phasemap._kernels.engagement.exact_orbit import Rooms, new_rooms, orbit_along_curve
+from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.around import OrbitNodes, harmonic

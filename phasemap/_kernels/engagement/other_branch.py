@@ -14,13 +14,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import LONGRANGE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.end import (
+from phasemap._kernels.engagement.end_of_attractive_branch import (
     CLOSEST,
     attractive_mismatch_of_exact_orbit,
     decide_exactly,
     maximum_of_exact_mismatch,
 )
-from phasemap._kernels.engagement.resonance import CLEAR_MISMATCH, DETUNED, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.side_from_far import CLEAR_MISMATCH, DETUNED, forces_are_plain, low_q_margin_factor
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit

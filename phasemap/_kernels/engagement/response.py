@@ -1,7 +1,7 @@
 """The cheap path to an exact orbit: averaged decision, then the lever's response, each handed on where it is in doubt.
 
 Where averaging leaves the side open, the maximum of the mismatch is sought again with the lever's response in it
-(`end`), and what that leaves open is for the curve of exact orbits.
+(`end_of_attractive_branch`), and what that leaves open is for the curve of exact orbits.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import G_P, G_Z0, GOOD, KNOWN, NOT_CONVERGED, PENDING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, settle_side, worst_amplitude
-from phasemap._kernels.engagement.end import (
+from phasemap._kernels.engagement.end_of_attractive_branch import (
     decide_by_refined_maximum,
     decide_exactly,
     fill_orbit_outside_maximum,

@@ -27,7 +27,7 @@ from phasemap._kernels.engagement.averages import (
     mean_amplitude,
     mean_phasor,
 )
-from phasemap._kernels.engagement.holding import (
+from phasemap._kernels.engagement.holding_mean import (
     COARSER_STEPS,
     GROUP,
     OFFSET_ERROR,
@@ -98,7 +98,7 @@ def with_ring_down(lever: np.ndarray, periods: float) -> np.ndarray:
 
 
 @kernel
-def fill_row_of_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.ndarray) -> int:
+def fill_row_of_pattern(oscillator: Oscillator, step_size: float, tip: Tip, row: np.ndarray) -> int:
     """Fill a result row with means over a motion that repeats itself after `tip.periods.pattern` drive periods."""
     lever = oscillator.lever
     count = tip.periods.pattern
@@ -109,7 +109,7 @@ def fill_row_of_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.nd
     lock_in, whole = LockIn(), count * (LOCK_IN_SETTLES // count + 1)
     begin_lock_in(lever, tip.acc, lock_in)
     for _ in range(2):
-        if not average(oscillator, eta, whole, (0.0, 0.0, 0.0), tip, lock_in):
+        if not average(oscillator, step_size, whole, (0.0, 0.0, 0.0), tip, lock_in):
             return col.NOT_SETTLED
     fill_spread(lock_in.total, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = STEPS_PHASE, STEPS_LENGTH
@@ -118,7 +118,13 @@ def fill_row_of_pattern(oscillator: Oscillator, eta: float, tip: Tip, row: np.nd
 
 @kernel
 def follow_and_hold(
-    oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
+    oscillator: Oscillator,
+    amplitude: float,
+    step: float,
+    step_size: float,
+    most_periods: int,
+    tip: Tip,
+    row: np.ndarray,
 ) -> int:
     """Lower a tip along a periodic pattern of taps, or from far, and hold the amplitude when it reaches it.
 
@@ -126,10 +132,10 @@ def follow_and_hold(
     """
     law, p, lever = oscillator
     quick, periods, ends = with_ring_down(lever, QUICK_RINGING), tip.periods, AMPLITUDE_SEEN
-    coarse = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
-    exact = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
+    coarse = Tolerance(COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
+    exact = Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
     if amplitude_of(lever, tip.acc) > amplitude:
-        limit = periods.marched + int(PATTERN_SHARE * (most - periods.marched))
+        limit = periods.marched + int(PATTERN_SHARE * (most_periods - periods.marched))
         ends = follow_down(Oscillator(law, p, quick), amplitude, step, 0.0, coarse, limit, tip)
     if ends == LOWEST_OFFSET:
         return col.NO_STABLE_ORBIT
@@ -137,12 +143,12 @@ def follow_and_hold(
         return col.NOT_CONVERGED
     if sticks(p, lever, amplitude, tip):
         return col.NOT_SETTLED
-    limit = periods.marched + int(PATTERN_SHARE * (most - periods.marched))
+    limit = periods.marched + int(PATTERN_SHARE * (most_periods - periods.marched))
     if hold_periodic(Oscillator(law, p, quick), exact, amplitude, limit, tip, row) != col.GOOD:
         return col.UNSTABLE
     if not shorten(oscillator, exact, amplitude, tip):
         return col.UNSTABLE
-    return fill_row_of_pattern(oscillator, exact.eta, tip, row)
+    return fill_row_of_pattern(oscillator, exact.step_size, tip, row)
 
 
 @kernel
@@ -161,7 +167,7 @@ def update_ring_down(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
 
 @kernel
 def move_until(
-    oscillator: Oscillator, amplitude: float, eta: float, until: int, tip: Tip, lock_in: LockIn, way: Descent
+    oscillator: Oscillator, amplitude: float, step_size: float, until: int, tip: Tip, lock_in: LockIn, way: Descent
 ) -> int:
     """Lower or raise the tip slowly until a period or the amplitude is reached; update `way`, return how it ends."""
     lever = oscillator.lever
@@ -170,7 +176,7 @@ def move_until(
         ring, waits, down = lever[col.RINGING], periods.marched < way.still, way.side > 0.0
         block = 12 * (int(min(max(ring, float(FEWEST_AVERAGED)), float(LONGEST_BLOCK))) // 12 + 1)
         pace = 0.0 if waits else way.side * RINGING_PACE * free / ring
-        if not average(oscillator, eta, block, (pace, 0.0, 0.0), tip, lock_in):
+        if not average(oscillator, step_size, block, (pace, 0.0, 0.0), tip, lock_in):
             return OUT_OF_TIME
         update_ring_down(lever, lock_in, way)
         now = mean_amplitude(lever, lock_in)
@@ -194,20 +200,26 @@ def move_until(
 
 @kernel
 def engage_ringing(
-    oscillator: Oscillator, amplitude: float, step: float, eta: float, most: int, tip: Tip, row: np.ndarray
+    oscillator: Oscillator,
+    amplitude: float,
+    step: float,
+    step_size: float,
+    most_periods: int,
+    tip: Tip,
+    row: np.ndarray,
 ) -> int:
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
     law, p, lever = oscillator
     slow, periods, acc = with_ring_down(lever, LONG_RINGING), tip.periods, tip.acc
-    coarse = Tolerance(COARSER_STEPS * eta, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
-    exact = Tolerance(fine(p, eta), STATE_ERROR * amplitude, OFFSET_ERROR)
-    way, wait, found = Descent(), FIRST_LOOK, march_tip(oscillator, coarse.eta, tip)
+    coarse = Tolerance(COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
+    exact = Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
+    way, wait, found = Descent(), FIRST_LOOK, march_tip(oscillator, coarse.step_size, tip)
     lock_in = LockIn()
     begin_lock_in(lever, acc, lock_in)
     way.start, way.side = tip.u[Z0], 1.0
-    while periods.marched < most and way.turns <= MOST_CROSSINGS:
+    while periods.marched < most_periods and way.turns <= MOST_CROSSINGS:
         if found:
-            status = follow_and_hold(oscillator, amplitude, step, eta, most, tip, row)
+            status = follow_and_hold(oscillator, amplitude, step, step_size, most_periods, tip, row)
             if status not in (col.NOT_CONVERGED, col.UNSTABLE):
                 return status
             if status == col.UNSTABLE:
@@ -217,7 +229,13 @@ def engage_ringing(
             way.cos, way.sin = seen_phasor(lever, acc.cos, acc.sin)
             way.before, way.still = math.inf, 0.0
         ends = move_until(
-            Oscillator(law, p, slow), amplitude, coarse.eta, min(most, periods.marched + wait), tip, lock_in, way
+            Oscillator(law, p, slow),
+            amplitude,
+            coarse.step_size,
+            min(most_periods, periods.marched + wait),
+            tip,
+            lock_in,
+            way,
         )
         if ends == OUT_OF_TIME:
             return col.NOT_SETTLED
@@ -225,10 +243,10 @@ def engage_ringing(
             return col.NO_STABLE_ORBIT
         if ends == AT_SETPOINT:
             if find_pattern(Oscillator(law, p, slow), exact, amplitude, tip):
-                return fill_row_of_pattern(oscillator, exact.eta, tip, row)
-            if periods.marched + 3 * GROUP * block_of(slow) < most:
-                return hold_mean(Oscillator(law, p, slow), amplitude, SLOW_GAIN, eta, most, tip, row)
-            way.still = most  # no time for a mean, but a pattern may be found
+                return fill_row_of_pattern(oscillator, exact.step_size, tip, row)
+            if periods.marched + 3 * GROUP * block_of(slow) < most_periods:
+                return hold_mean(Oscillator(law, p, slow), amplitude, SLOW_GAIN, step_size, most_periods, tip, row)
+            way.still = most_periods  # no time for a mean, but a pattern may be found
         if ends != MOVED:
             wait = FIRST_LOOK
         found = find_pattern(Oscillator(law, p, slow), coarse, 0.0, tip)

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact import Rooms, exact_orbit
+from phasemap._kernels.engagement.exact_orbit import Rooms, exact_orbit
 from phasemap._kernels.engagement.response import cheap_orbit
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, seen_rate, show
 from phasemap._kernels.law import Oscillator

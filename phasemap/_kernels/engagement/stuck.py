@@ -165,7 +165,7 @@ def highest_tip_offset_at_rest(oscillator: Oscillator, z0: float, amplitude: flo
 
 @kernel
 def raise_along_contact_orbits(
-    oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most: int, tip: Tip
+    oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most_periods: int, tip: Tip
 ) -> int:
     """Raise a tip that sticks to the sample along its orbits in contact, to where they end.
 
@@ -183,7 +183,7 @@ def raise_along_contact_orbits(
     patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + ANGLES, LAST_STRIDE * amplitude
     stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
     slope = low = 0.0
-    while tip.periods.marched + patience < most:
+    while tip.periods.marched + patience < most_periods:
         rests, now = rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
         as_said = least or (
@@ -214,7 +214,13 @@ def raise_along_contact_orbits(
 
 @kernel
 def raise_stuck_tip(
-    oscillator: Oscillator, amplitude: float, periodic: bool, slow: bool, tolerance: Tolerance, most: int, tip: Tip
+    oscillator: Oscillator,
+    amplitude: float,
+    periodic: bool,
+    slow: bool,
+    tolerance: Tolerance,
+    most_periods: int,
+    tip: Tip,
 ) -> int:
     """Raise a tip that fell across the amplitude and sticks, from a `periodic` motion, or as it was lowered slowly.
 
@@ -225,12 +231,12 @@ def raise_stuck_tip(
     if (periodic or p[col.RELEASE] != 0.0) and contact_too_stiff(oscillator, amplitude):
         return JUMPS_FREE
     fell = u.copy()
-    comes = raise_along_contact_orbits(oscillator, amplitude, tolerance, most, tip)
+    comes = raise_along_contact_orbits(oscillator, amplitude, tolerance, most_periods, tip)
     if comes == REACHES_AMPLITUDE or (comes == JUMPS_FREE and periodic):
         return comes
     if comes == NOT_KNOWN or not (periodic or slow):
         copy(fell, u)
-        march_tip(oscillator, tolerance.eta, tip)
+        march_tip(oscillator, tolerance.step_size, tip)
         return NOT_KNOWN
     if comes == JUMPS_FREE:
         u[Z0] = min(u[Z0], fell[Z0] + LEAD_OF_LOOSE * (amplitude_of(lever, tip.acc) - amplitude))

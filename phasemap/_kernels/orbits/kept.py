@@ -25,9 +25,9 @@ KEEPING = KEPT_NODES + 6 * MOST_KEPT_NODES
 
 
 @kernel(fastmath=ANY_ORDER)
-def nodes_from_response(f: Nodes, amplitude: float, e: float, longrange: bool, at: OrbitNodes) -> None:
+def nodes_from_response(nodes: Nodes, amplitude: float, centre: float, longrange: bool, at: OrbitNodes) -> None:
     """Fill nodes from those of passes of the lever's response, those in contact first."""
-    touching, parts = f.theta[EXIT] > f.theta[ENTRY], parts_of(f)
+    touching, parts = nodes.theta[EXIT] > nodes.theta[ENTRY], parts_of(nodes)
     count = 0
     for part in range(parts + 2):
         in_contact = part < parts
@@ -36,15 +36,15 @@ def nodes_from_response(f: Nodes, amplitude: float, e: float, longrange: bool, a
             continue
         for j in range(N):
             i, k = first + j, count + j
-            at.cos[k], at.sin[k] = f.cos[i], f.sin[i]
-            at.depth[k] = amplitude * f.cos[i] + f.w[i] - e
-            at.rate[k] = f.u[i] - amplitude * f.sin[i]
-            at.weight[k], at.touches[k] = GAUSS_WEIGHTS[j] * f.weight[i], 1.0 if in_contact else 0.0
+            at.cos[k], at.sin[k] = nodes.cos[i], nodes.sin[i]
+            at.depth[k] = amplitude * nodes.cos[i] + nodes.w[i] - centre
+            at.rate[k] = nodes.u[i] - amplitude * nodes.sin[i]
+            at.weight[k], at.touches[k] = GAUSS_WEIGHTS[j] * nodes.weight[i], 1.0 if in_contact else 0.0
         count += N
     at.count, at.begins, at.ends = count, 0.0, 0.0
     if touching:
-        at.begins = 1.0 / abs(f.u[ENTRY] - amplitude * f.sin[ENTRY])
-        at.ends = 1.0 / abs(f.u[EXIT] - amplitude * f.sin[EXIT])
+        at.begins = 1.0 / abs(nodes.u[ENTRY] - amplitude * nodes.sin[ENTRY])
+        at.ends = 1.0 / abs(nodes.u[EXIT] - amplitude * nodes.sin[EXIT])
 
 
 @kernel

@@ -16,7 +16,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact import (
+from phasemap._kernels.engagement.exact_orbit import (
     exact_orbit,
     new_rooms,
 )

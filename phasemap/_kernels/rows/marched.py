@@ -20,7 +20,7 @@ from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
 @kernel
-def march_rows(pixels: Pixels, eta: float, most: int, out: np.ndarray, status: np.ndarray) -> None:
+def march_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndarray, status: np.ndarray) -> None:
     """Motion that holds each amplitude in time, started near the orbit in `out`, for at most so many periods.
 
     Where the status is not GOOD, no orbit is known to start from, and the tip is engaged from far.
@@ -28,19 +28,21 @@ def march_rows(pixels: Pixels, eta: float, most: int, out: np.ndarray, status: n
     for i in range(len(out)):
         oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
         if status[i] == col.GOOD:
-            status[i] = settle(oscillator, amplitude, eta, most, out[i])
+            status[i] = settle(oscillator, amplitude, step_size, most_periods, out[i])
         else:
-            status[i] = engage_by_march(oscillator, amplitude, eta, most, out[i])
+            status[i] = engage_by_march(oscillator, amplitude, step_size, most_periods, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
 
 
 @kernel
-def remembering_rows(pixels: Pixels, eta: float, most: int, out: np.ndarray, status: np.ndarray) -> None:
+def remembering_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndarray, status: np.ndarray) -> None:
     """Motion over surfaces that remember, as `settle_remembering` finds it."""
     guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(len(out)):
-        status[i] = settle_remembering(oscillator_of(pixels, i), pixels.amplitudes[i], eta, most, top, guess, out[i])
+        status[i] = settle_remembering(
+            oscillator_of(pixels, i), pixels.amplitudes[i], step_size, most_periods, top, guess, out[i]
+        )
 
 
 @kernel

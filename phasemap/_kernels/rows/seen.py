@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.exact import new_rooms
+from phasemap._kernels.engagement.exact_orbit import new_rooms
 from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen
 from phasemap._kernels.orbits.response.orbit import Room
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of

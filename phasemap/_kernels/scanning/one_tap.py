@@ -88,7 +88,9 @@ class Piece(NamedTuple):
 
 
 @kernel
-def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult, taps: Taps) -> int:
+def tap_or_march(
+    oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult, taps: Taps
+) -> int:
     """Solve a period as one tap or by `march_period`; returns steps: 1, or what that returns.
 
     Of `acc`, the first harmonic is filled.
@@ -100,7 +102,7 @@ def tap_or_march(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, a
             taps.marches -= 1
         elif tap_once(oscillator, z0, y, acc, taps):
             return 1
-    return int(march_period(oscillator, z0, eta, y, acc))
+    return int(march_period(oscillator, z0, step_size, y, acc))
 
 
 @kernel(shared=True)
@@ -163,37 +165,39 @@ def _free_landing(lever: SprungLever, start: Instant, z0: float) -> tuple[float,
 
 
 @kernel
-def _place_nodes(surface: Surface, at: Instant, start: float, end: float, side: float, m: PieceNodes) -> None:
+def _place_nodes(surface: Surface, at: Instant, start: float, end: float, side: float, nodes: PieceNodes) -> None:
     """Place the nodes of a flight between two times from a contact at the instant `at`: theory, Eq. (time-9).
 
     The first steps are as long as the free lever takes to move by the reach of the force.
     """
     near = 2.0 * surface.reach / (abs(at.v) + math.sqrt(at.v * at.v + 2.0 * max(surface.z0, 0.0) * surface.reach))
-    place_flight_nodes(near, start, end, side, m)
+    place_flight_nodes(near, start, end, side, nodes)
 
 
 @kernel
-def _solve_landing(surface: Surface, lever: SprungLever, at: Instant, time: float, m: PieceNodes) -> Piece:
+def _solve_landing(surface: Surface, lever: SprungLever, at: Instant, time: float, nodes: PieceNodes) -> Piece:
     """Flight to contact, which the free lever makes after a time at the instant `at`: attraction makes it sooner."""
     last = math.inf
     if surface.p[col.LONGRANGE] == 0.0:
         return Piece(True, time, at, complex(0.0, 0.0))
-    more = (m.w_speed[0] * m.time[0] - m.w[0]) / at.v  # as it was at the last contact, which the first node saw
+    more = (
+        nodes.w_speed[0] * nodes.time[0] - nodes.w[0]
+    ) / at.v  # as it was at the last contact, which the first node saw
     for _ in range(MOST_PIECE_PASSES):
         if not (abs(more) < NEAR_CONTACT and time + more > 0.0):
             break
         time += more
         at = move_by_series(lever, at, more)
-        _place_nodes(surface, at, 0.0, time, BEFORE_CONTACT, m)
-        fill_free_motion(lever, at, surface.z0, m)
-        deepest = fill_attraction(surface.law, surface.p, surface.compliance, m)
-        kick, change = fill_response(lever, BEFORE_CONTACT, m)
+        _place_nodes(surface, at, 0.0, time, BEFORE_CONTACT, nodes)
+        fill_free_motion(lever, at, surface.z0, nodes)
+        deepest = fill_attraction(surface.law, surface.p, surface.compliance, nodes)
+        kick, change = fill_response(lever, BEFORE_CONTACT, nodes)
         more = (surface.z0 - at.z - kick.z) / (at.v + kick.v)
         change = max(change, abs(at.v * more))
         if change < SETTLED_PATH * surface.reach:
             end = move_by_series(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), more)
-            good = deepest < SETTLED_PATH * surface.reach and last_coefficients(m) < ROUGH_FLIGHT * lever.base
-            return Piece(good, time + more, end, force_harmonic(0.0, m) * at.drive.conjugate())
+            good = deepest < SETTLED_PATH * surface.reach and last_coefficients(nodes) < ROUGH_FLIGHT * lever.base
+            return Piece(good, time + more, end, force_harmonic(0.0, nodes) * at.drive.conjugate())
         if not change < SLOWEST_PASSES * last:
             break
         last = change
@@ -218,22 +222,22 @@ def _solve_return(surface: Surface, lever: SprungLever, at: Instant, span: float
 
 @kernel
 def _solve_flight(
-    surface: Surface, lever: SprungLever, at: Instant, near: float, far: float, side: float, m: PieceNodes
+    surface: Surface, lever: SprungLever, at: Instant, near: float, far: float, side: float, nodes: PieceNodes
 ) -> Piece:
     """Flight between two times from a contact where the free lever is `at`: after it, or before it to the near one."""
     last, to = math.inf, far if side == AFTER_CONTACT else -near
     if surface.p[col.LONGRANGE] == 0.0:
         end = move_freely(lever, at, to)
         return Piece(end.z < surface.z0, far - near, end, complex(0.0, 0.0))
-    _place_nodes(surface, at, near, far, side, m)
-    fill_free_motion(lever, at, surface.z0, m)
+    _place_nodes(surface, at, near, far, side, nodes)
+    fill_free_motion(lever, at, surface.z0, nodes)
     for _ in range(MOST_PIECE_PASSES):
-        deepest = fill_attraction(surface.law, surface.p, surface.compliance, m)
-        kick, change = fill_response(lever, side, m)
+        deepest = fill_attraction(surface.law, surface.p, surface.compliance, nodes)
+        kick, change = fill_response(lever, side, nodes)
         if change < SETTLED_PATH * surface.reach:
             end = move_freely(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), to)
-            good = deepest < 0.0 and end.z < surface.z0 and last_coefficients(m) < ROUGH_FLIGHT * lever.base
-            return Piece(good, far - near, end, force_harmonic(0.0, m) * at.drive.conjugate())
+            good = deepest < 0.0 and end.z < surface.z0 and last_coefficients(nodes) < ROUGH_FLIGHT * lever.base
+            return Piece(good, far - near, end, force_harmonic(0.0, nodes) * at.drive.conjugate())
         if not change < SLOWEST_PASSES * last:
             break
         last = change

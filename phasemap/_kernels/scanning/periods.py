@@ -39,7 +39,7 @@ from phasemap._kernels.scanning.one_tap import Taps, tap_or_march
 class PeriodMemory:
     """Numbers that one stretch of ground leaves for the next."""
 
-    eta: float  # size of the march's steps
+    step_size: float  # size of the march's steps
     ahead: float  # how much later than the end of the stretch the next period begins [tau]
     scanner: float  # of the last period: height of the scanner [m]
     amplitude: float  # that the lock-in showed [m]
@@ -56,10 +56,10 @@ class Periods(NamedTuple):
     taps: Taps
 
 
-def new_periods(eta: float) -> Periods:
+def new_periods(step_size: float) -> Periods:
     """Return a lever at rest, to be marched in steps of this size."""
     memory = PeriodMemory()
-    memory.eta = eta
+    memory.step_size = step_size
     return Periods(np.zeros(LOOP_STATE), np.zeros(elements.memory_size(col.MOST_ARMS)), PeriodResult(), memory, Taps())
 
 
@@ -104,7 +104,7 @@ def march_on(state: Periods, setup: Setup, row: np.ndarray, stretch: Stretch, ta
         _add_time(memory, min(at, span), tally)
     while at + 0.5 * period < span:
         z0 = y[SCANNER] - ground - slope * (at + 0.5 * period)
-        if tap_or_march(oscillator, z0, memory.eta, state.tip, state.sums, state.taps) < 0:
+        if tap_or_march(oscillator, z0, memory.step_size, state.tip, state.sums, state.taps) < 0:
             return col.DIVERGED
         y[A_REAL], y[A_IMAG] = state.sums.cos, -state.sums.sin
         if noisy:

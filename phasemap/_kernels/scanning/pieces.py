@@ -153,27 +153,27 @@ def _eighth_power(x: float) -> float:
 
 
 @kernel(light=True)
-def place_contact_nodes(h: float, m: PieceNodes) -> None:
+def place_contact_nodes(h: float, nodes: PieceNodes) -> None:
     """Place the nodes of a contact of duration h, where roots of the depth are smooth: theory, Eq. (time-9)."""
     for j in range(PIECE_NODES):
-        m.time[j] = h * _CONTACT_TIME[j]
-        m.step[j] = h * _CONTACT_STEP[j]
+        nodes.time[j] = h * _CONTACT_TIME[j]
+        nodes.step[j] = h * _CONTACT_STEP[j]
 
 
 @kernel(fastmath=ANY_ORDER)
-def place_flight_nodes(near: float, start: float, end: float, sign: float, m: PieceNodes) -> None:
+def place_flight_nodes(near: float, start: float, end: float, sign: float, nodes: PieceNodes) -> None:
     """Place the nodes of a flight before (-1) or after (1) contact: steps grow from `near` at contact."""
     first = 1.0 + start / near
     high = math.log((near + end) / (near + start))
     for j in range(PIECE_NODES):
         x = 0.125 * high * _PIECE_X[j]
         e = first * _eighth_power(_exponential(x))
-        m.time[j] = sign * near * (e - 1.0)
-        m.step[j] = near * high * e
+        nodes.time[j] = sign * near * (e - 1.0)
+        nodes.step[j] = near * high * e
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_free_motion(lever: SprungLever, at: Instant, z0: float, m: PieceNodes) -> None:
+def fill_free_motion(lever: SprungLever, at: Instant, z0: float, nodes: PieceNodes) -> None:
     """Fill in depth and speed at the nodes of the free lever that passes the instant `at` at t = 0."""
     omega, alpha0, _, stiffness, own, place, swing = lever
     now = swing * at.drive
@@ -181,92 +181,92 @@ def fill_free_motion(lever: SprungLever, at: Instant, z0: float, m: PieceNodes) 
     y, q = at.z - place - re, at.v + omega * im
     u, p, low = (q + alpha0 * y) / own, (alpha0 * q + stiffness * y) / own, place - z0
     for j in range(PIECE_NODES):
-        t = m.time[j]
+        t = nodes.time[j]
         x = 0.125 * alpha0 * t
         fall = _eighth_power(_exponential(-x))
         cosine, sine = _cosine_and_sine(own * t)
-        m.gain[j] = 1.0 / (fall * fall)
-        m.cosine[j], m.sine[j] = fall * cosine, fall * sine
+        nodes.gain[j] = 1.0 / (fall * fall)
+        nodes.cosine[j], nodes.sine[j] = fall * cosine, fall * sine
         cosine, sine = _cosine_and_sine(omega * t)
-        m.drive_cos[j], m.drive_sin[j] = cosine, sine
-        m.depth[j] = re * cosine - im * sine + y * m.cosine[j] + u * m.sine[j] + low
-        m.speed[j] = -omega * (re * sine + im * cosine) + q * m.cosine[j] - p * m.sine[j]
+        nodes.drive_cos[j], nodes.drive_sin[j] = cosine, sine
+        nodes.depth[j] = re * cosine - im * sine + y * nodes.cosine[j] + u * nodes.sine[j] + low
+        nodes.speed[j] = -omega * (re * sine + im * cosine) + q * nodes.cosine[j] - p * nodes.sine[j]
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_attraction(law: Law, p: tuple[float, ...], compliance: float, m: PieceNodes) -> float:
+def fill_attraction(law: Law, p: tuple[float, ...], compliance: float, nodes: PieceNodes) -> float:
     """Fill in the force in flight at the nodes; returns the largest depth at the nodes."""
     top = -math.inf
     for j in range(PIECE_NODES):
-        d = m.depth[j] + m.w[j]
+        d = nodes.depth[j] + nodes.w[j]
         top = max(top, d)
-        m.force[j] = longrange_force(law, min(d, 0.0), p) * compliance
+        nodes.force[j] = longrange_force(law, min(d, 0.0), p) * compliance
     return top
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_contact_force(law: Law, p: tuple[float, ...], compliance: float, kappa: float, m: PieceNodes) -> float:
+def fill_contact_force(law: Law, p: tuple[float, ...], compliance: float, kappa: float, nodes: PieceNodes) -> float:
     """Fill in the force in contact, less that of the spring, at the nodes; returns the largest depth at the nodes."""
     top = -math.inf
     for j in range(PIECE_NODES):
-        d = m.depth[j] + m.w[j]
+        d = nodes.depth[j] + nodes.w[j]
         top = max(top, d)
-        m.force[j] = contact_force(law, max(d, 0.0), p) * compliance - kappa * d
+        nodes.force[j] = contact_force(law, max(d, 0.0), p) * compliance - kappa * d
     if p[col.DAMPING] != 0.0:
         for j in range(PIECE_NODES):
-            d = max(m.depth[j] + m.w[j], 0.0)
-            m.force[j] += 2.0 * damping(law, d, p) * (m.speed[j] + m.w_speed[j])
+            d = max(nodes.depth[j] + nodes.w[j], 0.0)
+            nodes.force[j] += 2.0 * damping(law, d, p) * (nodes.speed[j] + nodes.w_speed[j])
     return top
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_response(lever: SprungLever, sign: float, m: PieceNodes) -> tuple[Kick, float]:
+def fill_response(lever: SprungLever, sign: float, nodes: PieceNodes) -> tuple[Kick, float]:
     """Fill in the lever's response w to the force; returns the kick at t = 0 and the change of w.
 
     It is 0 where the piece begins: before contact (sign -1) at the last node, for nodes there run back in time.
     """
     alpha0, own = lever.alpha0, lever.own
     for j in range(PIECE_NODES):
-        m.sum_cos[j] = m.sum_sin[j] = 0.0
+        nodes.sum_cos[j] = nodes.sum_sin[j] = 0.0
     for i in range(PIECE_NODES):
-        f = m.step[i] * m.force[i] * m.gain[i]
-        c, s = f * m.cosine[i], f * m.sine[i]
+        f = nodes.step[i] * nodes.force[i] * nodes.gain[i]
+        c, s = f * nodes.cosine[i], f * nodes.sine[i]
         for j in range(PIECE_NODES):
-            m.sum_cos[j] += _RUNNING[PIECE_NODES * i + j] * c
-            m.sum_sin[j] += _RUNNING[PIECE_NODES * i + j] * s
+            nodes.sum_cos[j] += _RUNNING[PIECE_NODES * i + j] * c
+            nodes.sum_sin[j] += _RUNNING[PIECE_NODES * i + j] * s
     by_c = by_s = 0.0
     for j in range(PIECE_NODES):
-        f = _PIECE_WEIGHTS[j] * m.step[j] * m.force[j] * m.gain[j]
-        by_c += f * m.cosine[j]
-        by_s += f * m.sine[j]
+        f = _PIECE_WEIGHTS[j] * nodes.step[j] * nodes.force[j] * nodes.gain[j]
+        by_c += f * nodes.cosine[j]
+        by_s += f * nodes.sine[j]
     first_c, first_s = (by_c, by_s) if sign < 0.0 else (0.0, 0.0)
     change = 0.0
     for j in range(PIECE_NODES):
-        c, s = first_c + sign * m.sum_cos[j], first_s + sign * m.sum_sin[j]
-        w = (m.cosine[j] * s - m.sine[j] * c) / own
-        change = max(change, abs(w - m.w[j]))
-        m.w[j] = w
-        m.w_speed[j] = -m.cosine[j] * c - m.sine[j] * s - alpha0 * w
+        c, s = first_c + sign * nodes.sum_cos[j], first_s + sign * nodes.sum_sin[j]
+        w = (nodes.cosine[j] * s - nodes.sine[j] * c) / own
+        change = max(change, abs(w - nodes.w[j]))
+        nodes.w[j] = w
+        nodes.w_speed[j] = -nodes.cosine[j] * c - nodes.sine[j] * s - alpha0 * w
     return Kick(by_s / own, -by_c - alpha0 * by_s / own), change
 
 
 @kernel(fastmath=ANY_ORDER)
-def force_harmonic(kappa: float, m: PieceNodes) -> complex:
+def force_harmonic(kappa: float, nodes: PieceNodes) -> complex:
     """Integral of the whole force times exp(-i omega t) over a piece [m tau]."""
     even = odd = 0.0
     for j in range(PIECE_NODES):
-        f = _PIECE_WEIGHTS[j] * m.step[j] * (m.force[j] + kappa * (m.depth[j] + m.w[j]))
-        even += f * m.drive_cos[j]
-        odd -= f * m.drive_sin[j]
+        f = _PIECE_WEIGHTS[j] * nodes.step[j] * (nodes.force[j] + kappa * (nodes.depth[j] + nodes.w[j]))
+        even += f * nodes.drive_cos[j]
+        odd -= f * nodes.drive_sin[j]
     return complex(even, odd)
 
 
 @kernel(fastmath=ANY_ORDER)
-def last_coefficients(m: PieceNodes) -> float:
+def last_coefficients(nodes: PieceNodes) -> float:
     """Size of the last two Legendre coefficients of a piece's force [m]: what its nodes leave out."""
     last = but_one = 0.0
     for j in range(PIECE_NODES):
-        f = m.step[j] * m.force[j]
+        f = nodes.step[j] * nodes.force[j]
         last += _LAST[j] * f
         but_one += _BUT_ONE[j] * f
     return abs(last) + abs(but_one)

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
-from phasemap._kernels.engagement.holding import COARSER_STEPS
+from phasemap._kernels.engagement.holding_mean import COARSER_STEPS
 from phasemap._kernels.engagement.in_time import slow_pace
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state
@@ -17,7 +17,13 @@ from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Perio
 
 @kernel
 def reach_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, eta: float, most: int, orbits: np.ndarray, reach: np.ndarray
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    step_size: float,
+    most_periods: int,
+    orbits: np.ndarray,
+    reach: np.ndarray,
 ) -> None:
     """Replace each tip offset in `reach` by the one at which the mean phase changes sign on the way there.
 
@@ -37,9 +43,11 @@ def reach_rows(
         tip, lock_in, top = Tip(u, PeriodResult(), PeriodMap(), Periods()), LockIn(), reach[i]
         begin_lock_in(lever, tip.acc, lock_in)
         reach[i] = math.inf
-        while tip.periods.marched < most and tip.u[Z0] < top:
+        while tip.periods.marched < most_periods and tip.u[Z0] < top:
             if (
-                not average(Oscillator(law, parameters(rows[i]), lever), COARSER_STEPS * eta, block, up, tip, lock_in)
+                not average(
+                    Oscillator(law, parameters(rows[i]), lever), COARSER_STEPS * step_size, block, up, tip, lock_in
+                )
                 or lock_in.total.period.cos < 0.0
             ):
                 reach[i] = tip.u[Z0]

@@ -196,7 +196,7 @@ def find_hit(oscillator: Oscillator, amplitude: float, hit: Hit) -> bool:
 
 
 @kernel
-def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: Hit, theta: float) -> tuple[float, float]:
+def motion_of(lever: np.ndarray, amplitude: float, centre: float, hit: Hit, theta: float) -> tuple[float, float]:
     """Return w, less its mean, and w' at an angle: in contact of a quartic that has its depth and speed."""
     angle, kick, half, depth = theta - hit.angle, hit.kick, hit.half, hit.depth
     if abs(angle) < half:
@@ -204,7 +204,7 @@ def motion_of(lever: np.ndarray, amplitude: float, e: float, hit: Hit, theta: fl
         flat = 0.5 * hit.speed * half / depth - 1.0
         d = depth * (1.0 - x * x) * (1.0 + flat * x * x)
         rate = depth * 2.0 * x * (flat * (1.0 - 2.0 * x * x) - 1.0) / half
-        return d + e - amplitude * math.cos(theta), rate + amplitude * math.sin(theta)
+        return d + centre - amplitude * math.cos(theta), rate + amplitude * math.sin(theta)
     w, u = after_kick(lever, angle % (2.0 * math.pi))
     return kick * w, kick * u
 

@@ -45,39 +45,39 @@ def apex_between(
 
 
 @kernel
-def apex_of(f: Nodes, amplitude: float) -> float:
+def apex_of(nodes: Nodes, amplitude: float) -> float:
     """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
-    touching = f.theta[EXIT] > f.theta[ENTRY]
-    theta, w, u = f.theta, f.w, f.u
+    touching = nodes.theta[EXIT] > nodes.theta[ENTRY]
+    theta, w, u = nodes.theta, nodes.w, nodes.u
     first = TOUCH if touching else OUT
     before = first if touching else IN
     most = -math.inf
-    for k in range(N * parts_of(f) if touching else N):
+    for k in range(N * parts_of(nodes) if touching else N):
         j = first + k if k < N else LATE + k - N
         i, before = before, j
-        most = max(most, amplitude * f.cos[j] + w[j])
-        if not u[i] - amplitude * f.sin[i] > 0.0 >= u[j] - amplitude * f.sin[j]:
+        most = max(most, amplitude * nodes.cos[j] + w[j])
+        if not u[i] - amplitude * nodes.sin[i] > 0.0 >= u[j] - amplitude * nodes.sin[j]:
             continue  # no largest one between, for which two sines more would be taken
         between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
         if touching and between > most:
-            between = amplitude * math.cos(angle) + _in_contact(f, angle)
+            between = amplitude * math.cos(angle) + _in_contact(nodes, angle)
         most = max(most, between)
     return most
 
 
 @kernel
-def _in_contact(f: Nodes, angle: float) -> float:
+def _in_contact(nodes: Nodes, angle: float) -> float:
     """Return w at an angle in contact, by the polynomial through the nodes of its element."""
-    centre, half = 0.5 * (f.theta[ENTRY] + f.theta[EXIT]), 0.5 * (f.theta[EXIT] - f.theta[ENTRY])
+    centre, half = 0.5 * (nodes.theta[ENTRY] + nodes.theta[EXIT]), 0.5 * (nodes.theta[EXIT] - nodes.theta[ENTRY])
     x, first = math.asin((angle - centre) / half) / math.pi + 0.5, TOUCH
-    if parts_of(f) > 1:
-        part = min(int(parts_of(f) * x), parts_of(f) - 1)
-        first, x = first_of(part), parts_of(f) * x - part
+    if parts_of(nodes) > 1:
+        part = min(int(parts_of(nodes) * x), parts_of(nodes) - 1)
+        first, x = first_of(part), parts_of(nodes) * x - part
     above, below = 0.0, 0.0
     for j in range(N):
         if x == GAUSS_X[j]:
-            return float(f.w[first + j])
+            return float(nodes.w[first + j])
         share = BARYCENTRIC[j] / (x - GAUSS_X[j])
-        above += share * f.w[first + j]
+        above += share * nodes.w[first + j]
         below += share
     return above / below

@@ -34,21 +34,21 @@ UNRESOLVED_SHARE = 0.1
 
 @kernel(fastmath=ANY_ORDER)
 def respond(
-    f: Nodes, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
+    nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
 ) -> None:
     """Replace w and w' by the lever's response to g."""
-    f.missed = 0.0
+    nodes.missed = 0.0
     for i in range(modes_of(lever)):
         mode = mode_of(lever, i)
-        fill_mode(f, mode)
-        all_re, all_im = _sum_up(f, touching, longrange)
+        fill_mode(nodes, mode)
+        all_re, all_im = _sum_up(nodes, touching, longrange)
         e_re, e_im = periods_before(mode.decay, mode.turn)
         round_ = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
         h = first_harmonic(lever[OMEGA], mode, push, drag)
         share = mode.share / (lever[OMEGA] * lever[OMEGA] * mode.turn)
-        _add_motion(f, mode, share, round_, (mean * mode.share / mode.square, h[0], h[1]), i == 0)
+        _add_motion(nodes, mode, share, round_, (mean * mode.share / mode.square, h[0], h[1]), i == 0)
         if i > 0:
-            f.missed += share * _unresolved(f, touching, longrange, math.hypot(e_re, e_im))
+            nodes.missed += share * _unresolved(nodes, touching, longrange, math.hypot(e_re, e_im))
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -66,11 +66,11 @@ def _upto(g: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _running(f: Nodes, first: int) -> tuple[float, float]:
+def _running(nodes: Nodes, first: int) -> tuple[float, float]:
     """Integrals of g exp(-lambda theta) from an element's start to its nodes; returns those over all of it."""
-    re, im = f.re[first : first + N], f.im[first : first + N]
-    _upto(re, f.sum_re[first : first + N])
-    _upto(im, f.sum_im[first : first + N])
+    re, im = nodes.re[first : first + N], nodes.im[first : first + N]
+    _upto(re, nodes.sum_re[first : first + N])
+    _upto(im, nodes.sum_im[first : first + N])
     total_re, total_im = 0.0, 0.0
     for k in range(N):
         total_re += GAUSS_WEIGHTS[k] * re[k]
@@ -79,39 +79,39 @@ def _running(f: Nodes, first: int) -> tuple[float, float]:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _sum_up(f: Nodes, touching: bool, longrange: bool) -> tuple[float, float]:
+def _sum_up(nodes: Nodes, touching: bool, longrange: bool) -> tuple[float, float]:
     """Fill in g exp(-lambda theta) and its integrals from the start of the period; returns those over all of it."""
     for j in range(3 * N):
-        share = f.g[j] * f.weight[j] * f.growth[j]
-        f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
-    for j in range(LATE, LATE + (parts_of(f) - 1) * N):
-        share = f.g[j] * f.weight[j] * f.growth[j]
-        f.re[j], f.im[j] = share * f.turn_cos[j], -share * f.turn_sin[j]
+        share = nodes.g[j] * nodes.weight[j] * nodes.growth[j]
+        nodes.re[j], nodes.im[j] = share * nodes.turn_cos[j], -share * nodes.turn_sin[j]
+    for j in range(LATE, LATE + (parts_of(nodes) - 1) * N):
+        share = nodes.g[j] * nodes.weight[j] * nodes.growth[j]
+        nodes.re[j], nodes.im[j] = share * nodes.turn_cos[j], -share * nodes.turn_sin[j]
     in_re, in_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0
     if longrange:
-        in_re, in_im = _running(f, IN)
-        out_re, out_im = _running(f, OUT)
+        in_re, in_im = _running(nodes, IN)
+        out_re, out_im = _running(nodes, OUT)
     at_re, at_im = in_re, in_im
-    for part in range(parts_of(f) if touching else 0):
+    for part in range(parts_of(nodes) if touching else 0):
         first = first_of(part)
-        part_re, part_im = _running(f, first)
+        part_re, part_im = _running(nodes, first)
         for j in range(first, first + N):
-            f.sum_re[j] += at_re
-            f.sum_im[j] += at_im
+            nodes.sum_re[j] += at_re
+            nodes.sum_im[j] += at_im
         at_re, at_im = at_re + part_re, at_im + part_im
     for j in range(N):
         # The element before contact was integrated backwards.
-        f.sum_re[j], f.sum_im[j] = in_re - f.sum_re[j], in_im - f.sum_im[j]
-        f.sum_re[OUT + j] += at_re
-        f.sum_im[OUT + j] += at_im
-    f.sum_re[ENTRY], f.sum_im[ENTRY] = in_re, in_im
-    f.sum_re[EXIT], f.sum_im[EXIT] = at_re, at_im
+        nodes.sum_re[j], nodes.sum_im[j] = in_re - nodes.sum_re[j], in_im - nodes.sum_im[j]
+        nodes.sum_re[OUT + j] += at_re
+        nodes.sum_im[OUT + j] += at_im
+    nodes.sum_re[ENTRY], nodes.sum_im[ENTRY] = in_re, in_im
+    nodes.sum_re[EXIT], nodes.sum_im[EXIT] = at_re, at_im
     return at_re + out_re, at_im + out_im
 
 
 @kernel(fastmath=ANY_ORDER)
 def _add_motion(
-    f: Nodes,
+    nodes: Nodes,
     mode: Mode,
     share: float,
     round_: tuple[float, float],
@@ -120,20 +120,20 @@ def _add_motion(
 ) -> None:
     """Add to w and w' the motion of a mode, less its mean and its first harmonic; or let it replace them."""
     a, nu, (round_re, round_im), (mean, h_re, h_im) = mode.decay, mode.turn, round_, harmonic
-    for j in range(count_of(f)):
-        m_re, m_im = round_re + f.sum_re[j], round_im + f.sum_im[j]
-        shrink = share / f.growth[j]
-        t_re, t_im = shrink * f.turn_cos[j], shrink * f.turn_sin[j]
+    for j in range(count_of(nodes)):
+        m_re, m_im = round_re + nodes.sum_re[j], round_im + nodes.sum_im[j]
+        shrink = share / nodes.growth[j]
+        t_re, t_im = shrink * nodes.turn_cos[j], shrink * nodes.turn_sin[j]
         g_im = t_re * m_im + t_im * m_re
         g_re = t_re * m_re - t_im * m_im
-        c, s = f.cos[j], f.sin[j]
-        w, u = (0.0, 0.0) if anew else (f.w[j], f.u[j])
-        f.w[j] = w - g_im + mean + h_re * c - h_im * s
-        f.u[j] = u - (a * g_im + nu * g_re) - h_re * s - h_im * c
+        c, s = nodes.cos[j], nodes.sin[j]
+        w, u = (0.0, 0.0) if anew else (nodes.w[j], nodes.u[j])
+        nodes.w[j] = w - g_im + mean + h_re * c - h_im * s
+        nodes.u[j] = u - (a * g_im + nu * g_re) - h_re * s - h_im * c
 
 
 @kernel(fastmath=ANY_ORDER)
-def _unresolved(f: Nodes, touching: bool, longrange: bool, again: float) -> float:
+def _unresolved(nodes: Nodes, touching: bool, longrange: bool, again: float) -> float:
     """Integral of g exp(-i nu theta) that the nodes may miss, from what their highest polynomials find in it.
 
     Where a share x of it is found there, some x^4/20 or x^4/30 is missed, for a mode turns by many radians in an
@@ -141,20 +141,20 @@ def _unresolved(f: Nodes, touching: bool, longrange: bool, again: float) -> floa
     after contact is felt in the next one, as `again` of it at angle 0.
     """
     rest = 0.0
-    for element in range(2 + parts_of(f)):
+    for element in range(2 + parts_of(nodes)):
         if not (longrange if element == 0 or element == 2 else touching):
             continue
         first = N * element if element < 3 else first_of(element - 2)
         re, im, re_before, im_before, size = 0.0, 0.0, 0.0, 0.0, 1e-300
         for j in range(N):
-            shrink = 1.0 / f.growth[first + j]
-            share_re, share_im = shrink * f.re[first + j], shrink * f.im[first + j]
+            shrink = 1.0 / nodes.growth[first + j]
+            share_re, share_im = shrink * nodes.re[first + j], shrink * nodes.im[first + j]
             re_before += HIGHEST[0, j] * share_re
             im_before += HIGHEST[0, j] * share_im
             re += HIGHEST[1, j] * share_re
             im += HIGHEST[1, j] * share_im
             size += GAUSS_WEIGHTS[j] * (abs(share_re) + abs(share_im))
         found = abs(re) + abs(im) + abs(re_before) + abs(im_before)
-        felt = again * f.growth[OUT + N - 1] / f.growth[ENTRY] if element == 2 else 1.0
+        felt = again * nodes.growth[OUT + N - 1] / nodes.growth[ENTRY] if element == 2 else 1.0
         rest += UNRESOLVED_SHARE * felt * found * (found / size) ** 3
     return rest

@@ -59,9 +59,9 @@ class Scratch(NamedTuple):
 
 
 @kernel
-def new_scratch(f: Nodes, wanted: bool) -> Scratch:
+def new_scratch(nodes: Nodes, wanted: bool) -> Scratch:
     """Room for the nodes of a contact, or none."""
-    n, all_nodes = N * parts_of(f) if wanted else 0, len(f.w)
+    n, all_nodes = N * parts_of(nodes) if wanted else 0, len(nodes.w)
     return Scratch(
         np.empty(all_nodes), np.empty(all_nodes), np.empty((2, n)), np.empty((n, n)), np.empty(n, np.int64),
         np.empty((CAUSES, n)), np.empty((CAUSES, 3)),
@@ -69,10 +69,10 @@ def new_scratch(f: Nodes, wanted: bool) -> Scratch:
 
 
 @kernel
-def keep_motion(f: Nodes, scratch: Scratch) -> None:
+def keep_motion(nodes: Nodes, scratch: Scratch) -> None:
     """Keep the motion before a pass."""
-    copy(f.w, scratch.w)
-    copy(f.u, scratch.u)
+    copy(nodes.w, scratch.w)
+    copy(nodes.u, scratch.u)
 
 
 @kernel
@@ -88,9 +88,9 @@ def stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, flo
 
 
 @kernel(fastmath=ANY_ORDER)
-def _fill_system(lever: np.ndarray, f: Nodes, scratch: Scratch) -> None:
+def _fill_system(lever: np.ndarray, nodes: Nodes, scratch: Scratch) -> None:
     """Fill in 1 - kappa R - gamma R'."""
-    omega, parts, m, (kappa, gamma) = lever[OMEGA], parts_of(f), scratch.system, scratch.answer
+    omega, parts, m, (kappa, gamma) = lever[OMEGA], parts_of(nodes), scratch.system, scratch.answer
     n, mean, along, across = N * parts, 0.0, 0.0, 0.0
     m[:, :] = 0.0
     for i in range(modes_of(lever)):
@@ -98,15 +98,18 @@ def _fill_system(lever: np.ndarray, f: Nodes, scratch: Scratch) -> None:
         share, h = mode.share / (omega * omega * mode.turn), first_harmonic(omega, mode, 1.0, 0.0)
         mean, along, across = mean + mode.share / mode.square, along + h[0], across - h[1]
         e_re, e_im = periods_before(mode.decay, mode.turn)
-        fill_mode(f, mode)
+        fill_mode(nodes, mode)
         for k in range(n):
             j = contact_node(k)
-            f.re[j], f.im[j] = f.weight[j] * f.growth[j] * f.turn_cos[j], -f.weight[j] * f.growth[j] * f.turn_sin[j]
+            nodes.re[j], nodes.im[j] = (
+                nodes.weight[j] * nodes.growth[j] * nodes.turn_cos[j],
+                -nodes.weight[j] * nodes.growth[j] * nodes.turn_sin[j],
+            )
         for j in range(n):
             at, own = contact_node(j), j // N
             by_w, by_u = kappa[j] + mode.decay * gamma[j], mode.turn * gamma[j]
-            shrink = share / f.growth[at]
-            t_re, t_im = shrink * f.turn_cos[at], shrink * f.turn_sin[at]
+            shrink = share / nodes.growth[at]
+            t_re, t_im = shrink * nodes.turn_cos[at], shrink * nodes.turn_sin[at]
             # what a force makes of w and w' here, over exp(-lambda phi) and the part of it that has passed
             t_re, t_im = by_w * t_re - by_u * t_im, by_w * t_im + by_u * t_re
             b_re, b_im = t_re * e_re - t_im * e_im, t_re * e_im + t_im * e_re
@@ -116,38 +119,38 @@ def _fill_system(lever: np.ndarray, f: Nodes, scratch: Scratch) -> None:
                 if part == own:
                     for k in range(N):
                         passed, weight = RUNNING[j - N * own, k], GAUSS_WEIGHTS[k]
-                        row[start + k] += (b_re * weight + t_re * passed) * f.im[first + k] + (
+                        row[start + k] += (b_re * weight + t_re * passed) * nodes.im[first + k] + (
                             b_im * weight + t_im * passed
-                        ) * f.re[first + k]
+                        ) * nodes.re[first + k]
                 else:
                     p_re, p_im = (b_re + t_re, b_im + t_im) if part < own else (b_re, b_im)
                     for k in range(N):
-                        row[start + k] += GAUSS_WEIGHTS[k] * (p_re * f.im[first + k] + p_im * f.re[first + k])
+                        row[start + k] += GAUSS_WEIGHTS[k] * (p_re * nodes.im[first + k] + p_im * nodes.re[first + k])
     for j in range(n):
         at = contact_node(j)
-        c, s = f.cos[at], f.sin[at]
+        c, s = nodes.cos[at], nodes.sin[at]
         x, y = along * c + across * s, along * s - across * c
         by_cos, by_sin = (kappa[j] * x - gamma[j] * y) / math.pi, (kappa[j] * y + gamma[j] * x) / math.pi
         by_mean, row = kappa[j] * mean / (2.0 * math.pi), m[j]
         for part in range(parts):
             first, start = first_of(part), N * part
             for k in range(N):
-                weight = GAUSS_WEIGHTS[k] * f.weight[first + k]
-                row[start + k] -= weight * (by_mean + by_cos * f.cos[first + k] + by_sin * f.sin[first + k])
+                weight = GAUSS_WEIGHTS[k] * nodes.weight[first + k]
+                row[start + k] -= weight * (by_mean + by_cos * nodes.cos[first + k] + by_sin * nodes.sin[first + k])
         row[j] += 1.0
 
 
 @kernel(fastmath=ANY_ORDER)
-def _fill_rates(f: Nodes, scratch: Scratch) -> None:
+def _fill_rates(nodes: Nodes, scratch: Scratch) -> None:
     """Fill in mean, P and S of the changes of g."""
     for i in range(CAUSES):
         mean, push, drag, change = 0.0, 0.0, 0.0, scratch.changes[i]
-        for k in range(N * parts_of(f)):
+        for k in range(N * parts_of(nodes)):
             j = contact_node(k)
-            share = GAUSS_WEIGHTS[k % N] * f.weight[j] * change[k]
+            share = GAUSS_WEIGHTS[k % N] * nodes.weight[j] * change[k]
             mean += share
-            push += share * f.cos[j]
-            drag += share * f.sin[j]
+            push += share * nodes.cos[j]
+            drag += share * nodes.sin[j]
         scratch.rates[i, 0], scratch.rates[i, 1], scratch.rates[i, 2] = (
             mean / (2.0 * math.pi),
             push / math.pi,
@@ -156,22 +159,22 @@ def _fill_rates(f: Nodes, scratch: Scratch) -> None:
 
 
 @kernel
-def _fill_changes(oscillator: Oscillator, f: Nodes, state: PassState, scratch: Scratch) -> bool:
+def _fill_changes(oscillator: Oscillator, nodes: Nodes, state: PassState, scratch: Scratch) -> bool:
     """Fill in what changes g, and how its harmonics change, after a pass; False where the equations are singular."""
-    n, (kappa, gamma), changes = N * parts_of(f), scratch.answer, scratch.changes
+    n, (kappa, gamma), changes = N * parts_of(nodes), scratch.answer, scratch.changes
     for k in range(n):
         j = contact_node(k)
-        d = max(state.amplitude * f.cos[j] + scratch.w[j] - state.centre, 0.0)
-        kappa[k], gamma[k] = stiffness(oscillator, d, scratch.u[j] - state.amplitude * f.sin[j])
-        changes[BY_PASS, k] = kappa[k] * (f.w[j] - scratch.w[j]) + gamma[k] * (f.u[j] - scratch.u[j])
+        d = max(state.amplitude * nodes.cos[j] + scratch.w[j] - state.centre, 0.0)
+        kappa[k], gamma[k] = stiffness(oscillator, d, scratch.u[j] - state.amplitude * nodes.sin[j])
+        changes[BY_PASS, k] = kappa[k] * (nodes.w[j] - scratch.w[j]) + gamma[k] * (nodes.u[j] - scratch.u[j])
         changes[BY_CENTRE, k] = -kappa[k]
-        changes[BY_AMPLITUDE, k] = kappa[k] * f.cos[j] - gamma[k] * f.sin[j]
-    _fill_system(oscillator.lever, f, scratch)
+        changes[BY_AMPLITUDE, k] = kappa[k] * nodes.cos[j] - gamma[k] * nodes.sin[j]
+    _fill_system(oscillator.lever, nodes, scratch)
     if not factor(scratch.system, n, scratch.order):
         return False
     for i in range(CAUSES):
         substitute(scratch.system, n, scratch.order, changes[i])
-    _fill_rates(f, scratch)
+    _fill_rates(nodes, scratch)
     return True
 
 
@@ -208,47 +211,47 @@ def _step(lever: np.ndarray, state: PassState, h: float, hold: bool, rates: np.n
 
 
 @kernel
-def _cut_short(f: Nodes, state: PassState, centre: float, amplitude: float, scratch: Scratch) -> float:
+def _cut_short(nodes: Nodes, state: PassState, centre: float, amplitude: float, scratch: Scratch) -> float:
     """Share of a step in motion, e and A that is taken: less than all where it changes the depth by too much."""
     deepest, most = 0.0, 0.0
-    for k in range(N * parts_of(f)):
+    for k in range(N * parts_of(nodes)):
         j = contact_node(k)
-        deepest = max(deepest, state.amplitude * f.cos[j] + scratch.w[j] - state.centre)
-        most = max(most, abs(f.w[j] - scratch.w[j] + amplitude * f.cos[j] - centre))
+        deepest = max(deepest, state.amplitude * nodes.cos[j] + scratch.w[j] - state.centre)
+        most = max(most, abs(nodes.w[j] - scratch.w[j] + amplitude * nodes.cos[j] - centre))
     share = min(MOST_OF_DEPTH * deepest / most, 1.0)
-    for j in range(count_of(f) if share < 1.0 else 0):
-        f.w[j] = scratch.w[j] + share * (f.w[j] - scratch.w[j])
-        f.u[j] = scratch.u[j] + share * (f.u[j] - scratch.u[j])
+    for j in range(count_of(nodes) if share < 1.0 else 0):
+        nodes.w[j] = scratch.w[j] + share * (nodes.w[j] - scratch.w[j])
+        nodes.u[j] = scratch.u[j] + share * (nodes.u[j] - scratch.u[j])
     return share
 
 
 @kernel
-def shortened_lift(f: Nodes, state: PassState, lift: float, scratch: Scratch) -> float:
+def shortened_lift(nodes: Nodes, state: PassState, lift: float, scratch: Scratch) -> float:
     """The lift [m] by a plain pass, which is cut short with it."""
-    return _cut_short(f, state, lift, 0.0, scratch) * lift
+    return _cut_short(nodes, state, lift, 0.0, scratch) * lift
 
 
 @kernel
 def newton_pass(
-    oscillator: Oscillator, f: Nodes, state: PassState, longrange: bool, h: float, hold: bool, scratch: Scratch
+    oscillator: Oscillator, nodes: Nodes, state: PassState, longrange: bool, h: float, hold: bool, scratch: Scratch
 ) -> tuple[bool, float]:
     """Step of Newton's method in place of a pass, with the mismatch h; False if there is none, else what is left of h.
 
     With `hold` the centre e stays, and A.
     """
     lever, rates, changes = oscillator.lever, scratch.rates, scratch.changes
-    respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
-    if not _fill_changes(oscillator, f, state, scratch):
+    respond(nodes, lever, state.mean_force, state.push, state.drag, True, longrange)
+    if not _fill_changes(oscillator, nodes, state, scratch):
         return False, h
     centre, amplitude = _step(lever, state, h, hold, rates)
-    for k in range(N * parts_of(f)):
-        f.g[contact_node(k)] += (
+    for k in range(N * parts_of(nodes)):
+        nodes.g[contact_node(k)] += (
             changes[BY_PASS, k] + centre * changes[BY_CENTRE, k] + amplitude * changes[BY_AMPLITUDE, k]
         )
     mean, push, drag = rates[BY_PASS] + centre * rates[BY_CENTRE] + amplitude * rates[BY_AMPLITUDE]
-    respond(f, lever, state.mean_force + mean, state.push + push, state.drag + drag, True, longrange)
-    share = _cut_short(f, state, centre, amplitude, scratch)
+    respond(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag, True, longrange)
+    share = _cut_short(nodes, state, centre, amplitude, scratch)
     state.centre += share * centre
     state.amplitude += share * amplitude
-    move_nodes(f, state.amplitude, state.centre, True, longrange)
-    return True, evaluate_nodes(oscillator, f, state, True)
+    move_nodes(nodes, state.amplitude, state.centre, True, longrange)
+    return True, evaluate_nodes(oscillator, nodes, state, True)

@@ -92,59 +92,62 @@ def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray
 
 
 @kernel
-def grade_outer_nodes(f: Nodes, amplitude: float, e: float, reach: float, edge: float) -> None:
+def grade_outer_nodes(nodes: Nodes, amplitude: float, centre: float, reach: float, edge: float) -> None:
     """Where the nodes outside contact lie, over the angle from its edge to the far end: sinh(X x)/sinh(X).
 
     The long-range force has its pole at a distance that sinh then takes away from the nodes.
     """
-    near = (reach + max(e - amplitude, 0.0)) / amplitude
+    near = (reach + max(centre - amplitude, 0.0)) / amplitude
     sine = math.sin(edge)
     width = 2.0 * near / (sine + math.sqrt(sine * sine + 2.0 * near * max(math.cos(edge), 0.1)))
     most = math.asinh((math.pi - edge) / width)
     share = 1.0 / math.sinh(most)
     for j in range(N):
         large = math.exp(most * GAUSS_X[j])
-        f.far[j], f.far_weight[j] = 0.5 * share * (large - 1.0 / large), 0.5 * most * share * (large + 1.0 / large)
+        nodes.far[j], nodes.far_weight[j] = (
+            0.5 * share * (large - 1.0 / large),
+            0.5 * most * share * (large + 1.0 / large),
+        )
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_nodes(f: Nodes, entry: float, exit_: float, longrange: bool) -> None:
+def lay_nodes(nodes: Nodes, entry: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
-    theta, weight = f.theta, f.weight
+    theta, weight = nodes.theta, nodes.weight
     centre, half = 0.5 * (entry + exit_), 0.5 * (exit_ - entry)
     before, after = math.pi + entry, math.pi - exit_
-    parts = parts_of(f)
+    parts = parts_of(nodes)
     for part in range(parts):
         first, place = first_of(part), N * (parts - 1 + part)
         for j in range(N):
             theta[first + j] = centre + half * _CONTACT_S[place + j]
             weight[first + j] = half * _CONTACT_W[place + j]
     for j in range(N if longrange else 0):
-        theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
-        theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
+        theta[IN + j], weight[IN + j] = entry - before * nodes.far[j], before * nodes.far_weight[j]
+        theta[OUT + j], weight[OUT + j] = exit_ + after * nodes.far[j], after * nodes.far_weight[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
-    fill_angles(f)
+    fill_angles(nodes)
 
 
 @kernel
-def fill_angles(f: Nodes) -> None:
+def fill_angles(nodes: Nodes) -> None:
     """Fill in sines and cosines of the angles of the nodes."""
-    _turn(f.theta[: count_of(f)], 1.0, f.sin, f.cos)
+    _turn(nodes.theta[: count_of(nodes)], 1.0, nodes.sin, nodes.cos)
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_mode(f: Nodes, mode: Mode) -> None:
+def fill_mode(nodes: Nodes, mode: Mode) -> None:
     """Fill in exp(-lambda theta) of a mode at the nodes."""
-    count, nu = count_of(f), mode.turn
-    theta = f.theta[:count]
+    count, nu = count_of(nodes), mode.turn
+    theta = nodes.theta[:count]
     if abs(nu - 1.0) < 3e-4:
         for j in range(count):  # a small angle more, to third order
             more = (nu - 1.0) * theta[j]
             less = 1.0 - 0.5 * more * more
-            f.turn_sin[j] = f.sin[j] * less + f.cos[j] * more
-            f.turn_cos[j] = f.cos[j] * less - f.sin[j] * more
+            nodes.turn_sin[j] = nodes.sin[j] * less + nodes.cos[j] * more
+            nodes.turn_cos[j] = nodes.cos[j] * less - nodes.sin[j] * more
     else:
-        _turn(theta, nu, f.turn_sin, f.turn_cos)
+        _turn(theta, nu, nodes.turn_sin, nodes.turn_cos)
     slow = -mode.decay < SLOW_DECAY
     step = -0.125 * mode.decay if slow else -mode.decay / 64.0
     for j in range(count):
@@ -152,16 +155,16 @@ def fill_mode(f: Nodes, mode: Mode) -> None:
         grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
         grow *= grow
         grow *= grow
-        f.growth[j] = grow * grow
+        nodes.growth[j] = grow * grow
     for _ in range(0 if slow else 3):
         for j in range(count):
-            f.growth[j] *= f.growth[j]
+            nodes.growth[j] *= nodes.growth[j]
 
 
 @kernel
-def parts_of(f: Nodes) -> int:
+def parts_of(nodes: Nodes) -> int:
     """Number of elements in contact."""
-    return max(f.parts, 1)
+    return max(nodes.parts, 1)
 
 
 @kernel
@@ -171,9 +174,9 @@ def first_of(part: int) -> int:
 
 
 @kernel
-def count_of(f: Nodes) -> int:
+def count_of(nodes: Nodes) -> int:
     """Number of nodes, the two edges of the contact included."""
-    return ALL + (parts_of(f) - 1) * N
+    return ALL + (parts_of(nodes) - 1) * N
 
 
 @kernel
@@ -191,16 +194,16 @@ def parts_needed(oscillator: Oscillator, half: float, depth: float) -> int:
 
 
 @kernel
-def middle_of(f: Nodes) -> int:
+def middle_of(nodes: Nodes) -> int:
     """A node in the middle of the contact."""
-    return TOUCH + N // 2 if parts_of(f) == 1 else first_of(parts_of(f) // 2)
+    return TOUCH + N // 2 if parts_of(nodes) == 1 else first_of(parts_of(nodes) // 2)
 
 
 @kernel
-def clear_motion(f: Nodes) -> None:
+def clear_motion(nodes: Nodes) -> None:
     """Set the motion beyond the first harmonic to zero."""
-    for j in range(count_of(f)):
-        f.w[j], f.u[j] = 0.0, 0.0
+    for j in range(count_of(nodes)):
+        nodes.w[j], nodes.u[j] = 0.0, 0.0
 
 
 @kernel
@@ -211,45 +214,45 @@ def contact_node(k: int) -> int:
 
 @kernel(fastmath=ANY_ORDER)
 def force(
-    oscillator: Oscillator, f: Nodes, amplitude: float, e: float, touching: bool
+    oscillator: Oscillator, nodes: Nodes, amplitude: float, centre: float, touching: bool
 ) -> tuple[float, float, float, float, float, float]:
     """Fill g at the nodes; mean, P, S of g, the work of its conservative part, that of damping, and the virial sum."""
     law, p, lever = oscillator
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     damped = p[DAMPING] != 0.0
-    for part in range(parts_of(f) if touching else 0):
+    for part in range(parts_of(nodes) if touching else 0):
         first = first_of(part)
         for j in range(N):
             i = first + j
-            d = max(amplitude * f.cos[i] + f.w[i] - e, 0.0)
-            turn = f.u[i] - amplitude * f.sin[i]
+            d = max(amplitude * nodes.cos[i] + nodes.w[i] - centre, 0.0)
+            turn = nodes.u[i] - amplitude * nodes.sin[i]
             g = inverse_k * contact_force(law, d, p)
-            weight = GAUSS_WEIGHTS[j] * f.weight[i]
+            weight = GAUSS_WEIGHTS[j] * nodes.weight[i]
             work += weight * g * turn
             if damped:
                 drop = 2.0 * omega * damping(law, d, p) * turn
                 loss += weight * drop * turn
                 g += drop
-            f.g[i] = g
+            nodes.g[i] = g
             mean += weight * g
-            push += weight * g * f.cos[i]
-            drag += weight * g * f.sin[i]
-            virial += weight * g * (amplitude * f.cos[i] + f.w[i])
+            push += weight * g * nodes.cos[i]
+            drag += weight * g * nodes.sin[i]
+            virial += weight * g * (amplitude * nodes.cos[i] + nodes.w[i])
     if p[LONGRANGE] != 0.0:
         for side in range(2):
             first = IN if side == 0 else OUT
             for j in range(N):
                 i = first + j
-                d = min(amplitude * f.cos[i] + f.w[i] - e, 0.0)
+                d = min(amplitude * nodes.cos[i] + nodes.w[i] - centre, 0.0)
                 g = inverse_k * longrange_force(law, d, p)
-                f.g[i] = g
-                weight = GAUSS_WEIGHTS[j] * f.weight[i]
-                work += weight * g * (f.u[i] - amplitude * f.sin[i])
+                nodes.g[i] = g
+                weight = GAUSS_WEIGHTS[j] * nodes.weight[i]
+                work += weight * g * (nodes.u[i] - amplitude * nodes.sin[i])
                 mean += weight * g
-                push += weight * g * f.cos[i]
-                drag += weight * g * f.sin[i]
-                virial += weight * g * (amplitude * f.cos[i] + f.w[i])
+                push += weight * g * nodes.cos[i]
+                drag += weight * g * nodes.sin[i]
+                virial += weight * g * (amplitude * nodes.cos[i] + nodes.w[i])
     return mean / (2 * math.pi), push / math.pi, drag / math.pi, work, loss, virial
 
 
@@ -271,29 +274,33 @@ def first_harmonic(omega: float, mode: Mode, push: float, drag: float) -> tuple[
 
 
 @kernel(fastmath=ANY_ORDER)
-def move_nodes(f: Nodes, amplitude: float, e: float, touching: bool, longrange: bool) -> None:
+def move_nodes(nodes: Nodes, amplitude: float, centre: float, touching: bool, longrange: bool) -> None:
     """Move the nodes to where the contact is now, and w with them."""
-    count, before = count_of(f), f.re
-    theta = f.theta[:count]
+    count, before = count_of(nodes), nodes.re
+    theta = nodes.theta[:count]
     copy(theta, before)
     entry, exit_ = 0.0, 0.0
     if touching:
-        entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
-        exit_ = theta[EXIT] - (amplitude * f.cos[EXIT] + f.w[EXIT] - e) / (f.u[EXIT] - amplitude * f.sin[EXIT])
-    lay_nodes(f, entry, exit_, longrange)
+        entry = theta[ENTRY] - (amplitude * nodes.cos[ENTRY] + nodes.w[ENTRY] - centre) / (
+            nodes.u[ENTRY] - amplitude * nodes.sin[ENTRY]
+        )
+        exit_ = theta[EXIT] - (amplitude * nodes.cos[EXIT] + nodes.w[EXIT] - centre) / (
+            nodes.u[EXIT] - amplitude * nodes.sin[EXIT]
+        )
+    lay_nodes(nodes, entry, exit_, longrange)
     for j in range(count):
-        f.w[j] += f.u[j] * (theta[j] - before[j])
+        nodes.w[j] += nodes.u[j] * (theta[j] - before[j])
 
 
 @kernel
-def cut_contact(f: Nodes, finer: Nodes, longrange: bool) -> None:
+def cut_contact(nodes: Nodes, finer: Nodes, longrange: bool) -> None:
     """Carry an orbit over to nodes that cut each part of its contact in two."""
-    finer.parts = 2 * parts_of(f)
-    copy(f.far, finer.far)
-    copy(f.far_weight, finer.far_weight)
-    lay_nodes(finer, f.theta[ENTRY], f.theta[EXIT], longrange)
-    _interpolate(f.w, parts_of(f), finer.w)
-    _interpolate(f.u, parts_of(f), finer.u)
+    finer.parts = 2 * parts_of(nodes)
+    copy(nodes.far, finer.far)
+    copy(nodes.far_weight, finer.far_weight)
+    lay_nodes(finer, nodes.theta[ENTRY], nodes.theta[EXIT], longrange)
+    _interpolate(nodes.w, parts_of(nodes), finer.w)
+    _interpolate(nodes.u, parts_of(nodes), finer.u)
 
 
 @kernel

@@ -12,7 +12,7 @@ from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q
 from phasemap._kernels.orbits.averaged.sides import Maximum, put_averaged_orbit
 from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, converge, start_passes
-from phasemap._kernels.orbits.response.sound import orbit_is_kept
+from phasemap._kernels.orbits.response.stability import orbit_is_kept
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.records import assign, clear, record
 
@@ -85,7 +85,7 @@ def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.n
 
 @kernel(shared=True)
 def _pass_from(
-    oscillator: Oscillator, reach: float, guess: np.ndarray, e: float, limits: np.ndarray, room: Room
+    oscillator: Oscillator, reach: float, guess: np.ndarray, centre: float, limits: np.ndarray, room: Room
 ) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.
 
@@ -94,7 +94,7 @@ def _pass_from(
     p, lever = oscillator.p, oscillator.lever
     f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
     clear(state)
-    state.amplitude, state.centre, state.slope, state.seen = guess[col.G_A], e, guess[col.G_SLOPE], room.seen
+    state.amplitude, state.centre, state.slope, state.seen = guess[col.G_A], centre, guess[col.G_SLOPE], room.seen
     if not start_passes(oscillator, reach, f, state):
         return False
     state.parts = parts_of(f)

@@ -71,7 +71,7 @@ def passes_contract_slowly(lever: np.ndarray) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def quadrature_error(lever: np.ndarray, f: Nodes, state: PassState, touching: bool, longrange: bool) -> float:
+def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and mean deflection [m] from the finite number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
@@ -79,18 +79,18 @@ def quadrature_error(lever: np.ndarray, f: Nodes, state: PassState, touching: bo
     than a hundredth is taken. What the nodes miss of the motion by higher modes counts as if e were off by it.
     """
     rest = 0.0
-    for element in range(2 + parts_of(f)):
+    for element in range(2 + parts_of(nodes)):
         if not (longrange if element == 0 or element == 2 else touching):
             continue
         even, odd, size, first = 0.0, 0.0, 0.0, N * element if element < 3 else first_of(element - 2)
         for j in range(N):
-            share = f.g[first + j] * f.weight[first + j]
+            share = nodes.g[first + j] * nodes.weight[first + j]
             even += HIGHEST[0, j] * share
             odd += HIGHEST[1, j] * share
             size += GAUSS_WEIGHTS[j] * abs(share)
         rest += (abs(even) + abs(odd)) ** 2 / max(size, 1e-300)
     rest *= SHARE_BESIDE if beside_resonance(lever) else SHARE_WITHIN
-    return rest + 0.5 * f.missed * abs(state.slope) * lever[DRIVE]
+    return rest + 0.5 * nodes.missed * abs(state.slope) * lever[DRIVE]
 
 
 @kernel
@@ -119,7 +119,7 @@ def estimate_pass_errors(
 
 
 @kernel
-def start_passes(oscillator: Oscillator, reach: float, f: Nodes, state: PassState) -> bool:
+def start_passes(oscillator: Oscillator, reach: float, nodes: Nodes, state: PassState) -> bool:
     """Lay the nodes of the harmonic orbit with the state's amplitude and centre e; False if it is out of range."""
     p, lever, amplitude, e = oscillator.p, oscillator.lever, state.amplitude, state.centre
     c = e / amplitude
@@ -127,19 +127,19 @@ def start_passes(oscillator: Oscillator, reach: float, f: Nodes, state: PassStat
         return False
     edge = math.acos(c) if c < 1.0 else 0.0
     if modes_of(lever) > 1:
-        f.parts = parts_needed(oscillator, edge, amplitude - e)
-        if f.parts > MOST_PARTS:
+        nodes.parts = parts_needed(oscillator, edge, amplitude - e)
+        if nodes.parts > MOST_PARTS:
             return False
     if p[LONGRANGE] != 0.0:
-        grade_outer_nodes(f, amplitude, e, reach, edge)
-    lay_nodes(f, -edge, edge, p[LONGRANGE] != 0.0)
-    clear_motion(f)
-    evaluate_nodes(oscillator, f, state, c < 1.0)
+        grade_outer_nodes(nodes, amplitude, e, reach, edge)
+    lay_nodes(nodes, -edge, edge, p[LONGRANGE] != 0.0)
+    clear_motion(nodes)
+    evaluate_nodes(oscillator, nodes, state, c < 1.0)
     return True
 
 
 @kernel
-def balance_drive(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool, lift: float) -> float:
+def balance_drive(oscillator: Oscillator, nodes: Nodes, state: PassState, touching: bool, lift: float) -> float:
     """Move the centre e until the drive needed is that given, at fixed w; returns the mismatch left.
 
     The tip that w lifts by so much [m] is first lowered by as much, which leaves its depth and nearly its force.
@@ -148,8 +148,8 @@ def balance_drive(oscillator: Oscillator, f: Nodes, state: PassState, touching: 
     amplitude, longrange, hold = state.amplitude, p[LONGRANGE] != 0.0, math.isnan(lift)
     if not hold:
         state.centre += lift
-    move_nodes(f, amplitude, state.centre, touching, longrange)
-    h = evaluate_nodes(oscillator, f, state, touching)
+    move_nodes(nodes, amplitude, state.centre, touching, longrange)
+    h = evaluate_nodes(oscillator, nodes, state, touching)
     if hold:
         return h
     for _ in range(MOST_MOVES):
@@ -158,8 +158,8 @@ def balance_drive(oscillator: Oscillator, f: Nodes, state: PassState, touching: 
         before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
-        move_nodes(f, amplitude, state.centre, touching, longrange)
-        h = evaluate_nodes(oscillator, f, state, touching)
+        move_nodes(nodes, amplitude, state.centre, touching, longrange)
+        h = evaluate_nodes(oscillator, nodes, state, touching)
         update_slopes(state, move, h, before)
     return h
 

@@ -127,31 +127,33 @@ def lag_after_turn(share: float, given: np.ndarray, x: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_relaxing(f: Nodes, entry: float, turn: float, exit_: float, longrange: bool) -> None:
+def lay_relaxing(nodes: Nodes, entry: float, turn: float, exit_: float, longrange: bool) -> None:
     """Place the nodes: contact from entry to its turn and on to its end, and outside, the finer the nearer."""
-    theta, weight = f.theta, f.weight
+    theta, weight = nodes.theta, nodes.weight
     before, after = math.pi + entry, math.pi - exit_
     for j in range(N):
         theta[TOUCH + j], weight[TOUCH + j] = turn + (turn - entry) * EARLY_S[j], (turn - entry) * EARLY_W[j]
         theta[LATE + j], weight[LATE + j] = turn + (exit_ - turn) * LATE_S[j], (exit_ - turn) * LATE_W[j]
         if longrange:
-            theta[IN + j], weight[IN + j] = entry - before * f.far[j], before * f.far_weight[j]
-            theta[OUT + j], weight[OUT + j] = exit_ + after * f.far[j], after * f.far_weight[j]
+            theta[IN + j], weight[IN + j] = entry - before * nodes.far[j], before * nodes.far_weight[j]
+            theta[OUT + j], weight[OUT + j] = exit_ + after * nodes.far[j], after * nodes.far_weight[j]
     theta[ENTRY], theta[EXIT], theta[TURN_NODE] = entry, exit_, turn
-    fill_angles(f)
+    fill_angles(nodes)
 
 
 @kernel(fastmath=ANY_ORDER)
-def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> None:
+def follow_contact(
+    p: np.ndarray, lever: np.ndarray, nodes: Nodes, amplitude: float, centre: float, memory: ContactMemory
+) -> None:
     """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
-    time, turn = lever[OMEGA] * p[col.RELAXATION], f.theta[TURN_NODE]
-    early, late = (turn - f.theta[ENTRY]) / time, (f.theta[EXIT] - turn) / time
-    depth, seen, inside, given, x = m.depth, m.seen, m.inside, m.early_seen, m.early_inside
+    time, turn = lever[OMEGA] * p[col.RELAXATION], nodes.theta[TURN_NODE]
+    early, late = (turn - nodes.theta[ENTRY]) / time, (nodes.theta[EXIT] - turn) / time
+    depth, seen, inside, given, x = memory.depth, memory.seen, memory.inside, memory.early_seen, memory.early_inside
     for j in range(N):
-        depth[j] = amplitude * f.cos[TOUCH + j] + f.w[TOUCH + j] - e
-        depth[N + j] = amplitude * f.cos[LATE + j] + f.w[LATE + j] - e
-        m.rate[j] = f.u[TOUCH + j] - amplitude * f.sin[TOUCH + j]
-    depth[END_NODE] = amplitude * f.cos[EXIT] + f.w[EXIT] - e
+        depth[j] = amplitude * nodes.cos[TOUCH + j] + nodes.w[TOUCH + j] - centre
+        depth[N + j] = amplitude * nodes.cos[LATE + j] + nodes.w[LATE + j] - centre
+        memory.rate[j] = nodes.u[TOUCH + j] - amplitude * nodes.sin[TOUCH + j]
+    depth[END_NODE] = amplitude * nodes.cos[EXIT] + nodes.w[EXIT] - centre
     lag_before_turn(early, depth, x)
     at_turn = 0.0
     for j in range(N):
@@ -170,98 +172,107 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float,
 
 
 @kernel(fastmath=ANY_ORDER)
-def look_back(p: np.ndarray, lever: np.ndarray, f: Nodes, m: ContactMemory) -> None:
+def look_back(p: np.ndarray, lever: np.ndarray, nodes: Nodes, memory: ContactMemory) -> None:
     """Correct where early the edge was as it is at late nodes, by a step of Newton's method; what was there."""
-    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], f.theta[TURN_NODE]
-    half = turn - f.theta[ENTRY]
+    time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], nodes.theta[TURN_NODE]
+    half = turn - nodes.theta[ENTRY]
     for j in range(N, 2 * N):
-        at, below = m.place[j], 0.0
+        at, below = memory.place[j], 0.0
         d, seen, inside, rate = 0.0, 0.0, 0.0, 0.0
         for k in range(N):
             gap = at - GAUSS_X[k]
             share = BARYCENTRIC[k] / (gap if gap != 0.0 else 1e-30)
             below += share
-            d += share * m.depth[k]
-            seen += share * m.seen[k]
-            inside += share * m.inside[k]
-            rate += share * m.rate[k]
+            d += share * memory.depth[k]
+            seen += share * memory.seen[k]
+            inside += share * memory.inside[k]
+            rate += share * memory.rate[k]
         d, seen, inside, rate = d / below, seen / below, inside / below, rate / below
         back = 0.5 * math.pi * (1.0 - at)
-        kept = math.exp((turn - half * math.sin(back) - f.theta[LATE + j - N]) / time)
-        off = (1.0 - kappa) * d + kappa * (m.seen[j] - (seen - d) * kept) - m.depth[j]
+        kept = math.exp((turn - half * math.sin(back) - nodes.theta[LATE + j - N]) / time)
+        off = (1.0 - kappa) * d + kappa * (memory.seen[j] - (seen - d) * kept) - memory.depth[j]
         wide = half * 0.5 * math.pi * math.cos(back)
         move = -off / (rate * (1.0 - kappa + kappa * kept) * wide)
         move = min(max(move, -LONGEST_SEARCH_STEP * at), LONGEST_SEARCH_STEP * (1.0 - at))
-        m.place[j] = at + move
+        memory.place[j] = at + move
         move *= wide
-        m.early_depth[j], m.early_seen[j] = d + move * rate, seen + move * (d - seen) / time
-        m.early_inside[j] = inside + move * (2.0 / 3.0 * max(d, 0.0) ** 1.5 - inside) / time
-        m.kept[j] = kept * (1.0 + move / time)
+        memory.early_depth[j], memory.early_seen[j] = d + move * rate, seen + move * (d - seen) / time
+        memory.early_inside[j] = inside + move * (2.0 / 3.0 * max(d, 0.0) ** 1.5 - inside) / time
+        memory.kept[j] = kept * (1.0 + move / time)
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay_relaxing(p: np.ndarray, lever: np.ndarray, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> None:
+def relay_relaxing(
+    p: np.ndarray, lever: np.ndarray, nodes: Nodes, amplitude: float, centre: float, memory: ContactMemory
+) -> None:
     """Move the nodes to where the contact begins, turns and ends now, and the response w [m] with them.
 
     It begins where the depth amplitude cos + w - e is 0, turns where that is largest, and ends where the depth is that
     of the dent, RELAXING times the depth that the arm has seen: one step of Newton's method each.
     """
-    theta, i, j = f.theta, TOUCH + N - 1, LATE
-    before = f.re
+    theta, i, j = nodes.theta, TOUCH + N - 1, LATE
+    before = nodes.re
     copy(theta, before)
     time, kappa, longrange = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], p[LONGRANGE] != 0.0
-    entry = theta[ENTRY] - (amplitude * f.cos[ENTRY] + f.w[ENTRY] - e) / (f.u[ENTRY] - amplitude * f.sin[ENTRY])
-    rise, fall = f.u[i] - amplitude * f.sin[i], f.u[j] - amplitude * f.sin[j]
+    entry = theta[ENTRY] - (amplitude * nodes.cos[ENTRY] + nodes.w[ENTRY] - centre) / (
+        nodes.u[ENTRY] - amplitude * nodes.sin[ENTRY]
+    )
+    rise, fall = nodes.u[i] - amplitude * nodes.sin[i], nodes.u[j] - amplitude * nodes.sin[j]
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
-    d, seen = amplitude * f.cos[EXIT] + f.w[EXIT] - e, m.seen[END_NODE]
-    exit_ = theta[EXIT] - (d - kappa * seen) / (f.u[EXIT] - amplitude * f.sin[EXIT] - kappa * (d - seen) / time)
-    lay_relaxing(f, entry, turn, exit_, longrange)
+    d, seen = amplitude * nodes.cos[EXIT] + nodes.w[EXIT] - centre, memory.seen[END_NODE]
+    exit_ = theta[EXIT] - (d - kappa * seen) / (nodes.u[EXIT] - amplitude * nodes.sin[EXIT] - kappa * (d - seen) / time)
+    lay_relaxing(nodes, entry, turn, exit_, longrange)
     for j in range(len(theta)):
-        f.w[j] += f.u[j] * (theta[j] - before[j])
+        nodes.w[j] += nodes.u[j] * (theta[j] - before[j])
 
 
 @kernel
-def dent_of(p: np.ndarray, lever: np.ndarray, m: ContactMemory) -> tuple[float, float]:
+def dent_of(p: np.ndarray, lever: np.ndarray, memory: ContactMemory) -> tuple[float, float]:
     """Dent [m] under the tip where the contact ends, and the rate over the angle at which it comes back."""
-    return p[col.RELAXING] * m.seen[END_NODE], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
+    return p[col.RELAXING] * memory.seen[END_NODE], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
-def _added(sums: Sums, f: Nodes, i: int, weight: float, amplitude: float) -> Sums:
+def _added(sums: Sums, nodes: Nodes, i: int, weight: float, amplitude: float) -> Sums:
     """Mean, P and S of g, its work and virial sum, with those of a node."""
     mean, push, drag, work, virial = sums
-    share = weight * f.weight[i] * f.g[i]
+    share = weight * nodes.weight[i] * nodes.g[i]
     return (
-        mean + share, push + share * f.cos[i], drag + share * f.sin[i],
-        work + share * (f.u[i] - amplitude * f.sin[i]), virial + share * (amplitude * f.cos[i] + f.w[i]),
+        mean + share, push + share * nodes.cos[i], drag + share * nodes.sin[i],
+        work + share * (nodes.u[i] - amplitude * nodes.sin[i]),
+        virial + share * (amplitude * nodes.cos[i] + nodes.w[i]),
     )  # fmt: skip
 
 
 @kernel(fastmath=ANY_ORDER)
-def relaxing_force(oscillator: Oscillator, f: Nodes, amplitude: float, e: float, m: ContactMemory) -> Sums:
+def relaxing_force(
+    oscillator: Oscillator, nodes: Nodes, amplitude: float, centre: float, memory: ContactMemory
+) -> Sums:
     """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
     law, p, lever = oscillator
     inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
     pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k
     for j in range(N):
-        d = max(m.depth[j], 0.0)
-        f.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * m.inside[j]) + pull
-        sums = _added(sums, f, TOUCH + j, GAUSS_WEIGHTS[j], amplitude)
+        d = max(memory.depth[j], 0.0)
+        nodes.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * memory.inside[j]) + pull
+        sums = _added(sums, nodes, TOUCH + j, GAUSS_WEIGHTS[j], amplitude)
     for j in range(N, 2 * N):
-        q2 = max(m.early_depth[j], 0.0)
+        q2 = max(memory.early_depth[j], 0.0)
         q, third = math.sqrt(q2), q2 / 3.0
-        y = q * (m.seen[j] - third) - m.kept[j] * (q * (m.early_seen[j] - third) - m.early_inside[j])
-        f.g[LATE + j - N] = stiff * (q * (m.depth[j] - third) - kappa * y) + pull
-        sums = _added(sums, f, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
+        y = q * (memory.seen[j] - third) - memory.kept[j] * (
+            q * (memory.early_seen[j] - third) - memory.early_inside[j]
+        )
+        nodes.g[LATE + j - N] = stiff * (q * (memory.depth[j] - third) - kappa * y) + pull
+        sums = _added(sums, nodes, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
     if p[LONGRANGE] != 0.0:
-        dent, recovery = dent_of(p, lever, m)
+        dent, recovery = dent_of(p, lever, memory)
         for j in range(N):
-            d = amplitude * f.cos[IN + j] + f.w[IN + j] - e
-            f.g[IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
-            sums = _added(sums, f, IN + j, GAUSS_WEIGHTS[j], amplitude)
-            d = amplitude * f.cos[OUT + j] + f.w[OUT + j] - e
-            d -= dent * math.exp((f.theta[EXIT] - f.theta[OUT + j]) * recovery)
-            f.g[OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
-            sums = _added(sums, f, OUT + j, GAUSS_WEIGHTS[j], amplitude)
+            d = amplitude * nodes.cos[IN + j] + nodes.w[IN + j] - centre
+            nodes.g[IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
+            sums = _added(sums, nodes, IN + j, GAUSS_WEIGHTS[j], amplitude)
+            d = amplitude * nodes.cos[OUT + j] + nodes.w[OUT + j] - centre
+            d -= dent * math.exp((nodes.theta[EXIT] - nodes.theta[OUT + j]) * recovery)
+            nodes.g[OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
+            sums = _added(sums, nodes, OUT + j, GAUSS_WEIGHTS[j], amplitude)
     mean, push, drag, work, virial = sums
     return mean / (2.0 * math.pi), push / math.pi, drag / math.pi, work, virial

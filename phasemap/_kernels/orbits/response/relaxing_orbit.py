@@ -53,7 +53,7 @@ from phasemap._kernels.orbits.response.relaxing import (
     relaxing_force,
     relay_relaxing,
 )
-from phasemap._kernels.orbits.response.sound import orbit_is_kept
+from phasemap._kernels.orbits.response.stability import orbit_is_kept
 from phasemap._kernels.orbits.response.state import PassState
 from phasemap._kernels.records import clear
 
@@ -141,7 +141,7 @@ def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float
 
 
 @kernel
-def relaxation_quadrature_error(p: np.ndarray, f: Nodes, m: ContactMemory) -> float:
+def relaxation_quadrature_error(p: np.ndarray, nodes: Nodes, memory: ContactMemory) -> float:
     """Estimated error of P and S [m] from the finite number of nodes for the delayed depth D.
 
     That of D is some sixtieth of what their highest polynomials find, where the contact lasts for 1 to 50 relaxation
@@ -149,11 +149,11 @@ def relaxation_quadrature_error(p: np.ndarray, f: Nodes, m: ContactMemory) -> fl
     """
     even, odd, size = 0.0, 0.0, 0.0
     for j in range(N):
-        behind = m.depth[j] - m.seen[j]
+        behind = memory.depth[j] - memory.seen[j]
         even += HIGHEST[0, j] * behind
         odd += HIGHEST[1, j] * behind
-        size += GAUSS_WEIGHTS[j] * f.weight[TOUCH + j] * abs(f.g[TOUCH + j])
-    return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / m.depth[N - 1] * size
+        size += GAUSS_WEIGHTS[j] * nodes.weight[TOUCH + j] * abs(nodes.g[TOUCH + j])
+    return UNFOLLOWED * p[col.RELAXING] * (abs(even) + abs(odd)) / memory.depth[N - 1] * size
 
 
 @kernel
@@ -197,7 +197,7 @@ def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def energy_defect(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool) -> float:
+def energy_defect(lever: np.ndarray, nodes: Nodes, state: PassState, longrange: bool) -> float:
     """Energy supplied less energy lost per period, over stiffness, with air damping of the higher harmonics."""
     amplitude, omega, alpha0 = state.amplitude, lever[OMEGA], lever[ALPHA0]
     left, at = -math.pi * amplitude * state.drag - state.loss, np.zeros((3, 4 * N))
@@ -206,14 +206,14 @@ def energy_defect(lever: np.ndarray, f: Nodes, state: PassState, longrange: bool
         first = LATE if part == 3 else N * part
         for j in range(N if longrange or part == 1 or part == 3 else 0):
             i, k = first + j, N * part + j
-            share[k] = GAUSS_WEIGHTS[j] * f.weight[i] * f.g[i] / math.pi
-            cosine[k], sine[k] = f.cos[i], f.sin[i]
+            share[k] = GAUSS_WEIGHTS[j] * nodes.weight[i] * nodes.g[i] / math.pi
+            cosine[k], sine[k] = nodes.cos[i], nodes.sin[i]
     for n in range(2, AIR_HARMONICS):
         re, im = 0.0, 0.0
         for k in range(4 * N):
             i = k if k < 3 * N else LATE + k - 3 * N
-            c = cosine[k] * f.cos[i] - sine[k] * f.sin[i]
-            sine[k] = sine[k] * f.cos[i] + cosine[k] * f.sin[i]
+            c = cosine[k] * nodes.cos[i] - sine[k] * nodes.sin[i]
+            sine[k] = sine[k] * nodes.cos[i] + cosine[k] * nodes.sin[i]
             cosine[k] = c
             re += share[k] * c
             im += share[k] * sine[k]

@@ -56,11 +56,11 @@ class PassState:
 
 
 @kernel(fastmath=ANY_ORDER)
-def evaluate_nodes(oscillator: Oscillator, f: Nodes, state: PassState, touching: bool) -> float:
+def evaluate_nodes(oscillator: Oscillator, nodes: Nodes, state: PassState, touching: bool) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     lever = oscillator.lever
     amplitude = state.amplitude
-    mean, push, drag, work, loss, virial = force(oscillator, f, amplitude, state.centre, touching)
+    mean, push, drag, work, loss, virial = force(oscillator, nodes, amplitude, state.centre, touching)
     state.mean_force, state.push, state.drag = mean, push, drag
     state.work, state.loss, state.virial = work, loss, virial
     return mismatch(lever, amplitude, push, drag)
@@ -80,7 +80,7 @@ def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
 
 
 @kernel
-def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.ndarray) -> None:
+def fill_row_from_passes(lever: np.ndarray, nodes: Nodes, state: PassState, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit."""
     amplitude, stiffness = state.amplitude, lever[STIFFNESS]
     move = state.move
@@ -89,7 +89,7 @@ def fill_row_from_passes(lever: np.ndarray, f: Nodes, state: PassState, row: np.
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN] = state.tip_offset, mean
     row[col.PHASE], row[col.AMPLITUDE] = state.phase, amplitude
-    row[col.INDENTATION] = (state.apex if state.apex > 0.0 else apex_of(f, amplitude)) - state.centre
+    row[col.INDENTATION] = (state.apex if state.apex > 0.0 else apex_of(nodes, amplitude)) - state.centre
     row[col.DISSIPATION] = stiffness * state.loss
     row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
     row[col.STIFFENING] = push / amplitude

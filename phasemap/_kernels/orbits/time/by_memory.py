@@ -47,7 +47,7 @@ def lingering(oscillator: Oscillator) -> float:
 
 
 @intrinsic
-def by_memory(_context: Any, law: Any, p: Any, lever: Any, z0: Any, eta: Any, y: Any, acc: Any) -> Any:
+def by_memory(_context: Any, law: Any, p: Any, lever: Any, z0: Any, step_size: Any, y: Any, acc: Any) -> Any:
     """March one period over a surface that remembers; arguments as for `march.march_period`."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -74,9 +74,11 @@ IN_PYTHON: list[Any] = []
 """`march_relaxing`, put here by `compiled_memory` where numba's compiler is off."""
 
 
-def _by_python(law: Law, p: Any, lever: np.ndarray, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
+def _by_python(
+    law: Law, p: Any, lever: np.ndarray, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult
+) -> int:
     """The same where numba's compiler is off."""
-    return int(IN_PYTHON[0](Oscillator(law, p, lever), z0, eta, y, acc))
+    return int(IN_PYTHON[0](Oscillator(law, p, lever), z0, step_size, y, acc))
 
 
 if numba.config.DISABLE_JIT:

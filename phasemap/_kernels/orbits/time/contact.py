@@ -130,7 +130,7 @@ def fill_own_slopes(contact: Any, off: bool, many: bool, push: Any, y: Moved, a:
 
 
 @Chosen
-def step_length(contact: Any, beam: Beam, eta: float, motion: Motion) -> float:
+def step_length(contact: Any, beam: Beam, step_size: float, motion: Motion) -> float:
     """Length of the next step; infinite where nothing acts on a lever with several modes, which then flies exactly."""
     raise NotImplementedError
 

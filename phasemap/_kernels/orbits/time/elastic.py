@@ -141,12 +141,12 @@ def _fill_own_slopes(contact: Elastic, off: bool, many: bool, push: Push, y: Mov
 
 @step_length.of(Elastic)
 @kernel(inline=True)
-def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> float:
+def _step_length(contact: Elastic, beam: Beam, step_size: float, motion: Motion) -> float:
     u, now, neck = motion.here.at, contact.now, contact.neck
     if now.mode == OFF_SURFACE:
         if flies_freely(contact, beam):
             return math.inf
-        return eta / flight_rate(contact, beam, u.x, u.v)
+        return step_size / flight_rate(contact, beam, u.x, u.v)
     # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
     rate = contact_rate(contact, beam, now.bottom, u.x)
     rate += pull_in_contact(contact, beam, beam.z0 + now.bottom + u.x * u.x, u) + (CONTACT_WEIGHT * u.v / now.deep) ** 2
@@ -154,7 +154,7 @@ def _step_length(contact: Elastic, beam: Beam, eta: float, motion: Motion) -> fl
         rate += 4 * u.x * u.x * approach_square(contact, beam, now.bottom + u.x * u.x, u.v, True)
     if neck > 0 and now.mode == IN_CONTACT:
         rate += (CONTACT_WEIGHT * u.v) ** 2 / (u.x * u.x + neck * neck)  # the root at release, seen from contact
-    return eta / math.sqrt(rate)
+    return step_size / math.sqrt(rate)
 
 
 @edge_of.of(Elastic)
@@ -235,7 +235,7 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
 
 
 @kernel(shared=True)
-def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
+def march_elastic(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
     """March for a period of the drive over a surface without memory: see `march.march_period`."""
     # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
     law, p, lever = oscillator
@@ -256,7 +256,7 @@ def march_elastic(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, 
     elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
         _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
     here = Here(contact, beam)
-    steps = march_through(here, eta, motion)
+    steps = march_through(here, step_size, motion)
     touches = contact.now.mode != OFF_SURFACE
     if contact.neck > 0 or law.lossy != 0:
         y[TOUCHES] = (WITHDRAWING if contact.now.withdrawing == 1 else 1.0) if touches else 0.0

@@ -22,22 +22,22 @@ FORMING_STEP = 0.1  # of the amplitude: a longer step leads elsewhere
 
 
 @kernel
-def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most: int, tip: Tip) -> bool:
-    """Let time pass at the amplitude `target` until dents are at rest; False if that may take more than `most` periods.
+def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most_periods: int, tip: Tip) -> bool:
+    """Let time pass at the amplitude `target` until dents are at rest; False if it may take more than so many periods.
 
     The tip goes on ahead as the map of one period says, whose derivatives are taken anew now and then.
     """
     lever = oscillator.lever
-    eta, y_limit, z0_limit = tolerance
+    step_size, y_limit, z0_limit = tolerance
     u, linear, y, share = tip.u, tip.linear, np.empty(len(tip.u)), lingering(oscillator)
     now, ahead = Change(), Way()
-    if share == 0 or FORMING_TIME > -math.log(share) * most:
+    if share == 0 or FORMING_TIME > -math.log(share) * most_periods:
         return False
     tip.periods.formed = 1
     way = math.inf
-    while tip.periods.marched < most:
+    while tip.periods.marched < most_periods:
         if way > FORMING_WAY * target:
-            if not linearise_period(oscillator, eta, tip):
+            if not linearise_period(oscillator, step_size, tip):
                 return False
             fill_way_to_rest(linear, linear.now, target, ahead)
             way = 0.0
@@ -47,7 +47,7 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
         part = min(FORMING_STEP * target / step, 1.0)
         way += part * step
         move_state(lever, ahead, part, u)
-        if not pass_from(oscillator, eta, tip, u, u[Z0], y):
+        if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
             return False
         copy_memory(y, u)
         fill_change(lever, u, y, tip.acc, now)

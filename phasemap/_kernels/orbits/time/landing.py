@@ -28,9 +28,9 @@ def state_in_row(lever: np.ndarray, row: np.ndarray) -> np.ndarray:
 
 @kernel
 def land_on(
-    oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most: int
+    oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most_periods: int
 ) -> tuple[int, int]:
-    """Index of the orbit that a tip settles on, -1 if none within `most` periods, and the periods that it took.
+    """Index of the orbit that a tip settles on, -1 if none within `most_periods` periods, and the periods that it took.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def land_on(
     """
     acc = PeriodResult()
     streak, last = 0, -1
-    for period in range(most):
+    for period in range(most_periods):
         if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
             return -1, period
         near, best = -1, math.inf
@@ -55,11 +55,13 @@ def land_on(
         last = near
         if streak >= LANDED_PERIODS:
             return near, period + 1
-    return -1, most
+    return -1, most_periods
 
 
 @kernel
-def land_free(oscillator: Oscillator, z0: float, y: np.ndarray, close: float, most: int, row: np.ndarray) -> bool:
+def land_free(
+    oscillator: Oscillator, z0: float, y: np.ndarray, close: float, most_periods: int, row: np.ndarray
+) -> bool:
     """Fill a result row with the motion on which a tip settles that is let go in state y; False if it does not.
 
     It has settled when the lock-in's outputs change by less than `close` [m] from one ring-down time to the next.
@@ -68,7 +70,7 @@ def land_free(oscillator: Oscillator, z0: float, y: np.ndarray, close: float, mo
     acc = PeriodResult()
     ring, streak = int(1.0 / (2.0 * math.pi * slowest_decay(lever))) + 1, 0
     cosine, sine = math.inf, math.inf
-    for period in range(most):
+    for period in range(most_periods):
         if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
             return False
         if period % ring != ring - 1:

@@ -36,27 +36,27 @@ class Flow:
 
 
 @kernel
-def _change(oscillator: Oscillator, eta: float, tip: Tip, at: complex, z0: float, y: np.ndarray) -> complex:
+def _change(oscillator: Oscillator, step_size: float, tip: Tip, at: complex, z0: float, y: np.ndarray) -> complex:
     """Change of z + i z' in a period from there at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = at.real, at.imag, z0
     tip.periods.marched += 1
-    if march_period(oscillator, z0, eta, y, tip.acc) < 0:
+    if march_period(oscillator, z0, step_size, y, tip.acc) < 0:
         return complex(math.nan, math.nan)
     return complex(y[Z], y[V]) - at
 
 
 @kernel
-def begin_flow(oscillator: Oscillator, eta: float, pace: float, tip: Tip, flow: Flow) -> bool:
+def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, flow: Flow) -> bool:
     """March the period to come, in which z0 falls by `pace` [m], which `flow` then knows."""
     u = tip.u
-    k = _change(oscillator, eta, tip, complex(u[Z], u[V]), u[Z0] - pace, np.empty(len(u)))
+    k = _change(oscillator, step_size, tip, complex(u[Z], u[V]), u[Z0] - pace, np.empty(len(u)))
     flow.z, flow.v, flow.count = k.real, k.imag, FEWEST_IN_STEP
     return math.isfinite(flow.z + flow.v)
 
 
 @kernel
-def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, tip: Tip, flow: Flow) -> int:
+def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: float, tip: Tip, flow: Flow) -> int:
     """Carry a tip, which falls by `pace` [m] a period, over as many periods as an error `allowed` [m] lets it.
 
     Returns how many; 0 if the march fails. tip.acc is what the period to come gives.
@@ -70,10 +70,10 @@ def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, t
         x = 1.0 / n
         b2, b3 = (1.0 - x) * (1.0 + 4.0 * x) / 3.0, 4.0 / 9.0 * (1.0 - x) * (1.0 - 2.0 * x)
         half, more = 0.5 * n, 0.75 * n
-        k2 = _change(oscillator, eta, tip, at + half * k1, z0 - half * pace, y)
-        k3 = _change(oscillator, eta, tip, at + more * k2, z0 - more * pace, y)
+        k2 = _change(oscillator, step_size, tip, at + half * k1, z0 - half * pace, y)
+        k3 = _change(oscillator, step_size, tip, at + more * k2, z0 - more * pace, y)
         end = at + n * ((1.0 - b2 - b3) * k1 + b2 * k2 + b3 * k3)
-        k4 = _change(oscillator, eta, tip, end, z0 - n * pace, y)
+        k4 = _change(oscillator, step_size, tip, end, z0 - n * pace, y)
         off = -5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4
         error = n * math.hypot(off.real, off.imag / omega) / allowed
         if not math.isfinite(error):
@@ -84,7 +84,7 @@ def pass_many(oscillator: Oscillator, eta: float, pace: float, allowed: float, t
         n = int(share * n)
     else:
         share, n, end = n + 1.0, 1, at + k1
-        k4 = _change(oscillator, eta, tip, end, z0 - pace, y)
+        k4 = _change(oscillator, step_size, tip, end, z0 - pace, y)
     u[Z], u[V], u[Z0] = end.real, end.imag, u[Z0] - n * pace
     flow.z, flow.v, flow.count = k4.real, k4.imag, share * n
     return n if math.isfinite(flow.z + flow.v) else 0

@@ -27,13 +27,13 @@ SAME_STATE = 1e-3  # of the free amplitude, below which a fraction of n may do
 
 
 @kernel
-def distance_after(oscillator: Oscillator, eta: float, count: int, tip: Tip) -> float:
+def distance_after(oscillator: Oscillator, step_size: float, count: int, tip: Tip) -> float:
     """Distance [m] between the motion now and after `count` periods at the same tip offset."""
     lever = oscillator.lever
     y = tip.u.copy()
     tip.periods.marched += count
     for _ in range(count):
-        if march_period(oscillator, tip.u[Z0], eta, y, tip.acc) < 0:
+        if march_period(oscillator, tip.u[Z0], step_size, y, tip.acc) < 0:
             return math.inf
     return math.hypot(y[Z] - tip.u[Z], (y[V] - tip.u[V]) / lever[col.OMEGA])
 
@@ -44,7 +44,9 @@ def shorten(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Ti
     lever = oscillator.lever
     count = tip.periods.pattern
     for n in range(1, count):
-        if count % n == 0 and distance_after(oscillator, tolerance.eta, n, tip) < SAME_STATE * free_amplitude(lever):
+        if count % n == 0 and distance_after(oscillator, tolerance.step_size, n, tip) < SAME_STATE * free_amplitude(
+            lever
+        ):
             tip.periods.pattern = n
             if skip(oscillator, tolerance, target, tip):
                 return True
@@ -62,7 +64,7 @@ def find_pattern(oscillator: Oscillator, tolerance: Tolerance, target: float, ti
     u, way, size = tip.u, np.empty((PERIODS_COMPARED, 2)), free_amplitude(lever)
     for i in range(PERIODS_COMPARED):
         way[i, Z], way[i, V] = u[Z], u[V] / lever[col.OMEGA]
-        if not march_tip(oscillator, tolerance.eta, tip):
+        if not march_tip(oscillator, tolerance.step_size, tip):
             return False
         size = max(size, math.hypot(way[i, Z] - tip.acc.mean_z, way[i, V]))
     most, least, tried = np.zeros(LONGEST_PATTERN + 1), math.inf, 0

@@ -166,9 +166,9 @@ def stop_at_touch(here: Here, motion: Motion) -> None:
 
 
 @kernel(inline=True)
-def _take_step(here: Here, eta: float, motion: Motion) -> None:
+def _take_step(here: Here, step_size: float, motion: Motion) -> None:
     """Take a step to what happens first, or to the end of the period."""
-    off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, eta, motion)
+    off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, step_size, motion)
     if h == math.inf:
         edge = here.contact.p[col.FORMING]
         motion.sums.deepest = max(motion.sums.deepest, fly(here.beam, edge, motion))
@@ -207,14 +207,14 @@ def _move_on(here: Here, motion: Motion) -> None:
 
 
 @kernel
-def march_through(here: Here, eta: float, motion: Motion) -> int:
+def march_through(here: Here, step_size: float, motion: Motion) -> int:
     """March to the end of a period; returns the steps taken, or minus a status."""
     steps = 0
     while motion.left > LEFT_BY_ROUNDING:
         steps += 1
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
-        _take_step(here, eta, motion)
+        _take_step(here, step_size, motion)
         _move_on(here, motion)
         if not pass_event(here.contact, here, motion):
             return -col.NOT_SETTLED

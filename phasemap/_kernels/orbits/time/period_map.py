@@ -66,30 +66,30 @@ MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for e
 class Tolerance(NamedTuple):
     """When a motion counts as one that repeats itself: size of the steps, errors allowed in (z, z') and in z0 [m]."""
 
-    eta: float
+    step_size: float
     state: float
     offset: float
 
 
 @kernel
-def march_tip(oscillator: Oscillator, eta: float, tip: Tip) -> bool:
+def march_tip(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods.marched += 1
-    return march_period(oscillator, tip.u[Z0], eta, tip.u, tip.acc) >= 0
+    return march_period(oscillator, tip.u[Z0], step_size, tip.u, tip.acc) >= 0
 
 
 @kernel
-def pass_pattern(oscillator: Oscillator, z0: float, eta: float, tip: Tip, y: np.ndarray) -> bool:
+def pass_pattern(oscillator: Oscillator, z0: float, step_size: float, tip: Tip, y: np.ndarray) -> bool:
     """March y, over the periods after which the motion is taken to repeat itself; tip.acc is their mean."""
     acc, count = tip.acc, max(tip.periods.pattern, 1)
     tip.periods.marched += count
-    done = march_period(oscillator, z0, eta, y, acc) >= 0
+    done = march_period(oscillator, z0, step_size, y, acc) >= 0
     if count == 1 or not done:
         return done
     total = PeriodResult()
     assign(total, acc)
     for _ in range(count - 1):
-        if march_period(oscillator, z0, eta, y, acc) < 0:
+        if march_period(oscillator, z0, step_size, y, acc) < 0:
             return False
         add_period(total, acc)
     assign(acc, total)
@@ -98,7 +98,7 @@ def pass_pattern(oscillator: Oscillator, z0: float, eta: float, tip: Tip, y: np.
 
 
 @kernel
-def pass_from(oscillator: Oscillator, eta: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray) -> bool:
+def pass_from(oscillator: Oscillator, step_size: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray) -> bool:
     """March a period in y from a start at z0, and say whether it ends, as it began, in contact or out of it.
 
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
@@ -113,7 +113,7 @@ def pass_from(oscillator: Oscillator, eta: float, tip: Tip, start: np.ndarray, z
         for i in range(motion_size(lever)):
             y[i] = start[i]
         y[TOUCHES] = u[TOUCHES]
-        if not pass_pattern(oscillator, z0, eta, tip, y) or y[TOUCHES] != u[TOUCHES]:
+        if not pass_pattern(oscillator, z0, step_size, tip, y) or y[TOUCHES] != u[TOUCHES]:
             return False
     return True
 
@@ -133,26 +133,26 @@ def fill_change(lever: np.ndarray, start: np.ndarray, y: np.ndarray, acc: Period
 
 
 @kernel
-def linearise_period(oscillator: Oscillator, eta: float, tip: Tip) -> bool:
+def linearise_period(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and those beside it; says whether all stay in contact or out of it."""
     lever = oscillator.lever
     u, acc, linear, count = tip.u, tip.acc, tip.linear, coordinate_count(lever)
     size, y, start, beside = neighbour_distance(lever, tip), np.empty(len(u)), np.empty(motion_size(lever)), Change()
     linear.count = count
-    if not pass_from(oscillator, eta, tip, u, u[Z0], y):
+    if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
         return False
     fill_change(lever, u, y, acc, linear.now)
     for i in range(count):
         copy_state(u, start)
         start[entry_of(i)] += size
-        if not pass_from(oscillator, eta, tip, start, u[Z0], y):
+        if not pass_from(oscillator, step_size, tip, start, u[Z0], y):
             return False
         fill_change(lever, start, y, acc, beside)
         differentiate(beside, linear.now, size)
         linear.amplitude[i] = beside.amplitude
         for j in range(count):
             linear.motion[count * i + j] = beside.motion[j]
-    if not pass_from(oscillator, eta, tip, u, u[Z0] + size, y):
+    if not pass_from(oscillator, step_size, tip, u, u[Z0] + size, y):
         return False
     fill_change(lever, u, y, acc, linear.by_z0)
     differentiate(linear.by_z0, linear.now, size)
@@ -167,14 +167,14 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
     is that over the share of them that a pass of two periods takes.
     """
     lever = oscillator.lever
-    eta, y_limit, z0_limit = tolerance
+    step_size, y_limit, z0_limit = tolerance
     u, share, now = tip.u, lingering(oscillator), Change()
     most = 2 + int(min(-0.5 * math.log(DENT_GONE) / -math.log(share), MOST_CREEP)) if share > 0 else 2
     farthest = max(CREEP_STEP * motion_scale(lever, u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
     left = math.inf
     for i in range(most):
         move_state(lever, way, 1.0, u)
-        if not pass_from(oscillator, eta, tip, u, u[Z0], y):
+        if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
             return math.inf
         copy_memory(y, u)
         fill_change(lever, u, y, tip.acc, now)
@@ -198,11 +198,11 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
     Returns whether the tip is at rest.
     """
     lever = oscillator.lever
-    eta, y_limit, z0_limit = tolerance
+    step_size, y_limit, z0_limit = tolerance
     u, linear, now, way = tip.u, tip.linear, Change(), Way()
     trial, y = np.empty(motion_size(lever)), np.empty(len(u))
     for _ in range(20):
-        if not linearise_period(oscillator, eta, tip):
+        if not linearise_period(oscillator, step_size, tip):
             return False
         if not multiplier_of(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
             return False
@@ -213,7 +213,7 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
         while before > 1 or not moved:
             copy_state(u, trial)
             move_state(lever, way, 1.0, trial)
-            if not pass_from(oscillator, eta, tip, trial, trial[Z0], y):
+            if not pass_from(oscillator, step_size, tip, trial, trial[Z0], y):
                 return False
             fill_change(lever, trial, y, tip.acc, now)
             fill_way_to_rest(linear, now, target, way)
@@ -241,10 +241,10 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
 
 
 @kernel
-def rest(oscillator: Oscillator, tolerance: Tolerance, most: int, tip: Tip) -> bool:
-    """Let time pass at fixed z0 until the orbit repeats itself, for `most` periods; returns as `skip`."""
+def rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int, tip: Tip) -> bool:
+    """Let time pass at fixed z0 until the orbit repeats itself, for `most_periods` periods; returns as `skip`."""
     lever = oscillator.lever
-    end = tip.periods.marched + most
+    end = tip.periods.marched + most_periods
     wait = max(3, int(0.5 * ringing_periods(lever)))  # half the lever's decay time
     while tip.periods.marched < end:
         if skip(oscillator, tolerance, 0.0, tip):
@@ -254,20 +254,20 @@ def rest(oscillator: Oscillator, tolerance: Tolerance, most: int, tip: Tip) -> b
             tip.u[Z] *= 1 + 1e-6
             tip.u[V] *= 1 + 1e-6
         for _ in range(min(wait, end - tip.periods.marched)):
-            if not march_tip(oscillator, tolerance.eta, tip):
+            if not march_tip(oscillator, tolerance.step_size, tip):
                 return False
     return False
 
 
 @kernel
 def hold_periodic(
-    oscillator: Oscillator, tolerance: Tolerance, amplitude: float, most: int, tip: Tip, row: np.ndarray
+    oscillator: Oscillator, tolerance: Tolerance, amplitude: float, most_periods: int, tip: Tip, row: np.ndarray
 ) -> int:
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
     Steps of the tip offset get longer as long as the amplitude goes with it as predicted: a tip that sticks is freed.
 
-    Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most` periods in all; or
+    Returns GOOD; NOT_SETTLED where the motion does not repeat itself on the way, or after `most_periods` in all; or
     NO_STABLE_ORBIT where the amplitude jumps across the setpoint.
     """
     law, p, lever = oscillator
@@ -278,7 +278,7 @@ def hold_periodic(
     jumps, before, slopes = 0, np.empty(motion_size(lever)), Way()
     patience = int(SETTLING_TIME * ring_down_periods(lever))
     while not skip(oscillator, tolerance, amplitude, tip):
-        if not rest(oscillator, tolerance, min(patience, most - tip.periods.marched), tip):
+        if not rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
             return col.NOT_SETTLED
         error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
@@ -299,7 +299,7 @@ def hold_periodic(
         else:
             tip.u[Z0] -= move
         if abs(move) > FEEDBACK_STRIDE * amplitude:
-            if not rest(oscillator, tolerance, min(patience, most - tip.periods.marched), tip):
+            if not rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
                 return col.NOT_SETTLED
             if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > LINEAR_MISS * amplitude:
                 copy(before, tip.u)

@@ -47,7 +47,7 @@ class Pace(NamedTuple):
     kelvin: bool  # whether the surface is a Kelvin-Voigt one
     free: float  # free amplitude [m]
     flight: float  # step out of contact, over its density [1/omega_c]
-    contact: float  # eta
+    contact: float  # step size, eta in the theory
     relaxation: float  # longest step of a solid that relaxes [1/omega_c]
     past_turn: float  # of q
     finer: float  # see `sizes_over`

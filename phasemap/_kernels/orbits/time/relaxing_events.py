@@ -327,7 +327,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
 
 
 @kernel
-def march_relaxing(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray, acc: PeriodResult) -> int:
+def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
     """March one period over a surface that remembers, as `march.march_period` does; y is as `elements` names it."""
     law, p, lever = oscillator
     motion, modes, now, arms, compliance = Motion(), Modes(), Memory(), Arms(), 1 / lever[col.STIFFNESS]
@@ -349,11 +349,11 @@ def march_relaxing(oscillator: Oscillator, z0: float, eta: float, y: np.ndarray,
         met = find_dent(y, now, arms, free)
     stiff, pull = 1.5 * p[col.CONTACT] * compliance, contact_force(law, 0.0, p) * compliance
     edge_force, edge_slope = attraction_at_contact(law, p, compliance)
-    pace = pace_over(p, free, eta, arms.rate[0], met)
+    pace = pace_over(p, free, step_size, arms.rate[0], met)
     contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, arms, t0, pace, now)
     here = Here(contact, beam)
     begin_on_surface(contact, here, motion)
-    steps, t = march_through(here, eta, motion), motion.time
+    steps, t = march_through(here, step_size, motion), motion.time
     depth = tip_depth(contact, u, t)
     motion.sums.loss += stored_energy(contact, u.x, depth, t)
     y[on.CONTACT_MODE], y[on.CONTACT_EDGE] = now.mode, u.x

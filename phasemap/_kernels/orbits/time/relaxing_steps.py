@@ -90,13 +90,15 @@ def sizes_over(dent: float, kelvin: bool) -> tuple[float, float, float]:
 
 
 @kernel
-def pace_over(p: Any, free: float, eta: float, rate: float, dent: float) -> Pace:
+def pace_over(p: Any, free: float, step_size: float, rate: float, dent: float) -> Pace:
     """Return what steps depend on over a dent [m], of a lever with this free amplitude [m]."""
     kelvin = rate == 0.0
-    flight = min((ATTRACTED_STEPS if p[col.LONGRANGE] != 0.0 else FLIGHT_STEPS) * eta, max(eta, LONGEST_FLIGHT))
+    flight = min(
+        (ATTRACTED_STEPS if p[col.LONGRANGE] != 0.0 else FLIGHT_STEPS) * step_size, max(step_size, LONGEST_FLIGHT)
+    )
     relaxation, past = (0.0, PAST_KINK) if kelvin else (MOST_RELAXATION / rate, PAST_TURN)
     finer, growth, layers = sizes_over(dent / free, kelvin)
-    return Pace(kelvin, free, flight, eta, relaxation, past, finer, growth, layers)
+    return Pace(kelvin, free, flight, step_size, relaxation, past, finer, growth, layers)
 
 
 @kernel(inline=True)
@@ -138,7 +140,7 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
 
 @step_length.of(Relaxing)
 @kernel(inline=True)
-def _step_length(contact: Relaxing, beam: Beam, eta: float, motion: Motion) -> float:
+def _step_length(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
     """Length of the next step over a relaxing surface [tau]."""
     if contact.now.mode == OFF_SURFACE:
         return _flight_step(contact, beam, motion)

@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.resonance import narrowest_amplitude_ratio
+from phasemap._kernels.engagement.side_from_far import narrowest_amplitude_ratio
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import beside_resonance, free_amplitude
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, attractive_mismatch
@@ -38,22 +38,22 @@ END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
 
 @kernel
 def attractive_mismatch_of_exact_orbit(
-    oscillator: Oscillator, reach: float, amplitude: float, gap: float, f: Nodes, state: PassState
+    oscillator: Oscillator, reach: float, amplitude: float, gap: float, nodes: Nodes, state: PassState
 ) -> float:
     """Attractive mismatch of the exact orbit with this amplitude and gap, at any drive; NaN if it is not found."""
     lever = oscillator.lever
     clear(state)
     state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach
-    if not start_passes(oscillator, reach, f, state):
+    if not start_passes(oscillator, reach, nodes, state):
         return math.nan
-    if converge(oscillator, f, state, True, END_PHASE, math.inf) != FOUND:
+    if converge(oscillator, nodes, state, True, END_PHASE, math.inf) != FOUND:
         return math.nan
     return attractive_mismatch(lever, amplitude, state.push, state.drag)
 
 
 @kernel
 def decide_exactly(
-    oscillator: Oscillator, reach: float, amplitude: float, top: Maximum, f: Nodes, state: PassState, fit: Fit
+    oscillator: Oscillator, reach: float, amplitude: float, top: Maximum, nodes: Nodes, state: PassState, fit: Fit
 ) -> int:
     """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
 
@@ -61,24 +61,24 @@ def decide_exactly(
     """
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
     lever = oscillator.lever
-    lifted = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, 0.0, f, state)
-    middle = top.gap + (min(f.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
+    lifted = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, 0.0, nodes, state)
+    middle = top.gap + (min(nodes.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
     step = min(0.3 * (reach + abs(middle)), MOST_LENS_STEP * abs(top.gap))
-    h0 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle, f, state)
+    h0 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle, nodes, state)
     if top.mismatch < FAR_BELOW and h0 < FAR_BELOW:
         return REPULSIVE
-    h1 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle + step, f, state)
-    h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, f, state)
+    h1 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle + step, nodes, state)
+    h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, nodes, state)
     for _ in range(MOST_SHIFTS):
         if math.isfinite(h0 + h1 + h2) or not beside_resonance(lever):
             break
         middle, h1, h0 = middle - step, h0, h2  # passes may not converge where a tip just touches
-        h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, f, state)
+        h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, nodes, state)
     bend = (h1 - 2.0 * h0 + h2) / (step * step)
     if not bend < 0.0:
         return UNCLEAR
     at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
-    h = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, at, f, state)
+    h = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, at, nodes, state)
     fit.gap, fit.mismatch, fit.curvature = at, h, bend
     highest = max(max(h0, h1), max(h2, h))
     if not math.isfinite(h):

@@ -31,7 +31,7 @@ from phasemap._kernels.continuation.step import (
 )
 from phasemap._kernels.engagement.averaged import LEAP, SURE, settle_side, worst_amplitude
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.resonance import leaps, low_q_margin_factor, side_reached_from_far
+from phasemap._kernels.engagement.side_from_far import leaps, low_q_margin_factor, side_reached_from_far
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum

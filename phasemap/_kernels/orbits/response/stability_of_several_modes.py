@@ -37,14 +37,14 @@ CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, th
 
 
 @kernel
-def is_held(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
+def is_held(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
     """Whether all multipliers of a lever of several modes are within one, and clearly so."""
     lever, slowest = oscillator.lever, -math.inf
     size = 2 * modes_of(lever)
     for i in range(modes_of(lever)):
         slowest = max(slowest, mode_of(lever, i).decay)
     motions = np.zeros((size, size))
-    fill_monodromy(oscillator, f, state, motions)
+    fill_monodromy(oscillator, nodes, state, motions)
     return _is_within(motions, 1.0 + CLEARLY_HELD * math.expm1(2.0 * math.pi * slowest))
 
 
@@ -73,24 +73,28 @@ def _is_within(m: np.ndarray, bound: float) -> bool:
 
 
 @kernel
-def fill_monodromy(oscillator: Oscillator, f: Nodes, state: PassState, motions: np.ndarray) -> None:
+def fill_monodromy(oscillator: Oscillator, nodes: Nodes, state: PassState, motions: np.ndarray) -> None:
     """Fill in the monodromy matrix, shape (2 modes, 2 modes) and zero at first: theory, Eq. (stability-7)."""
     lever = oscillator.lever
     modes = modes_of(lever)
-    turns, one = np.empty((count_of(f), 3 * modes)), np.empty((2, 2 * modes))
+    turns, one = np.empty((count_of(nodes), 3 * modes)), np.empty((2, 2 * modes))
     for i in range(modes):
         mode = mode_of(lever, i)
-        fill_mode(f, mode)
-        for j in range(count_of(f)):
-            turns[j, 3 * i], turns[j, 3 * i + 1], turns[j, 3 * i + 2] = f.growth[j], f.turn_cos[j], f.turn_sin[j]
+        fill_mode(nodes, mode)
+        for j in range(count_of(nodes)):
+            turns[j, 3 * i], turns[j, 3 * i + 1], turns[j, 3 * i + 2] = (
+                nodes.growth[j],
+                nodes.turn_cos[j],
+                nodes.turn_sin[j],
+            )
         motions[2 * i, 2 * i] = motions[2 * i + 1, 2 * i + 1] = 1.0
-    touching, longrange = f.theta[EXIT] > f.theta[ENTRY], oscillator.p[LONGRANGE] != 0.0
-    contact = N * parts_of(f)
+    touching, longrange = nodes.theta[EXIT] > nodes.theta[ENTRY], oscillator.p[LONGRANGE] != 0.0
+    contact = N * parts_of(nodes)
     for k in range(2 * N + contact):
         # In the order of time: the element before contact runs backwards.
         j = N - 1 - k if k < N else contact_node(k - N) if k < N + contact else OUT + k - N - contact
         if touching if N <= k < N + contact else longrange:
-            _kick(oscillator, f, state, j, N <= k < N + contact, turns[j], one, motions)
+            _kick(oscillator, nodes, state, j, N <= k < N + contact, turns[j], one, motions)
     for i in range(modes):  # on to the next period
         mode = mode_of(lever, i)
         shrink = math.exp(2.0 * math.pi * mode.decay)
@@ -102,8 +106,8 @@ def fill_monodromy(oscillator: Oscillator, f: Nodes, state: PassState, motions: 
 
 @kernel
 def _kick(
-    oscillator: Oscillator, f: Nodes, state: PassState, j: int, in_contact: bool, turns: np.ndarray, one: np.ndarray,
-    motions: np.ndarray,
+    oscillator: Oscillator, nodes: Nodes, state: PassState, j: int, in_contact: bool, turns: np.ndarray,
+    one: np.ndarray, motions: np.ndarray,
 ) -> None:  # fmt: skip
     """Kick small motions x cos(nu theta) + y sin(nu theta) of each mode by the surface's answer at a node.
 
@@ -113,10 +117,10 @@ def _kick(
     """
     law, p, lever = oscillator
     omega, modes = lever[OMEGA], modes_of(lever)
-    d = state.amplitude * f.cos[j] + f.w[j] - state.centre
-    width = GAUSS_WEIGHTS[j % N if j < LATE else (j - LATE) % N] * f.weight[j] / (omega * omega)
+    d = state.amplitude * nodes.cos[j] + nodes.w[j] - state.centre
+    width = GAUSS_WEIGHTS[j % N if j < LATE else (j - LATE) % N] * nodes.weight[j] / (omega * omega)
     if in_contact:
-        kappa, gamma = stiffness(oscillator, max(d, 0.0), f.u[j] - state.amplitude * f.sin[j])
+        kappa, gamma = stiffness(oscillator, max(d, 0.0), nodes.u[j] - state.amplitude * nodes.sin[j])
     else:
         kappa, gamma = longrange_slope(law, min(d, 0.0), p) / lever[STIFFNESS], 0.0
     if width * (abs(kappa) + gamma) < FAINT_KICK:

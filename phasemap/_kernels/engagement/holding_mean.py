@@ -1,0 +1,293 @@
+"""Holding an amplitude in the mean, where the motion does not repeat itself.
+
+An integral controller holds the modulus of the mean phasor, as an instrument does, and averages over time are the
+result, with their spread behind a lock-in of stated bandwidth: theory, Eqs. (irregular-3) to (irregular-6).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.averages import (
+    Errors,
+    LockIn,
+    Series,
+    Total,
+    add_total,
+    average,
+    begin_lock_in,
+    block_of,
+    errors_of_mean,
+    fill_spread,
+    mean_amplitude,
+    mean_phasor,
+    new_series,
+    touches_alike,
+    with_average,
+)
+from phasemap._kernels.engagement.lowering import STILL_MOTION
+from phasemap._kernels.excitation import seen_phasor, sees_tip
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, skip
+from phasemap._kernels.orbits.time.tip import (
+    Z0,
+    Tip,
+    divide_result,
+)
+from phasemap._kernels.records import record
+
+if TYPE_CHECKING:
+    pass
+
+COARSER_STEPS = 2.0  # on the way to the setpoint, over those of a periodic orbit
+WIDER_ERRORS = 100.0  # the same of the errors allowed
+STATE_ERROR = math.radians(1e-5)  # of a periodic orbit in (z, z'), of its amplitude
+OFFSET_ERROR = 1e-14  # of a periodic orbit [m]
+# Steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
+NECK_STEPS = 0.6
+GROUP = 4  # averages that are one independent value of the mean
+LEAST_GROUPS = 5  # of these that are needed
+STICKY_GROUP = 2  # the same of a contact with hysteresis, whose motion forgets sooner
+STICKY_GROUPS = 6
+CALM_ENOUGH = 1e-5  # of the amplitude, by which it may there be missed when averaging begins
+EAGER_GAIN = 0.5  # integral gain of the controller, to come to the setpoint
+SLOW_GAIN = 0.1  # the same, to stay there
+PHASE_SOUGHT = math.radians(0.01)  # standard error at which averaging ends [rad]
+LENGTH_SOUGHT = 2e-12  # the same [m]
+MEAN_MISS = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
+WORST_PHASE = math.radians(0.05)  # standard error with which a mean still counts as held [rad]
+WORST_LENGTH = 1e-11  # the same [m]
+SERIES_START = 64  # averages that are kept, before room is made for more
+HUNTED = 0.2  # of the amplitude, root mean square by which groups miss it: the feedback hunts, and holds nothing
+HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
+WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
+
+
+@kernel
+def fine(p: np.ndarray, step_size: float) -> float:
+    """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
+    return step_size if p[col.RELEASE] == 0.0 else NECK_STEPS * step_size
+
+
+class Controller(NamedTuple):
+    """A controller that holds a mean amplitude, and how averages are taken meanwhile.
+
+    Attributes
+    ----------
+    amplitude : float
+        That is held [m]; 0 where the tip offset is left alone.
+    gain : float
+        Tip offset over the error of an average's amplitude.
+    sticky : bool
+        Whether the contact has hysteresis. Then the tip offset follows little by little, in every period, which keeps
+        the motion to its pattern of taps.
+    step_size : float
+        As for `march_period`.
+    block, size, fewest : int
+        Periods of an average, averages of a group, groups that are needed.
+    """
+
+    amplitude: float
+    gain: float
+    sticky: bool
+    step_size: float
+    block: int
+    size: int
+    fewest: int
+
+
+@record
+class Groups:
+    """Groups of averages: mean, and sum of squared deviations, of the tip offset at the setpoint and of the lag."""
+
+    first: int  # average that counts
+    count: int  # averages, with those before it
+    groups: int
+    offset: float  # [m]
+    offset_square: float
+    lag: float  # [rad], from a phasor of `LockIn`
+    lag_square: float
+    short: float  # sum of what the amplitude falls short of the setpoint [m]
+    missed: float  # sum of squares by which groups miss it, but the first ones [m2]
+    total: Total  # of all that count
+
+
+# What groups of averages say.
+TOO_FEW = 0  # go on
+PRECISE = 1
+HOPELESS = 2  # too many more are needed
+HUNTING = 3  # the amplitude jumps across the setpoint
+
+
+@kernel
+def take_average(
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+) -> tuple[bool, Series]:
+    """Average over some periods, and let the controller act; False where the march fails."""
+    lever, amplitude, gain = oscillator.lever, controller.amplitude, controller.gain
+    within = 1.0 / controller.block * gain if controller.sticky else 0.0
+    if not average(oscillator, controller.step_size, controller.block, (0.0, within, amplitude), tip, lock_in):
+        return False, series
+    series = with_average(lever, lock_in.total, series, of.count)
+    of.count += 1
+    if not controller.sticky:
+        tip.u[Z0] += gain * (amplitude - mean_amplitude(lever, lock_in))
+    return True, series
+
+
+@kernel
+def take_group(
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+) -> tuple[bool, Series]:
+    """Take the averages of a group, and add it to the others; False where the march fails."""
+    lever, amplitude, count = oscillator.lever, controller.amplitude, controller.size * controller.block
+    z0 = cosine = sine = 0.0
+    for _ in range(controller.size):
+        good, series = take_average(oscillator, controller, tip, lock_in, series, of)
+        if not good:
+            return False, series
+        add_total(of.total, lock_in.total)
+        z0 += lock_in.total.offset / count
+        cosine += lock_in.total.period.cos
+        sine += lock_in.total.period.sin
+    x, y = seen_phasor(lever, cosine / count, sine / count)
+    from_x, from_y, short = lock_in.from_cos, lock_in.from_sin, amplitude - math.hypot(x, y)
+    of.groups += 1
+    of.short += short
+    of.missed += short * short
+    off = z0 + short - of.offset
+    of.offset += off / of.groups
+    of.offset_square += off * (z0 + short - of.offset)
+    lag = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+    off = lag - of.lag
+    of.lag += off / of.groups
+    of.lag_square += off * (lag - of.lag)
+    return True, series
+
+
+@kernel
+def come_to_mean(
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+) -> tuple[bool, Series]:
+    """Let the controller come to the setpoint, before averages count; False where the march fails."""
+    lever, amplitude = oscillator.lever, controller.amplitude
+    for j in range(3 * GROUP):
+        good, series = take_average(oscillator, controller, tip, lock_in, series, of)
+        if not good:
+            return False, series
+        off = abs(mean_amplitude(lever, lock_in) - amplitude)
+        if controller.sticky and j >= GROUP and off < CALM_ENOUGH * amplitude:
+            break
+    of.first = of.count
+    lock_in.from_cos, lock_in.from_sin = mean_phasor(lever, lock_in.total)
+    return True, series
+
+
+@kernel
+def astray(amplitude: float, of: Groups) -> bool:
+    """Whether the mean misses the amplitude that is held by so much that it is of another motion."""
+    return amplitude > 0.0 and abs(of.short) > MEAN_MISS * amplitude * of.groups
+
+
+@kernel
+def scatters_little(errors: Errors) -> bool:
+    """Whether averages scatter so little about their mean that it counts as held."""
+    return errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH
+
+
+@kernel
+def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most_periods: int, of: Groups) -> int:
+    """Say by their scatter whether groups are precise, or will be within `most_periods` periods."""
+    amplitude, groups, fewest, size = controller.amplitude, of.groups, controller.fewest, controller.size
+    if groups >= fewest:
+        z_error = math.sqrt(of.offset_square / (groups - 1) / groups)
+        a_error = math.sqrt(of.lag_square / (groups - 1) / groups)
+        if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray(amplitude, of):
+            if scatters_little(errors_of_mean(lever, series, of.first, of.count, amplitude)):
+                return PRECISE
+        needed = size * controller.block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
+        if groups >= 4 * fewest and needed > HOPE * most_periods:
+            return HOPELESS
+    if groups == fewest:
+        of.missed = 0.0  # a feedback comes to the amplitude before it holds it
+    elif amplitude > 0.0 and groups % fewest == 0 and of.missed > (groups - fewest) * (HUNTED * amplitude) ** 2:
+        return HUNTING
+    return TOO_FEW
+
+
+@kernel
+def fill_mean(
+    oscillator: Oscillator, controller: Controller, tip: Tip, series: Series, of: Groups, row: np.ndarray
+) -> int:
+    """Fill a result row with the mean of all averages that count, and with its errors; NOT_SETTLED if they are large.
+
+    Energy that is missing says that steps or rounding are too coarse for so small a motion.
+    """
+    lever, amplitude, total = oscillator.lever, controller.amplitude, of.total
+    errors = errors_of_mean(lever, series, of.first, of.count, amplitude)
+    if of.groups < controller.fewest or astray(amplitude, of) or not scatters_little(errors):
+        return col.NOT_SETTLED
+    divide_result(total.period, total.count)
+    fill_row(lever, of.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)
+    if amplitude > 0.0 and sees_tip(lever):
+        row[col.AMPLITUDE] = amplitude
+    fill_spread(total, row)
+    row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
+    if controller.sticky:
+        row[col.PHASE] += errors.lag_off
+    else:
+        row[col.ERROR_PHASE] += abs(errors.lag_off)
+    return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
+
+
+@kernel
+def hold_mean(
+    oscillator: Oscillator,
+    amplitude: float,
+    gain: float,
+    step_size: float,
+    most_periods: int,
+    tip: Tip,
+    row: np.ndarray,
+) -> int:
+    """Hold the mean amplitude by an integral controller and fill the row with averages over time.
+
+    The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, and what is stated
+    is wider: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if it is still large when `most_periods` periods
+    were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
+    nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
+    `gain` is that of the controller at first, but at most SLOW_GAIN past a contact with hysteresis: a tip that is moved
+    faster takes to another pattern of taps than the one that it lands on.
+    """
+    p, lever = oscillator.p, oscillator.lever
+    size = amplitude if amplitude > 0.0 else free_amplitude(lever)
+    tolerance = Tolerance(fine(p, step_size), STATE_ERROR * size, OFFSET_ERROR)
+    sticky, block, rough = p[col.RELEASE] != 0.0, block_of(lever), COARSER_STEPS * step_size
+    slow = Controller(
+        amplitude, min(gain, SLOW_GAIN), sticky, rough, block, STICKY_GROUP if sticky else GROUP,
+        STICKY_GROUPS if sticky else LEAST_GROUPS,
+    )  # fmt: skip
+    if tip.periods.marched + 3 * GROUP * block > most_periods:
+        return col.NOT_SETTLED
+    at_first = Controller(amplitude, slow.gain if sticky else gain, sticky, rough, block, slow.size, slow.fewest)
+    lock_in, of, series, says = LockIn(), Groups(), new_series(SERIES_START), TOO_FEW
+    of.total.period.deepest = -math.inf  # of a tip that reaches liquid only
+    begin_lock_in(lever, tip.acc, lock_in)
+    good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, of)
+    while good and says == TOO_FEW and tip.periods.marched + slow.size * block <= most_periods:
+        good, series = take_group(oscillator, slow, tip, lock_in, series, of)
+        still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
+        if still and skip(oscillator, tolerance, amplitude, tip):
+            fill_orbit(lever, tip, row)  # it repeats itself by now
+            return col.GOOD
+        says = judge_groups(lever, slow, series, most_periods, of)
+    if says == HUNTING:
+        return col.NO_STABLE_ORBIT
+    return fill_mean(oscillator, slow, tip, series, of, row) if good and says != HOPELESS else col.NOT_SETTLED
