@@ -190,3 +190,11 @@ def test_the_speeds_in_the_readme_are_those_of_the_full_table() -> None:
 def test_every_file_that_is_linked_is_there(name: str) -> None:
     links = re.findall(r"\]\((?!https?:)([^)#]+)\)", (ROOT / name).read_text())
     assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_contributing_says_where_things_are() -> None:
+    named = re.findall(
+        r"`((?:phasemap|_kernels|tests|benchmarks|docs)/[\w/]+(?:\.py)?)`", (ROOT / "CONTRIBUTING.md").read_text()
+    )
+    assert len(named) > 15
+    assert [one for one in named if not any((ROOT / under / one).exists() for under in ("", "phasemap"))] == []
