@@ -23,7 +23,8 @@ from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.properties import film_of
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
-from phasemap.explorer.words import LAG, PHASE, Found, lines_of
+from phasemap.explorer.words import LAG, PHASE, Found, lines_of, shown_number
+from phasemap.results.quantities import CHANNELS, OF_SECOND, Motion
 from phasemap.results.status import Status
 from phasemap.results.validity import FORCES, describe_validity
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, describe, motion_of
@@ -31,6 +32,7 @@ from phasemap.results.words import describe_failures
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
 from phasemap.solvers.continuation.path import Question
+from phasemap.solvers.integrals import widened
 from phasemap.solvers.pixel import solve_pixel
 from phasemap.solvers.problem import Work, forces_of, make_work
 from phasemap.solvers.run import run
@@ -48,6 +50,7 @@ DEEPEST, HIGHEST = 0.15, 1.12  # tip offsets of a curve, over the free amplitude
 BEYOND = 6e-9  # m above the free amplitude from where the tip is attracted
 SETPOINTS = np.linspace(0.3, 0.96, 18)
 AMPLITUDES = np.geomspace(0.4, 2.5, 13)  # of the map, over the one in its middle
+BIMODAL = {"fm": ("mode2_frequency_shift",), "am": ("mode2_amplitude", "mode2_phase")}  # what the second mode shows
 INFINITE = (math.inf, -math.inf)
 SAME = 1.0  # degrees between the orbit that engaging finds and the same on a curve
 
@@ -95,8 +98,10 @@ def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
     materials, viscous = rows_of(setting.materials.values())
     work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)
     rows, status, used = run(by_name(setting.solver), work, accuracy_of(scope), threads=1)
+    rows = widened(rows, work, used, scope, lambda: work.rows, OF_SECOND if scope.drive.second else ())
     flags = {"status": status, "solver": used, "branch": branch_of(rows), "motion": motion_of(rows)}
-    values = {name: flags[name] if name in flags else FLOATS[name].value(rows) for name in VARIABLES}
+    names = VARIABLES + (OF_SECOND if scope.drive.second else ())
+    values = {name: flags[name] if name in flags else FLOATS[name].value(rows) for name in names}
     if (film := film_of(materials)) is not None:
         values["thickness"] = film[:, 1]
     about = {"microscope": describe(scope), "solver": setting.solver}
@@ -224,6 +229,7 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable:
     words = {key: _word(key, values[key]) for key in ("branch", "motion", "solver")}
     lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.driven_amplitude
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
+    orbit = {name: ds[name].values[material] for name in OF_SECOND if name in ds}
     status = Status.of(values["status"])
     return Found(
         name=name, regime=words["branch"], bistable=bistable, motion=words["motion"], solver=words["solver"],
@@ -232,7 +238,20 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable:
         air=float(lost_in_air(lever, tip_amplitude)), most=float(supplied(lever, tip_amplitude, np.zeros(()))),
         virial=values["virial"], indentation=values["indentation"], tip_offset=values["tip_offset"],
         height=values["tip_offset"] - amplitude,
+        second=_second_shown(Motion(lever, setting.scope, tip_amplitude, tip_phase, orbit)),
     )  # fmt: skip
+
+
+def _second_shown(motion: Motion) -> str:
+    """What a driven second mode shows, in words."""
+    second = motion.scope.drive.second
+    if second is None or not math.isfinite(float(motion.orbit["mean_gradient"])):
+        return ""
+    shown = {name: float(CHANNELS[name].value(motion)) for name in BIMODAL[second.detection]}
+    if "mode2_frequency_shift" in shown:
+        shift = shown["mode2_frequency_shift"]
+        return f"the second mode's resonance is {shown_number(abs(shift))} Hz {'higher' if shift > 0 else 'lower'}"
+    return f"the second mode has {1e12 * shown['mode2_amplitude']:.3g} pm at a phase of {shown['mode2_phase']:.3g}°"
 
 
 def _word(name: str, code: int) -> str:

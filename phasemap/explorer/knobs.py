@@ -15,6 +15,7 @@ from phasemap.explorer.subject import Subject
 from phasemap.results.variables import describe
 
 LOSSES = "materials.*.loss"  # a choice of the page alone: the keys that it shows say the same
+FIRST_ALONE = {"free_amplitude": None, "detection": "fm"}  # of a second mode that is not driven
 
 
 class Knob(NamedTuple):
@@ -58,6 +59,8 @@ def values_of(subject: Subject) -> dict[str, Any]:
             found[one["key"]] = subject.options[name]
         elif part == "detector":
             found[one["key"]] = subject.scope.detector
+        elif part == "drive.second":
+            found[one["key"]] = getattr(subject.scope.drive.second, name, FIRST_ALONE[name])
         elif part == "realism":
             found[one["key"]] = getattr(subject.realism, name)
         else:

@@ -6,6 +6,7 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ import xarray as xr
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
 from phasemap.experiment.control import Engage
-from phasemap.experiment.microscope import PARTS
+from phasemap.experiment.microscope import PARTS, Mode
 from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting, without_none
@@ -115,10 +116,13 @@ def _python_of_surface(setting: Setting) -> str:
     scope = setting.scope
     materials = [f"    {i}: pm.{one!r},  # {name!r}" for i, (name, one) in enumerate(setting.materials.items())]
     parts = []
-    for part, keys in (setting.changes or {}).items():
-        if part in PARTS:
-            values = ", ".join(f"{key}={getattr(getattr(scope, part), key)!r}" for key in keys)
+    for part in PARTS:
+        before, after = getattr(setting.subject.scope, part), getattr(scope, part)
+        if differ := [one.name for one in fields(after) if getattr(before, one.name) != getattr(after, one.name)]:
+            values = ", ".join(f"{key}={_written(getattr(after, key))}" for key in differ)
             parts.append(f"    {part}=replace(scope.{part}, {values}),")
+    if scope.detector != setting.subject.scope.detector:
+        parts.append(f"    detector={scope.detector!r},")
     changed = ["scope = replace(", "    scope,", *parts, ")"] if parts else []
     control = "" if setting.control == Engage() else f", control=pm.{setting.control!r}"
     control += "" if setting.realism == Realism() else f", realism=pm.{setting.realism!r}"
@@ -140,6 +144,11 @@ def _python_of_surface(setting: Setting) -> str:
             "",
         ]
     )
+
+
+def _written(value: Any) -> str:
+    """A value of a part of the microscope, as Python that has imported phasemap as pm reads it."""
+    return f"pm.{value!r}" if isinstance(value, Mode) else repr(value)
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,12 +12,12 @@ from phasemap._shared.plausible import gathered, strict_units
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
-from phasemap.experiment.microscope import PARTS, Microscope
+from phasemap.experiment.microscope import PARTS, Drive, Microscope, Mode
 from phasemap.experiment.prony import Prony
 from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.explorer.knobs import knobs, starred
+from phasemap.explorer.knobs import FIRST_ALONE, knobs, starred
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
 from phasemap.results.variables import describe
@@ -74,6 +74,7 @@ class Setting:
         with strict_units() if subject.strict else gathered() as warnings:
             parts = {part: _changed(getattr(subject.scope, part), part, changes.get(part, {})) for part in PARTS}
             sees = _changed(Detector(subject.scope.detector), "detector", changes.get("detector", {})).sees
+            parts["drive"] = replace(parts["drive"], second=_second(parts["drive"], changes.get("drive.second", {})))
             scope = replace(subject.scope, **parts, detector=sees)
             check_frequency(scope)
             realism = _changed(subject.realism, "realism", changes.get("realism", {}))
@@ -143,6 +144,8 @@ class Setting:
             **(scope := microscope_tables(self.scope)),
             "interaction": scope["interaction"] | {"decay_length": interaction.decay_length or "none"},
         }
+        if kept.get("drive", {}).get("second") and self.scope.drive.second is None:
+            tables["drive"] = tables["drive"] | {"second": "none"}
         kept_tables: Table = without_none(tables)
         return kept_tables
 
@@ -182,7 +185,15 @@ def _by_table(given: object, materials: int) -> Changes:
     for key, value in given.items():
         table, _, name = str(key).rpartition(".")
         tables.setdefault(table, {})[name] = value
-    allowed = (*PARTS, "detector", "scan", "control", "realism", *(f"materials.{i}" for i in range(materials)))
+    allowed = (
+        *PARTS,
+        "drive.second",
+        "detector",
+        "scan",
+        "control",
+        "realism",
+        *(f"materials.{i}" for i in range(materials)),
+    )
     check_keys("changes", tables, allowed)
     return tables
 
@@ -193,6 +204,15 @@ def _changed(base: Any, name: str, values: dict[str, Any]) -> Any:
         return base
     check_keys(name, values, [field.name for field in fields(base)])
     return replace(base, **values)
+
+
+def _second(drive: Drive, values: dict[str, Any]) -> Mode | None:
+    """The second mode with other values; one that is not driven has no free amplitude."""
+    if not values:
+        return drive.second
+    check_keys("drive.second", values, FIRST_ALONE)
+    found = {**{name: getattr(drive.second, name, FIRST_ALONE[name]) for name in FIRST_ALONE}, **values}
+    return None if found["free_amplitude"] is None else Mode(**found)
 
 
 def _control(base: Control, values: dict[str, Any]) -> Control:
@@ -227,7 +247,7 @@ def _alike(materials: Mapping[str, Material]) -> dict[str, Material]:
 
 def _check_reach(changes: Changes, scope: Microscope, materials: list[Material]) -> None:
     """Refuse numbers far beyond their sliders: on some of them solvers work without end, and cannot be stopped."""
-    holders = {part: getattr(scope, part) for part in PARTS}
+    holders = {part: getattr(scope, part) for part in PARTS} | {"drive.second": scope.drive.second}
     for table, values in changes.items():
         holder = materials[int(table[10:])] if table.startswith("materials.") else holders.get(table)
         for name in values:

@@ -60,6 +60,7 @@ class Found(NamedTuple):
     indentation: float
     tip_offset: float
     height: float
+    second: str = ""  # what a driven second mode shows, in words
 
     @property
     def stiffens(self) -> bool:
@@ -179,12 +180,19 @@ def _warnings(one: Found) -> list[str]:
         )
     if one.motion == "irregular":
         said.append(f"The motion on {one.name} is not periodic: amplitude and phase are means.")
+    if one.second:
+        said.append(f"On {one.name} {one.second}.")
     return said
 
 
 def _shown(energy: float) -> str:
     """An energy in eV."""
-    return f"{energy / ELECTRONVOLT:.3g}" if abs(energy) < 1000 * ELECTRONVOLT else f"{energy / ELECTRONVOLT:.0f}"
+    return shown_number(energy / ELECTRONVOLT)
+
+
+def shown_number(value: float) -> str:
+    """A number to three digits, never as a power of ten where it is large."""
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def _signed(value: float, digits: str) -> str:

@@ -105,8 +105,9 @@ def _cantilever(tables: Table) -> Cantilever:
 def _drive(tables: Table) -> Drive:
     """The drive, which may have a second mode."""
     table = table_of(tables, "drive")
-    if table.get("second") is not None:
-        table = {**table, "second": _from_table("[drive.second]", table["second"], Mode)}
+    if (second := table.get("second")) is not None:
+        made = None if second == "none" else _from_table("[drive.second]", second, Mode)
+        table = {**table, "second": made}
     return _from_table("[drive]", table, Drive)
 
 

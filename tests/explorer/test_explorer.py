@@ -27,7 +27,7 @@ from phasemap.explorer.offered import Offered, Opened, first_of
 from phasemap.explorer.saving import SAVED, python_of
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.subject import Subject, subject_of
-from phasemap.explorer.words import Found, lines_of
+from phasemap.explorer.words import Found, lines_of, shown_number
 from phasemap.results.words import describe_alike
 from phasemap.scenes.scene import load_scene, scene_from_tables
 
@@ -346,6 +346,32 @@ def test_a_lever_may_have_a_second_mode_and_a_detector_that_sees_slope_or_tip(se
     assert answers.curves(moved)["stiff"]["distance"]
 
 
+def test_the_second_mode_can_be_driven_and_what_it_shows_is_said() -> None:
+    driven = {"cantilever.modes": 2, "drive.second.free_amplitude": 2e-10}
+    moved = step(driven)
+    assert moved.scope.drive.second == pm.Mode(free_amplitude=2e-10)
+    why = answers.picture(moved).about["why"]
+    image = pm.simulate(moved.surface, moved.scope, moved.setpoint, variables="mode2_frequency_shift")
+    labels = moved.subject.sample.labels
+    for number, name in enumerate(moved.materials):
+        shift = float(image.mode2_frequency_shift.values[labels == number][0])
+        assert f"On {name} the second mode's resonance is {shown_number(shift)} Hz higher." in why
+    assert "drive.second" in python_of(moved)
+    assert scene_from_tables(moved.tables(), SAMPLES).microscope == moved.scope
+    by_phase = step({**driven, "drive.second.detection": "am"})
+    assert by_phase.scope.drive.second == pm.Mode(free_amplitude=2e-10, detection="am")
+    assert any("pm at a phase of" in line for line in answers.picture(by_phase).about["why"])
+
+
+def test_a_second_mode_that_a_scene_drives_can_be_left_alone() -> None:
+    subject = subject_of(STEP, overrides=["cantilever.modes=2", "drive.second={free_amplitude='0.1 nm'}"])
+    assert values_of(subject)["drive.second.free_amplitude"] == 1e-10
+    alone = Setting.of(subject, {"changes": {"cantilever.modes": 1, "drive.second.free_amplitude": None}})
+    assert alone.scope.drive.second is None
+    assert scene_from_tables(alone.tables(), SAMPLES).microscope == alone.scope
+    assert 'drive.second="none"' in python_of(alone)
+
+
 def test_materials_can_be_renamed_and_may_have_a_viscosity_beside_a_damping() -> None:
     moved = step({"materials.0.damping": 0, "materials.0.viscosity": 40.0}, names=["PDMS", "glass"])
     assert list(moved.materials) == ["PDMS", "glass"]
@@ -422,7 +448,9 @@ def test_a_surface_can_be_explored_and_saved_without_a_scene(
 ) -> None:
     surface = surface_of(*materials)
     subject = subject_of(surface, SCOPE)
-    moved = Setting.of(subject, {"changes": {"scan.setpoint": 0.65, "tip.radius": 12e-9, "materials.1.modulus": 2e9}})
+    changes = {"scan.setpoint": 0.65, "tip.radius": 12e-9, "materials.1.modulus": 2e9}
+    lever = {"cantilever.modes": 2, "drive.second.free_amplitude": 1e-10, "detector.sees": "tip"}
+    moved = Setting.of(subject, {"changes": changes | lever})
     image = answers.image(moved)
     monkeypatch.chdir(tmp_path)
     file = SAVED["scene"](moved)

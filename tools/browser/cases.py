@@ -27,6 +27,7 @@ MESSAGES = (
     ("picture", "step", {"changes": {"interaction.contact": "maugis"}}),
     ("picture", "step", {"changes": {"interaction.contact": "capillary"}}),
     ("picture", "step", {"changes": {"drive.excitation": "base", "cantilever.modes": 2}}),
+    ("picture", "step", {"changes": {"drive.second.free_amplitude": 2e-10, "cantilever.modes": 2}}),
     ("picture", "step", {"changes": {"interaction.bias": 2.0, "cantilever.quality_factor": 5.0}}),
     ("curves", "bistable", {}), ("save/scene", "blend", {"changes": {"tip.radius": 2e-8}}),
 )  # fmt: skip

@@ -88,9 +88,10 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows import exact, fast, marched, seen
+    from phasemap._kernels.rows import exact, fast, integrals, marched, seen
     from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.scanning.reach import reach_rows
+    from phasemap._kernels.wide import WIDE, SolvedRows
     from phasemap.solvers.continuation.path import Question, fixed_path
 
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
@@ -100,6 +101,7 @@ def solve_one_of_each_kind() -> None:
     pm.sweep_distance(material, scope, np.linspace(20e-9, 4e-9, 5), samples=4)
     given, pixels = (work.law, work.rows, work.lever), work.pixels
     answers = Answers(np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
+    solved = SolvedRows(np.zeros((1, WIDE)), np.zeros(1, bool), np.zeros((1, 0)))
     branches = Answers(*(np.stack([one] * 3) for one in answers))
     oscillator, numbers = work.oscillator(0), np.zeros(4)
     path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
@@ -111,6 +113,7 @@ def solve_one_of_each_kind() -> None:
         (exact.exact_rows, pixels, TABLES, 0, 1, answers),
         (exact.exact_near_rows, pixels, TABLES, 0, 1, branches),
         (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),
+        (integrals.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),

@@ -41,6 +41,10 @@ function effective() {
       if (OF_FEEDBACK[key] === null) values[key] = null;
       continue;
     }
+    if (key === "drive.second.free_amplitude" && state.values["cantilever.modes"] === 1) { // which has none to drive
+      values[key] = null;
+      continue;
+    }
     const [, i, name] = key.match(/^materials\.(\d+)\.(.*)$/) ?? [];
     if (name === "loss") continue;
     values[key] = name in LOSSES && !OF[state.values[`materials.${i}.loss`]].includes(name) ? LOSSES[name] : value;
