@@ -159,12 +159,13 @@ def turn_between(
     path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit,
     point: Point,
 ) -> bool:  # fmt: skip
-    """Find where an entry x turns between two points, dx/ds = 0, by false position in the arclength.
+    """Find the point of a curve between `start` and `after` at which a value of it is extreme: dx/ds = 0.
 
-    See theory, Eq. (continuation-5).
+    By false position in the arclength s: theory, Eq. (continuation-5). `entry` names the value x, as ENTRY_Z0 and
+    ENTRY_A do; `point` and `orbit`, of this level of refinement, are filled. False if no such point is found.
 
-    There x is stationary and exact to rounding; the other coordinate is as exact as s. Where a step from the start
-    fails, for a long one round a sharp turn may, the shorter one that did not is the next to start from.
+    There x is exact to rounding, and the other values as exact as s is. A long step round a sharp turn may fail; the
+    next one then starts where a shorter one ended.
     """
     begun, base, room, at = Point(), another(orbit), another(orbit), 0.0
     assign(begun, start.point)
@@ -306,7 +307,10 @@ def returned(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
 
 @kernel
 def exact_orbit_at(path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, orbit: Orbit) -> bool:
-    """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one with its z0 or its A at m."""
+    """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one at the path's parameter m.
+
+    `hold`: whether its z0 or its A is kept. False where Newton's method does not converge.
+    """
     head_of(orbit).parameter = m
     oscillator = standing_at(path, m)
     if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, orbit, guess, 0):

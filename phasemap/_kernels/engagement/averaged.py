@@ -58,7 +58,11 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndar
 
 @kernel
 def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
-    """`engage_by_averaging` of a tip that does not rebound."""
+    """Find by averaging the side of the resonance on which a tip ends that comes from far and does not rebound.
+
+    SURE with its averaged orbit in `guess`; LEAP where the amplitude jumps on the way, which only time tells; UNDECIDED
+    where the end of the attractive branch decides, whose averaged maximum is in `top`; else DOUBTFUL.
+    """
     law, p, lever = oscillator
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end

@@ -156,7 +156,11 @@ def by_collocation_at_seen(
     oscillator: Oscillator, seen: float, amplitude: float, room: SeenRoom, rooms: Rooms,
     row: np.ndarray, slopes: np.ndarray,
 ) -> bool:  # fmt: skip
-    """Orbit by collocation that is seen with an amplitude, from the one of amplitude A beside the averaged one."""
+    """Find by collocation the orbit whose detected amplitude is `seen` [m], from the one of tip amplitude `amplitude`.
+
+    Fills `rooms.found`, the result row, and `slopes` of what is detected by the tip's amplitude. False where there is
+    none, or engagement at the amplitude found ends on another branch.
+    """
     guess = room.guess
     done, found = exact_orbit(oscillator, amplitude, SURE, guess, rooms, row), rooms.found
     if done != col.GOOD:

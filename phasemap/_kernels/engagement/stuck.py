@@ -65,7 +65,7 @@ def in_contact_throughout(p: np.ndarray, tip: Tip) -> bool:
 
 @kernel
 def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
-    """True if the oscillation collapsed below this amplitude [m] and the tip stays in contact."""
+    """True if the oscillation collapsed to less than FALLEN times this amplitude [m] and the tip stays in contact."""
     return amplitude_of(lever, tip.acc) < FALLEN * amplitude and in_contact_throughout(p, tip)
 
 

@@ -188,9 +188,10 @@ def _resolved_harmonics(at: OrbitNodes, count: int, load: np.ndarray) -> int:
 
 @kernel
 def _fill_losses(lever: np.ndarray, waves: np.ndarray, resolved: int, row: np.ndarray) -> None:
-    """Fill in what the damping of each mode takes in a period, from the harmonics of the force: theory, Eq. (lever-8).
+    """Fill in the energy [J] that the damping of each mode takes in a period: theory, Eq. (lever-8).
 
-    The force's first harmonic is that of the equation of motion: exact, where nodes are good to 0.1 %.
+    `waves`: cosine and sine parts of the harmonics n = 2, 3, ... of the force over stiffness [m], of which those up to
+    n = `resolved` count. The first harmonic is exact by the equation of motion; by nodes it would be off by 0.1 %.
     """
     omega, kappa = lever[col.OMEGA], complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
     tip = -1j * row[col.AMPLITUDE] * complex(math.cos(row[col.PHASE]), math.sin(row[col.PHASE]))

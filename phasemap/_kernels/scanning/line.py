@@ -63,7 +63,10 @@ class Recorded(NamedTuple):
 
 @Chosen
 def move_over(tip: Any, setup: Setup, row: np.ndarray, stretch: Stretch, tally: Tally) -> int:
-    """Move the tip over a stretch of ground, the averaged lever or the marched one; returns a status."""
+    """Move the tip over a stretch of ground of one material, and count in `tally`; returns a status.
+
+    `row`: the material's parameters. The kind of `tip` says how: by the averaged lever or by the equation of motion.
+    """
     raise NotImplementedError
 
 

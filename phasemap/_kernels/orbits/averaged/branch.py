@@ -39,7 +39,7 @@ class DetectorSignal(NamedTuple):
 
 @kernel
 def mismatch_scale(reach: float, amplitude: float, c: float) -> float:
-    """Scale [1] on which the mismatch changes with c: the depth of the tip over the amplitude."""
+    """Scale [1] on which the mismatch changes with c: reach of the attraction and lowest height of the tip, over A."""
     return reach / amplitude + abs(c - 1.0) + 1e-9
 
 

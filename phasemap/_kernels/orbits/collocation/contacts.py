@@ -128,13 +128,13 @@ def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
             head_of(orbit).neck_end[i] = head_of(orbit).contact_end[i]
     elif contacts > 0:
         _find_releases(p, orbit)
-    elif held and contacts == 0 and _lowest(orbit) > p[RELEASE]:
+    elif held and contacts == 0 and _least_depth(orbit) > p[RELEASE]:
         head_of(orbit).contacts = PERMANENT
     return True
 
 
 @kernel
-def _lowest(orbit: Orbit) -> float:
+def _least_depth(orbit: Orbit) -> float:
     """Smallest depth at the nodes [m]."""
     lowest = math.inf
     amplitude, z0 = head_of(orbit).amplitude, head_of(orbit).tip_offset

@@ -166,7 +166,7 @@ def outer_node(m: np.ndarray, xi: float) -> int:
 
 @kernel
 def inner_node(m: np.ndarray, xi: float) -> int:
-    """Node with the polynomial of an element in the contact."""
+    """Place in m of the node whose polynomial holds at the element xi of the surface, inside the contact."""
     j = int(m[INNER_COUNT]) - 1
     while j > 1 and m[node_at(m, False, j - 1) + NODE_XI] > xi:
         j -= 1

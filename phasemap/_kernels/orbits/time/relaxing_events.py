@@ -204,7 +204,7 @@ def expect_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Moved) ->
 
 @kernel
 def see_depth(contact: Relaxing, u: Moved, depth: float) -> None:
-    """Let all dashpots have crept to the depth [m] at which a contact begins: what counts is what differs from D."""
+    """Put all dashpots at rest at the depth [m] at which a contact begins; what they creep counts from there."""
     u.seen, u.inside = depth, 0.0
     for j in range(first_moved(contact, True), PLACE_OF_X - 2, 2):
         u.arms[j], u.arms[j + 1] = depth, 0.0
@@ -212,7 +212,10 @@ def see_depth(contact: Relaxing, u: Moved, depth: float) -> None:
 
 @kernel
 def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
-    """Let a contact begin at the depth to which the tip has come."""
+    """Let a contact begin at the depth to which the tip has come; x is the contact's edge from here on.
+
+    What was stored in the dent and is not stored in the contact counts as lost.
+    """
     u, depth = motion.here.at, motion.here.at.x
     motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
     contact.now.mode, u.x = on.GROWING, 0.0
@@ -277,7 +280,10 @@ def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
 
 @kernel
 def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
-    """Let the march begin: in contact as the elements say, pushed in at once, or off the surface."""
+    """Begin a march on the surface that m remembers, in `contact.m`.
+
+    In the contact that it has; or in one that begins at once, where the tip is below the dent; or off the surface.
+    """
     m, u, now, arms, d = contact.m, motion.here.at, contact.now, contact.arms, motion.here.at.x
     if now.mode != OFF_SURFACE:
         u.x, u.seen, u.inside = m[on.CONTACT_EDGE], m[on.DASHPOT_DEPTH], m[on.INNER_SUM]

@@ -47,10 +47,10 @@ DENT_FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 @kernel(inline=True)
 def relaxation_rate(contact: Relaxing, u: Point, t: float) -> float:
-    """Density of steps in s that relaxation asks for, squared.
+    """Square of the number of steps per unit of s (dtau = 2 q ds, q the edge of the contact) that relaxing arms need.
 
-    Next to a turn, on both sides, they are short against the relaxation time, `Pace.layers` times as much over dents,
-    for most of what a contact remembers as it shrinks is what happened there.
+    Steps are short beside the relaxation time just before and behind the turn from growing to shrinking, for most of
+    what a contact remembers as it shrinks happened there; over dents there are `Pace.layers` times as many, squared.
     """
     q, v, slows, arms, now = u.at.x, u.at.v, u.slope.v, contact.arms, contact.now
     kappa, density = contact.p[col.RELAXING], 0.0
