@@ -133,7 +133,7 @@ def formulas() -> dict[str, str]:
         given += [one.force, one.slope, one.attraction.force, one.attraction.slope, one.damping, one.damping_slope]
     for formula in [*given, Biased.force, Biased.slope]:
         if not formula.__module__.startswith("phasemap._kernels"):
-            address = law._address(formula)
+            address = law.address_of(formula)
             code = next(code for code in law._COMPILED.values() if code.address == address)
             found[f"{formula.__module__}.{formula.__qualname__}"] = code._wrapper_name
     return found

@@ -93,7 +93,7 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
                 good[i] = False
                 break
             places[i, j] = c
-            fill_signal_and_slopes(oscillator, (amplitude, c), rows[1:, i], step, values[i, j], slopes[i, j])
+            fill_signal_and_slopes(oscillator, (amplitude, c), rows, i, step, values[i, j], slopes[i, j])
 
 
 @kernel

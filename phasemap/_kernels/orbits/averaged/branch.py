@@ -131,12 +131,13 @@ def held_root(
 
 @kernel
 def fill_signal_and_slopes(
-    oscillator: Oscillator, at: tuple[float, float], others: np.ndarray, step: float, values: np.ndarray,
+    oscillator: Oscillator, at: tuple[float, float], rows: np.ndarray, i: int, step: float, values: np.ndarray,
     slopes: np.ndarray,
 ) -> None:  # fmt: skip
     """Fill in phase and tip offset of the averaged orbit `at` (A, c), and their derivatives: theory, Eq. (inversion-1).
 
-    `others` (shape (k, ROW)): parameters with each of k logarithms larger by `step`.
+    `rows` (shape (1 + k, n, ROW)): parameters of n materials, of which this is i, and with each of k logarithms larger
+    by `step`.
     `values` (shape (2,)), `slopes` (shape (2, k)): filled.
     """
     law, p, lever = oscillator
@@ -155,8 +156,8 @@ def fill_signal_and_slopes(
         there = detector_signal(oscillator, reach, amplitude + wide, c)
         h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
         phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
-    for k in range(len(others)):
-        other = parameters(others[k])
+    for k in range(len(rows) - 1):
+        other = parameters(rows[1 + k, i])
         there = detector_signal(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
         # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
         h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
