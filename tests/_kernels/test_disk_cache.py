@@ -206,7 +206,7 @@ def test_files_under_each_others_names_are_not_found(place: Path, monkeypatch: p
 
     def values() -> tuple[list[float], int]:
         monkeypatch.setattr(law, "_COMPILED", found := {})
-        seen = [law._called_by_python(law._address(one), 3.0, np.zeros(16)) for one in (twice, thrice)]
+        seen = [law._called_by_python(law.address_of(one), 3.0, np.zeros(16)) for one in (twice, thrice)]
         return seen, sum(code.cache_hits for code in found.values())
 
     assert values() == ([6.0, 9.0], 0)

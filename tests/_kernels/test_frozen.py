@@ -205,7 +205,7 @@ print(frozen(lambda d, p: jitted(d)).digest)
 
 def value(formula: Any) -> float:
     """Of the compiled formula, at d = 2 m."""
-    return law._called_by_python(law._address(formula), 2.0, np.arange(1.0, 13.0))
+    return law._called_by_python(law.address_of(formula), 2.0, np.arange(1.0, 13.0))
 
 
 def test_compiled_formulas_have_their_own_numbers_here_and_from_disk(

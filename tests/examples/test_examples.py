@@ -91,6 +91,7 @@ LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "line_rate": lambda e: {"ENGINES": {way: (*how, rates[2::3]) for way, (*how, rates) in e.ENGINES.items()}},
     "measured_series": lambda e: {"SHAPE": (64, 64)},
     "measured_twin": lambda e: {"LINES": slice(96, 104)},
+    "relaxation_spectrum": lambda e: {"SETPOINTS": e.SETPOINTS[::11]},
     "rubber_beside_glass": lambda e: {"GRADES": e.GRADES[::16], "OFFSETS": e.OFFSETS[::10]},
     "scan_faster": lambda e: {"LABELS": e.LABELS[:8], "RELIEF": e.RELIEF[:8]},
     "scan_series": lambda e: {"LABELS": e.LABELS[48:56], "RELIEF": e.RELIEF[48:56]},
