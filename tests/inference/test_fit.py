@@ -386,6 +386,7 @@ def test_the_repulsive_branch_is_known_where_the_way_over_the_data_does_not_lead
     assert there[:, 0].any() and not there[:, 2].any()
 
 
+@pytest.mark.slow
 def test_the_film_of_water_comes_back_from_a_curve_both_ways() -> None:
     law = pm.Interaction(pm.interaction.Capillary(tip_film=0.0))
     scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9), law)
