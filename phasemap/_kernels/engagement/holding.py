@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,14 +10,15 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import has_one_orbit, sure_orbit
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, fine_tolerance, hold_mean
+from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.row import averaged_row
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.time.by_memory import lingering
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE
 from phasemap._kernels.orbits.time.elements import CONTACT_MODE
 from phasemap._kernels.orbits.time.forming import form_dents
-from phasemap._kernels.orbits.time.period_map import Tolerance, hold_periodic
+from phasemap._kernels.orbits.time.period_map import hold_periodic
 from phasemap._kernels.orbits.time.tip import (
     PeriodMap,
     PeriodResult,
@@ -27,11 +27,6 @@ from phasemap._kernels.orbits.time.tip import (
     new_state,
     ring_down_periods,
 )
-
-if TYPE_CHECKING:
-    from phasemap._kernels.law import Law
-
-from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, OFFSET_ERROR, STATE_ERROR, fine, hold_mean
 
 SECOND_TRY = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
 NEAR_TIMES = 5.0  # ring-down times in which a tip comes to rest that starts next to its orbit
@@ -48,7 +43,7 @@ def hold(
     nearly what is inside, so that the orbit is sought again from where it is highest.
     """
     law, p = oscillator.law, oscillator.p
-    tolerance = Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
+    tolerance = fine_tolerance(p, step_size, amplitude)
     status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
     if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and lingering(oscillator) == 0:
         again = row.copy()
@@ -94,7 +89,7 @@ def hold_near(
     False where time leads to none within so many periods, or to one on the other side of the resonance than `repelled`.
     """
     p = oscillator.p
-    tolerance = Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
+    tolerance = fine_tolerance(p, step_size, amplitude)
     status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
     return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
 
@@ -106,7 +101,7 @@ def settle_dents(
     """Hold an amplitude [m] as `hold_near` does, over dents that last: they form under the orbit in `row` first."""
     law, p, lever = oscillator
     tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
-    repelled, tolerance = row[col.PHASE] > 0.0, Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
+    repelled, tolerance = row[col.PHASE] > 0.0, fine_tolerance(p, step_size, amplitude)
     if not form_dents(oscillator, tolerance, amplitude, most_periods, tip):
         return False
     return hold_near(oscillator, amplitude, step_size, most_periods, repelled, tip, row)

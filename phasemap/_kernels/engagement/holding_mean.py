@@ -70,9 +70,16 @@ WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a 
 
 
 @kernel
-def fine(p: np.ndarray, step_size: float) -> float:
-    """Size of the steps of a periodic orbit: smaller through a neck, for the same error."""
-    return step_size if p[col.RELEASE] == 0.0 else NECK_STEPS * step_size
+def fine_tolerance(p: np.ndarray, step_size: float, amplitude: float) -> Tolerance:
+    """Steps and errors of a periodic orbit of this amplitude [m]: smaller steps through a neck, for the same error."""
+    size = step_size if p[col.RELEASE] == 0.0 else NECK_STEPS * step_size
+    return Tolerance(size, STATE_ERROR * amplitude, OFFSET_ERROR)
+
+
+@kernel
+def coarse_tolerance(step_size: float, amplitude: float) -> Tolerance:
+    """Steps and errors on the way to the setpoint, of this amplitude [m]."""
+    return Tolerance(COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
 
 
 class Controller(NamedTuple):
@@ -268,7 +275,7 @@ def hold_mean(
     """
     p, lever = oscillator.p, oscillator.lever
     size = amplitude if amplitude > 0.0 else free_amplitude(lever)
-    tolerance = Tolerance(fine(p, step_size), STATE_ERROR * size, OFFSET_ERROR)
+    tolerance = fine_tolerance(p, step_size, size)
     sticky, block, rough = p[col.RELEASE] != 0.0, block_of(lever), COARSER_STEPS * step_size
     slow = Controller(
         amplitude, min(gain, SLOW_GAIN), sticky, rough, block, STICKY_GROUP if sticky else GROUP,

@@ -31,11 +31,9 @@ from phasemap._kernels.engagement.holding import hold
 from phasemap._kernels.engagement.holding_mean import (
     COARSER_STEPS,
     EAGER_GAIN,
-    OFFSET_ERROR,
     SLOW_GAIN,
-    STATE_ERROR,
-    WIDER_ERRORS,
-    fine,
+    coarse_tolerance,
+    fine_tolerance,
     hold_mean,
 )
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
@@ -182,24 +180,16 @@ def move_slowly(
 
 @kernel
 def lower_to_setpoint(
-    oscillator: Oscillator,
-    amplitude: float,
-    step: float,
-    step_size: float,
-    most_periods: int,
-    tip: Tip,
-    row: np.ndarray,
-) -> int:
+    oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
+    tip: Tip, row: np.ndarray,
+) -> int:  # fmt: skip
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
-    tolerance = Tolerance(
-        COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR
-    )
+    tolerance = coarse_tolerance(step_size, amplitude)
     least, pace, loose = NEXT_TRY * free, pace_of_leap(oscillator), False
-    short = (
-        WHOLE_FALL * ring_down_periods(lever) > most_periods
-    )  # for more than to see that the surface catches the tip
+    # Too short for more than to see that the surface catches the tip
+    short = WHOLE_FALL * ring_down_periods(lever) > most_periods
     while True:
         if loose and pace > 0.0:
             ends, periodic = fall_to_setpoint(oscillator, amplitude, 0.0, 0.0, tolerance, most_periods, tip), False
@@ -339,7 +329,7 @@ def move_to_tip_offset(
     if not average(oscillator, COARSER_STEPS * step_size, count, move, tip, lock_in):
         return col.NOT_SETTLED
     u[Z0] = z0
-    tolerance = Tolerance(fine(p, step_size), STATE_ERROR * free_amplitude(lever), OFFSET_ERROR)
+    tolerance = fine_tolerance(p, step_size, free_amplitude(lever))
     if rest(
         oscillator, tolerance, min(int(DISTURBED * ring_down_periods(lever)), most_periods - tip.periods.marched), tip
     ):
@@ -357,9 +347,7 @@ def move_to_amplitude(
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
     if not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
-    tolerance = Tolerance(
-        COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR
-    )
+    tolerance = coarse_tolerance(step_size, amplitude)
     ends = move_slowly(oscillator, amplitude, NEXT_TRY * free_amplitude(lever), tolerance, most_periods, tip)
     if ends == ORBIT_AGAIN:
         return hold(oscillator, amplitude, step_size, most_periods, tip, row)

@@ -28,14 +28,11 @@ from phasemap._kernels.engagement.averages import (
     mean_phasor,
 )
 from phasemap._kernels.engagement.holding_mean import (
-    COARSER_STEPS,
     GROUP,
-    OFFSET_ERROR,
     SLOW_GAIN,
-    STATE_ERROR,
-    WIDER_ERRORS,
     WORST_CLOSURE,
-    fine,
+    coarse_tolerance,
+    fine_tolerance,
     hold_mean,
 )
 from phasemap._kernels.engagement.lowering import (
@@ -51,7 +48,7 @@ from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, slowest_decay
 from phasemap._kernels.orbits.time.pattern import find_pattern, shorten
-from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, hold_periodic, march_tip
+from phasemap._kernels.orbits.time.period_map import fill_orbit, fill_row, hold_periodic, march_tip
 from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of
 from phasemap._kernels.records import record
 
@@ -118,22 +115,17 @@ def fill_row_of_pattern(oscillator: Oscillator, step_size: float, tip: Tip, row:
 
 @kernel
 def follow_and_hold(
-    oscillator: Oscillator,
-    amplitude: float,
-    step: float,
-    step_size: float,
-    most_periods: int,
-    tip: Tip,
-    row: np.ndarray,
-) -> int:
+    oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
+    tip: Tip, row: np.ndarray,
+) -> int:  # fmt: skip
     """Lower a tip along a periodic pattern of taps, or from far, and hold the amplitude when it reaches it.
 
     Returns GOOD; NOT_CONVERGED where the pattern ends, or UNSTABLE where it ends as it is held; else what is final.
     """
     law, p, lever = oscillator
     quick, periods, ends = with_ring_down(lever, QUICK_RINGING), tip.periods, AMPLITUDE_SEEN
-    coarse = Tolerance(COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
-    exact = Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
+    coarse = coarse_tolerance(step_size, amplitude)
+    exact = fine_tolerance(p, step_size, amplitude)
     if amplitude_of(lever, tip.acc) > amplitude:
         limit = periods.marched + int(PATTERN_SHARE * (most_periods - periods.marched))
         ends = follow_down(Oscillator(law, p, quick), amplitude, step, 0.0, coarse, limit, tip)
@@ -200,19 +192,14 @@ def move_until(
 
 @kernel
 def engage_ringing(
-    oscillator: Oscillator,
-    amplitude: float,
-    step: float,
-    step_size: float,
-    most_periods: int,
-    tip: Tip,
-    row: np.ndarray,
-) -> int:
+    oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
+    tip: Tip, row: np.ndarray,
+) -> int:  # fmt: skip
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
     law, p, lever = oscillator
     slow, periods, acc = with_ring_down(lever, LONG_RINGING), tip.periods, tip.acc
-    coarse = Tolerance(COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
-    exact = Tolerance(fine(p, step_size), STATE_ERROR * amplitude, OFFSET_ERROR)
+    coarse = coarse_tolerance(step_size, amplitude)
+    exact = fine_tolerance(p, step_size, amplitude)
     way, wait, found = Descent(), FIRST_LOOK, march_tip(oscillator, coarse.step_size, tip)
     lock_in = LockIn()
     begin_lock_in(lever, acc, lock_in)
