@@ -131,6 +131,12 @@ def _unbox(kind: RecordType, one: Any, c: Any) -> NativeValue:
     return NativeValue(address, cleanup=lambda: c.pyapi.release_buffer(buffer), is_error=missing)
 
 
+# What Python holds of a record of any kind. Its numba type is registered here once: a module that is imported while
+# another thread compiles may add no class to those that numba tells apart, for it is going through them.
+InPython: Any = type("InPython", (np.record,), {})
+typeof_impl.register(InPython)(lambda one, _context: type(one).record_type)
+
+
 def column(count: int) -> Any:
     """Declare a field that has this many numbers."""
     return count
@@ -157,11 +163,14 @@ def record(cls: type[T]) -> type[T]:
         raise TypeError(f"{cls.__name__} takes {words * WORD} bytes, more than a stack may be asked for")
     made: Any = cls
     made.record_type = RecordType(f"{cls.__module__}.{cls.__name__}", fields, words)
-    own = {"__doc__": cls.__doc__, "__reduce__": lambda one: (_from_bytes, (cls, one.tobytes()))}
-    in_python = type(cls.__name__, (np.record,), own)
+    own = {
+        "__doc__": cls.__doc__,
+        "__reduce__": lambda one: (_from_bytes, (cls, one.tobytes())),
+        "record_type": made.record_type,
+    }
+    in_python = type(cls.__name__, (InPython,), own)
     made.layout = np.dtype((in_python, np.dtype(layout)))
     made.__new__ = lambda *_: np.zeros(1, made.layout)[0]
-    typeof_impl.register(in_python)(lambda *_: made.record_type)
     _declare(made, made.record_type)
     return cls
 

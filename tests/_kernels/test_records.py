@@ -7,8 +7,10 @@ import pickle
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import pytest
+from numba.core.typing.typeof import typeof_impl
 
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.records import MOST_BYTES, assign, clear, column, numbers_of, record, rows_of, words_of
@@ -123,6 +125,17 @@ def test_a_copy_of_a_record_is_one_that_kernels_know_and_changes_by_itself(copie
     assert list(second.row) == [7.0] * 4
     assert fill(second, 2.0) == 6.5
     assert list(first.row) == [7.0] * 4
+
+
+def test_a_record_made_while_another_thread_compiles_adds_no_class_to_those_that_numba_goes_through() -> None:
+    known = list(typeof_impl.registry)
+
+    @record
+    class Late:
+        x: float
+
+    assert numba.typeof(Late()) is Late.record_type  # type: ignore[attr-defined]
+    assert list(typeof_impl.registry) == known
 
 
 def test_a_record_that_is_too_large_for_a_stack_is_refused() -> None:
