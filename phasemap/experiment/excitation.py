@@ -28,6 +28,11 @@ def sees_tip(lever: Array) -> bool:
     return not np.any(offset) and bool(np.all(factor == 1))
 
 
+def in_proportion(lever: Array) -> bool:
+    """Whether the detector sees the motion of the tip times a number that is not one."""
+    return not np.any(offset_and_factor(lever)[0]) and not sees_tip(lever)
+
+
 def offset_and_factor(lever: Array) -> tuple[Any, Any]:
     """The complex offset [m] and factor [1] of what the detector sees, shape (...)."""
     return (

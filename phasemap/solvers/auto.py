@@ -17,10 +17,6 @@ class Auto:
     name = "auto"
     rows_per_chunk = 500
 
-    def exact_limits(self, accuracy: Accuracy) -> tuple[float, float]:
-        """See `phasemap.solvers.solver.Solver`."""
-        return accuracy.phase, accuracy.height
-
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        solve_exactly(work, self.exact_limits(accuracy), True, accuracy.periods, first, last, answers)
+        solve_exactly(work, (accuracy.phase, accuracy.height), True, accuracy.periods, first, last, answers)

@@ -7,6 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import sees_tip
 from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.solvers.problem import Work
 
@@ -21,9 +22,6 @@ class Averaging:
 
     name = "averaging"
     rows_per_chunk = 2000
-
-    def exact_limits(self, accuracy: Accuracy) -> None:
-        """See `phasemap.solvers.solver.Solver`."""
 
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
@@ -41,13 +39,15 @@ class Averaging:
 def engage_averaged(work: Work, periods: int, first: int, last: int, answers: Answers) -> bool:
     """Find averaged orbits where averaging can tell the branch, exact ones elsewhere; says whether there are such.
 
-    Far from the resonance it cannot: what ends the orbits there are terms that it leaves out.
+    Far from the resonance it cannot: what ends the orbits there are terms that it leaves out. Nor is it asked where the
+    detector does not see the tip.
     """
     from phasemap._kernels.lever import near_resonance
     from phasemap._kernels.rows.fast import averaging_rows
 
-    averaging_rows(work.pixels, first, last, answers)
-    if not near_resonance(work.lever):
+    if sees_tip(work.lever):
+        averaging_rows(work.pixels, first, last, answers)
+    if not near_resonance(work.lever) or not sees_tip(work.lever):
         answers.status[first:last] = col.PENDING
     doubtful = first + np.flatnonzero(answers.status[first:last] == col.PENDING)
     if not len(doubtful):

@@ -143,7 +143,7 @@ def _seen_branches(
             both = stable_branches(part, solver, accuracy, workers, progress)
             return both.rows[slot], both.status[slot], both.solver[slot]
 
-        held = Answers(*hold(work.part(others), solve, accuracy.periods, (side,)))
+        held = Answers(*hold(work.part(others), solve, side))
         answers.of(slot).put(others, held)
         answers.of(slot).put(here, answers.of(ENGAGED).of(here))
     _limit(work, accuracy.periods, 0, len(work), found.rows, found.status, found.reach)

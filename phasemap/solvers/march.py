@@ -36,9 +36,6 @@ class March(InTime):
     name = "march"
     rows_per_chunk = 8
 
-    def exact_limits(self, accuracy: Accuracy) -> None:
-        """See `phasemap.solvers.solver.Solver`."""
-
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
         from phasemap._kernels.lever import low_q, near_resonance

@@ -9,6 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.excitation import sees_tip
+from phasemap.solvers.detected_setpoint import engage as engage_seen
 from phasemap.solvers.in_time import InTime
 from phasemap.solvers.problem import Work
 
@@ -40,13 +42,9 @@ class Orbit:
     def __init__(self, complete: bool = False, in_time: bool = True) -> None:
         self.complete, self.in_time = complete, in_time
 
-    def exact_limits(self, accuracy: Accuracy) -> tuple[float, float]:
-        """See `phasemap.solvers.solver.Solver`."""
-        return (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
-
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
         """See `phasemap.solvers.solver.Solver`."""
-        limits = self.exact_limits(accuracy)
+        limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
         if self.in_time:
             solve_exactly(work, limits, False, accuracy.periods, first, last, answers)
             polish(work, first, last, answers)
@@ -88,9 +86,11 @@ def solve_on_curves(
     from phasemap._kernels.rows.fast import cheap_rows
 
     phase, height = limits
-    status = answers.status
+    status, allowed = answers.status, np.array([math.radians(phase), height])
+    if not sees_tip(work.lever):
+        engage_seen(work, allowed, first, last, answers)
+        return
     if phase > 0:
-        allowed = np.array([math.radians(phase), height])
         if not cheap_rows(work.pixels, allowed, average, first, last, answers):
             return
     else:
@@ -120,7 +120,7 @@ def polish(work: Work, first: int, last: int, answers: Answers) -> None:
     """Replace periodic orbits that were found in time by those of collocation beside them."""
     out, status, solver = answers
     marched = solver[first:last] == col.MARCH
-    if not marched.any():
+    if not marched.any() or not sees_tip(work.lever):
         return
     periodic = marched & (status[first:last] == col.GOOD)
     chosen = first + np.flatnonzero(periodic & ~col.irregular(out[first:last]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -13,9 +12,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import sees_tip
-from phasemap.solvers.detected_setpoint import hold
-from phasemap.solvers.energy import close
+from phasemap.solvers.detected_setpoint import at_tip, shown
 from phasemap.solvers.march import OnlyInTime, check_marches
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import Solver
@@ -37,11 +34,6 @@ def run(
     Returns `rows` (shape (n, COLUMNS), or (n, WIDE) with `widen`): as the detector sees them.
     Returns `status, solver` (shape (n,)).
     """
-    if not sees_tip(work.lever):
-        at_amplitudes = partial(run, solver, accuracy=accuracy, threads=threads, progress=progress)
-        exact, workers = solver.exact_limits(accuracy), workers_of(threads)
-        rows, status, used = hold(work, at_amplitudes, accuracy.periods, limits=exact, workers=workers)
-        return (rows if widen is None else widen(work, rows, used, np.arange(len(work)))), status, used
     if work.in_time and not isinstance(solver, OnlyInTime):
         check_marches(solver.name)
         solver = OnlyInTime(solver)
@@ -54,23 +46,23 @@ def run(
         found = run(solver, work.part(valid), accuracy, threads=threads, progress=progress, widen=further)
         rows[valid], status[valid], used[valid] = found
         return rows, status, used
-    workers = workers_of(threads)
+    tip, workers = at_tip(work), workers_of(threads)
     chunk = chunk_of(count, workers, solver.rows_per_chunk)
     rooms: list[Array] = []  # for rows with nodes, each used again by the next chunk: fresh memory is slow
 
     def solve(first: int, last: int) -> None:
         if widen is None:
-            solver.solve(work, accuracy, first, last, Answers(rows, status, used))
+            solver.solve(tip, accuracy, first, last, Answers(rows, status, used))
+            rows[first:last] = shown(rows[first:last], work)
             return
         at = np.arange(first, last)
         room = rooms.pop() if rooms else np.empty((chunk, KEEPING))
-        part, some = work.part(at), Answers(room[: len(at)], status[first:last], used[first:last])
+        part, some = tip.part(at), Answers(room[: len(at)], status[first:last], used[first:last])
         some.rows[:, : col.COLUMNS] = np.nan
         some.rows[:, KEPT_COUNT] = 0
         solver.solve(part, accuracy, 0, len(at), some)
-        rows[at] = widen(part, some.rows, some.solver, at)
+        rows[at] = widen(work.part(at), shown(some.rows, work), some.solver, at)
         rooms.append(room)
 
     spread(solve, bounds_of(count, chunk), workers, progress)
-    close(rows, work.lever)
     return rows, status, used

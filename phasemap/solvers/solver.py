@@ -24,12 +24,12 @@ class Solver(Protocol):
     name: str
     rows_per_chunk: int  # about a tenth of a second of work
 
-    def exact_limits(self, accuracy: Accuracy) -> tuple[float, float] | None:
-        """Errors [degree, m] that passes may leave where an exact orbit is what is asked for, or None."""
-        ...
-
     def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
-        """Fill rows [first, last) of the answers (columns of `phasemap._kernels.columns`), and their codes."""
+        """Fill rows [first, last) of the answers (columns of `phasemap._kernels.columns`), and their codes.
+
+        Amplitudes of the work are as the detector sees them where that is more than the tip's times a number; rows are
+        of the tip.
+        """
         ...
 
 

@@ -109,7 +109,7 @@ def solve_one_of_each_kind() -> None:
         (fast.averaging_rows, pixels, 0, 1, answers),
         (fast.averaged_near_rows, pixels, 0, 1, answers),
         (exact_orbit_at, path, numbers, 0.0, 0, 1.0, orbit),
-        (seen.seen_rows, pixels, TABLES, np.zeros(2), 0, 1, answers, np.zeros((1, SLOPES))),
+        (seen.seen_rows, pixels, TABLES, np.zeros(2), answers, np.zeros((1, SLOPES))),
         (exact.exact_rows, pixels, TABLES, 0, 1, answers),
         (exact.exact_near_rows, pixels, TABLES, 0, 1, branches),
         (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),

@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import extreme_between
-from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_Z0, Point
+from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point
 from phasemap._kernels.continuation.piece import turn_between
 from phasemap._kernels.continuation.start import start_far
 from phasemap._kernels.continuation.step import (
@@ -32,9 +32,10 @@ from phasemap._kernels.continuation.step import (
 from phasemap._kernels.engagement.averaged import LEAP, SURE, settle_side, worst_amplitude
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.side_from_far import leaps, low_q_margin_factor, side_reached_from_far
+from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
-from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, REPULSIVE, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near
@@ -61,6 +62,24 @@ class Rooms(NamedTuple):
 
 
 @kernel
+def at_amplitude(oscillator: Oscillator, amplitude: float) -> Wanted:
+    """The orbit of amplitude A [m]."""
+    return Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
+
+
+@kernel
+def at_seen(oscillator: Oscillator, seen: float) -> Wanted:
+    """The orbit that the detector sees with an amplitude [m]."""
+    return Wanted(ENTRY_SEEN, seen, tolerance_of(oscillator))
+
+
+@kernel
+def roughly(lever: np.ndarray, wanted: Wanted, side: int) -> float:
+    """A [m] of the orbit wanted on a side of the resonance, roughly where only the detector's amplitude is known."""
+    return wanted.value if wanted.entry == ENTRY_A else likely_amplitude(lever, wanted.value, side)
+
+
+@kernel
 def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
     """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
     return head_of(orbit).contacts == PERMANENT and head_of(orbit).tip_offset < lowest_tip_offset(oscillator)
@@ -84,7 +103,7 @@ def descend(
     that is not stable.
     """
     amplitude, before, z0 = wanted.value, start.point, after.value[ENTRY_Z0]
-    from_a, to_a = before.value[ENTRY_A], after.value[ENTRY_A]
+    from_a, to_a = before.value[wanted.entry], after.value[wanted.entry]
     if from_a > amplitude >= to_a and z0 < before.value[ENTRY_Z0] and way.crossed == 0:
         last = Point()
         assign(last, before)
@@ -111,11 +130,11 @@ def descend_by_turn(
 
     Returns what `descend` does; the amplitude may just reach the setpoint where it turns.
     """
-    if not extreme_between(start.point, after, ENTRY_A, wanted.value) > 0.0:
+    if not extreme_between(start.point, after, wanted.entry, wanted.value) > 0.0:
         return descend(path, wanted, start, after, near, way, found)
     turn, top, end = Point(), another(found), Point()
     level = head_of(near).level
-    good = turn_between(path, start, after, ENTRY_A, level, wanted.tolerance, top, turn)
+    good = turn_between(path, start, after, wanted.entry, level, wanted.tolerance, top, turn)
     if not good:
         return col.NOT_CONVERGED
     status = descend(path, wanted, start, turn, top, way, found)
@@ -161,7 +180,8 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
         return False
     if not near_resonance(lever) or leaps(lever, reach, free):
         return False
-    guess, top, worst, sure = np.zeros(col.GUESS), Maximum(), worst_amplitude(lever, wanted.value), False
+    amplitude = roughly(lever, wanted, ATTRACTIVE)
+    guess, top, worst, sure = np.zeros(col.GUESS), Maximum(), worst_amplitude(lever, amplitude), False
     for share in HIGHER:
         higher = worst + share * (free - worst)
         side = side_reached_from_far(oscillator, reach, higher, free, low_q_margin_factor(lever), top)
@@ -173,19 +193,19 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
     status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, 12)
     clear(point)
     point.tangent_v = -1.0
-    good = status == col.GOOD and mark_point(path, orbit, point)
+    good = status == col.GOOD and mark_point(path, orbit, point) and point.value[wanted.entry] > wanted.value
     return good and point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0
 
 
 @kernel
 def engage_along_exact_curve(path: Path, wanted: Wanted, rooms: Rooms) -> int:
-    """Exact orbit that holds the amplitude wanted after the approach from far, in `found` of the rooms.
+    """Exact orbit that holds what is wanted after the approach from far, in `found` of the rooms.
 
     NOT_CONVERGED where only time tells.
     """
     orbit, point = rooms.orbit, Point()
     if not start_on_branch(path, wanted, point, orbit):
-        status = start_far(path, orbit, wanted.value, 0)
+        status = start_far(path, orbit, roughly(path.lever, wanted, ATTRACTIVE), 0)
         clear(point)
         point.tangent_u = -1.0
         if status != col.GOOD or not mark_point(path, orbit, point):
@@ -205,7 +225,7 @@ def _orbit_near(oscillator: Oscillator, guess: np.ndarray, rooms: Rooms, row: np
 @kernel
 def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> int:
     """Repulsive orbit at the setpoint of a lever of low Q, from one of larger amplitude that a short contact holds."""
-    oscillator, amplitude, orbit = standing_at(path, 0.0), wanted.value, rooms.orbit
+    oscillator, amplitude, orbit = standing_at(path, 0.0), roughly(path.lever, wanted, REPULSIVE), rooms.orbit
     for share in NEARER:
         higher = amplitude + share * (free_amplitude(path.lever) - amplitude)
         if not begin_impact(oscillator, orbit, higher, 0):
@@ -213,19 +233,20 @@ def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> int:
         status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, MOST_STEPS_NEARBY)
         point = Point()
         point.tangent_v = -1.0
-        if status == col.GOOD and head_of(orbit).push > 0.0 and mark_point(path, orbit, point) and point.floquet < 1.0:
+        if status != col.GOOD or not (head_of(orbit).push > 0.0 and mark_point(path, orbit, point)):
+            continue
+        if point.floquet < 1.0 and point.value[wanted.entry] > wanted.value:
             return lower_along_curve(path, wanted, point, rooms)
     return col.NOT_CONVERGED
 
 
 @kernel(shared=True)
-def orbit_along_curve(oscillator: Oscillator, amplitude: float, repulsive: bool, rooms: Rooms, row: np.ndarray) -> int:
+def orbit_along_curve(oscillator: Oscillator, wanted: Wanted, repulsive: bool, rooms: Rooms, row: np.ndarray) -> int:
     """Exact orbit at which a tip stops that is lowered, in `found` of the rooms and its row; returns a status.
 
     `repulsive`: whether it is known to be a repulsive one.
     """
-    path, wanted = fixed_path(oscillator), Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
-    done = col.NOT_CONVERGED
+    path, done = fixed_path(oscillator), col.NOT_CONVERGED
     if repulsive and low_q(oscillator.lever):
         done = _orbit_from_nearer(path, wanted, rooms)
     if done != col.GOOD:
@@ -237,9 +258,8 @@ def orbit_along_curve(oscillator: Oscillator, amplitude: float, repulsive: bool,
 
 @kernel(shared=True)
 def exact_orbit(
-    oscillator: Oscillator, amplitude: float, surety: int, guess: np.ndarray,
-    rooms: Rooms, row: np.ndarray,
-) -> int:  # fmt: skip
+    oscillator: Oscillator, wanted: Wanted, surety: int, guess: np.ndarray, rooms: Rooms, row: np.ndarray
+) -> int:
     """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
@@ -250,8 +270,8 @@ def exact_orbit(
     if surety == SURE and _orbit_near(oscillator, guess, rooms, row):
         return col.GOOD
     repulsive = surety == SURE and guess[col.G_P] > 0.0
-    done = orbit_along_curve(oscillator, amplitude, repulsive, rooms, row)
-    if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * amplitude):
+    done = orbit_along_curve(oscillator, wanted, repulsive, rooms, row)
+    if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):
         done = col.NOT_CONVERGED
     return done
 

@@ -61,7 +61,7 @@ def settle(oscillator: Oscillator, amplitude: float, step_size: float, most_peri
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
     law, lever = oscillator.law, oscillator.lever
-    tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
+    tip = Tip(state_on(law, lever, row[col.AMPLITUDE], row), PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
     return hold(oscillator, amplitude, step_size, most_periods, tip, row)
 

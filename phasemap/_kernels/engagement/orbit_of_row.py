@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.exact_orbit import Rooms, new_rooms, orbit_along_curve
+from phasemap._kernels.engagement.exact_orbit import Rooms, at_amplitude, new_rooms, orbit_along_curve
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import reach_of
@@ -75,7 +75,9 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
     orbit = again.rooms.orbit
     done, _ = orbit_near(oscillator, again.guess, orbit, again.row)
     if done != col.GOOD or not same_orbit(again.row, row):
-        done = orbit_along_curve(oscillator, row[col.AMPLITUDE], side == REPULSIVE, again.rooms, again.row)
+        done = orbit_along_curve(
+            oscillator, at_amplitude(oscillator, row[col.AMPLITUDE]), side == REPULSIVE, again.rooms, again.row
+        )
         orbit = again.rooms.found
     if done != col.GOOD or not same_orbit(again.row, row):
         return not faint and _by_passes(oscillator, row, side, again)  # what holds the harmonics roughly

@@ -1,7 +1,8 @@
 """Orbits that the detector sees with a given amplitude, where it does not see the motion of the tip itself.
 
-What A is follows from the phase: orbits by passes of the lever's response, or averaged ones where these do not
-converge, are come to by secants in A, and tell the branch; from an averaged one collocation holds what is seen itself.
+What A is follows from the phase. Where averaging is sure of the branch, orbits by passes of the lever's response, or
+averaged ones where these do not converge, are come to by secants in A; from an averaged one collocation holds what is
+seen itself. Elsewhere the curve of exact orbits is followed down to the amplitude that is seen.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact_orbit import Rooms, exact_orbit
+from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, SURE, engage_by_averaging
+from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit
 from phasemap._kernels.engagement.response import cheap_orbit
-from phasemap._kernels.excitation import likely_amplitude, next_amplitude, seen_rate, show
+from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, next_amplitude, seen_rate, show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, phase_of, reach_of
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
@@ -54,11 +55,17 @@ class SeenRoom(NamedTuple):
 
 
 @kernel
-def orbit_at(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> tuple[int, float]:
-    """Orbit of amplitude A [m] that engagement reaches: GOOD by passes, KNOWN if averaged, or PENDING; its phase."""
+def orbit_at(oscillator: Oscillator, amplitude: float, averaged: bool, room: SeenRoom) -> tuple[int, float]:
+    """Orbit of amplitude A [m] that engagement reaches: GOOD by passes, KNOWN if averaged, or PENDING; its phase.
+
+    With `averaged` passes are not tried where averaging is sure.
+    """
     guess = room.guess
     surety = engage_by_averaging(oscillator, amplitude, guess, room.room.top)
-    done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
+    if averaged and surety == SURE:
+        done = col.KNOWN
+    else:
+        done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
     if done == col.GOOD:
         return col.GOOD, room.room.state.phase
     if done == col.KNOWN:
@@ -67,25 +74,23 @@ def orbit_at(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> tuple[
 
 
 @kernel
-def repulsive_at_seen(
-    oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
-) -> float:
-    """A [m] of the repulsive orbit that is seen with an amplitude, in its row, if averaging is sure of it; else NaN.
+def repulsive_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray) -> bool:
+    """Find the repulsive orbit by passes that is seen with an amplitude [m]; False if averaging is not sure of it.
 
     It is sure at both ends of what A may be without losses, and at the A found.
     """
     (guess, passes, limits), lever = room, oscillator.lever
     for side in (-1, 1):
         if not _surely_repulsive(oscillator, likely_amplitude(lever, seen, side), room):
-            return math.nan
+            return False
     passes.seen = seen
     found = refine(oscillator, reach_of(oscillator.law, oscillator.p), guess, limits, passes)
     passes.seen, state = 0.0, passes.state
-    if not (found and state.seen_by_a > 0.0 and _surely_repulsive(oscillator, state.amplitude, room)):
-        return math.nan
+    if not (found and state.seen_by_a > LEAST_SLOPE and _surely_repulsive(oscillator, state.amplitude, room)):
+        return False
     slopes[SEEN_BY_A], slopes[PHASE_BY_A], slopes[OFFSET_BY_A] = state.seen_by_a, state.phase_by_a, state.offset_by_a
     fill_row_from_passes(lever, nodes_of_solution(passes), state, row)
-    return float(state.amplitude)
+    return True
 
 
 @kernel
@@ -95,22 +100,19 @@ def _surely_repulsive(oscillator: Oscillator, amplitude: float, room: SeenRoom) 
 
 
 @kernel
-def by_passes_at_seen(
-    oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
-) -> tuple[int, float]:
-    """Orbit by passes that is seen with an amplitude, in its row, with its slopes: GOOD, KNOWN or PENDING; and its A.
+def by_passes_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray) -> int:
+    """Orbit by passes that is seen with an amplitude [m], in its row, with its slopes: GOOD, KNOWN or PENDING.
 
     KNOWN where passes do not lead from the averaged orbit, which is then the one seen with about this amplitude.
     """
     lever, state = oscillator.lever, room.room.state
-    amplitude = repulsive_at_seen(oscillator, seen, room, row, slopes)
-    if amplitude > 0.0:
-        return col.GOOD, amplitude
+    if repulsive_at_seen(oscillator, seen, room, row, slopes):
+        return col.GOOD
     amplitude = likely_amplitude(lever, seen, -1)
-    done, phase = orbit_at(oscillator, amplitude, room)
+    done, phase = orbit_at(oscillator, amplitude, False, room)
     if done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]:
         amplitude = likely_amplitude(lever, seen, 1)  # the attractive branch is not what is reached there
-        done, phase = orbit_at(oscillator, amplitude, room)
+        done, phase = orbit_at(oscillator, amplitude, done == col.KNOWN, room)
     before, old_phase, old_offset = (math.nan, math.nan), math.nan, math.nan
     for _ in range(MOST_SECANTS):
         if done == col.PENDING:
@@ -118,14 +120,14 @@ def by_passes_at_seen(
         else:
             miss, moved = show(lever, amplitude, phase)[0] - seen, amplitude - before[0]
             if done == col.KNOWN and abs(miss) < ROUGHLY_SEEN * seen:
-                return col.KNOWN, amplitude
+                return col.KNOWN
             if abs(moved) > APART * amplitude:
                 slopes[SEEN_BY_A], slopes[PHASE_BY_A] = (miss - before[1]) / moved, (phase - old_phase) / moved
                 slopes[OFFSET_BY_A] = (state.tip_offset - old_offset) / moved
             there = done == col.GOOD and abs(miss) < EXACTLY_SEEN * seen
             if there and math.isfinite(slopes[SEEN_BY_A]):
                 fill_row_from_passes(lever, nodes_of_solution(room.room), state, row)
-                return col.GOOD, amplitude
+                return col.GOOD if slopes[SEEN_BY_A] > LEAST_SLOPE else col.PENDING
             following = next_amplitude(lever, seen, amplitude, phase, miss, before)
             if there:
                 following = amplitude * (1.0 + BESIDE)  # for the slopes alone
@@ -133,8 +135,8 @@ def by_passes_at_seen(
         amplitude = following
         if not amplitude > 0.0:
             break
-        done, phase = orbit_at(oscillator, amplitude, room)
-    return col.PENDING, math.nan
+        done, phase = orbit_at(oscillator, amplitude, done == col.KNOWN, room)
+    return col.PENDING
 
 
 @kernel
@@ -152,30 +154,43 @@ def slopes_along(lever: np.ndarray, orbit: Orbit, slopes: np.ndarray) -> bool:
 
 
 @kernel
-def by_collocation_at_seen(
-    oscillator: Oscillator, seen: float, amplitude: float, room: SeenRoom, rooms: Rooms,
+def _from_averaged_or_along_curve(
+    oscillator: Oscillator, seen: float, surety: int, guess: np.ndarray, rooms: Rooms,
     row: np.ndarray, slopes: np.ndarray,
-) -> bool:  # fmt: skip
-    """Find by collocation the orbit whose detected amplitude is `seen` [m], from the one of tip amplitude `amplitude`.
-
-    Fills `rooms.found`, the result row, and `slopes` of what is detected by the tip's amplitude. False where there is
-    none, or engagement at the amplitude found ends on another branch.
-    """
-    guess = room.guess
-    done, found = exact_orbit(oscillator, amplitude, SURE, guess, rooms, row), rooms.found
-    if done != col.GOOD:
-        return False
-    done = solve_at_seen(oscillator, found, seen, tolerance_of(oscillator))
+) -> int:  # fmt: skip
+    """Fill in the exact orbit, as `exact_orbit` finds it, that is seen with an amplitude [m]; returns a status."""
+    done, found = exact_orbit(oscillator, at_seen(oscillator, seen), surety, guess, rooms, row), rooms.found
+    if done == col.GOOD:
+        done = solve_at_seen(oscillator, found, seen, tolerance_of(oscillator))
     if done == col.GOOD:
         done = refine_orbit(oscillator, found, row)
-    good = done == col.GOOD and feedback_status(row) == col.GOOD and slopes_along(oscillator.lever, found, slopes)
-    if not good or (row[col.STIFFENING] > 0.0) != (guess[col.G_P] > 0.0):
-        return False
-    # Engagement reaches the same branch at the amplitude that it then has.
-    amplitude, side = head_of(found).amplitude, row[col.STIFFENING] > 0.0
-    done, _ = orbit_at(oscillator, amplitude, room)
-    push = room.room.state.push if done == col.GOOD else guess[col.G_P]
-    if done == col.PENDING or (push > 0.0) != side:
-        return False
-    estimate_errors(oscillator, found, row)
-    return True
+    if done == col.GOOD:
+        done = feedback_status(row)
+    if done == col.GOOD and not (slopes_along(oscillator.lever, found, slopes) and slopes[SEEN_BY_A] > LEAST_SLOPE):
+        done = col.NOT_CONVERGED  # the amplitude that is seen turns here
+    return done
+
+
+@kernel
+def by_collocation_at_seen(
+    oscillator: Oscillator, seen: float, known: bool, room: SeenRoom, rooms: Rooms,
+    row: np.ndarray, slopes: np.ndarray,
+) -> int:  # fmt: skip
+    """Find by collocation the orbit on which a tip from far stops where the detector sees an amplitude [m].
+
+    From the averaged orbit in `room.guess` if that is `known`, and averaging is as sure of the branch at the amplitude
+    that the tip then has; else along the curve. Fills `rooms.found`, the result row, and `slopes` by the tip's
+    amplitude; returns a status.
+    """
+    guess, found, top, done = room.guess, rooms.found, room.room.top, col.NOT_CONVERGED
+    if known:
+        done = _from_averaged_or_along_curve(oscillator, seen, SURE, guess, rooms, row, slopes)
+        sure = done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, guess, top) == SURE
+        known = sure and (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
+    if not known:
+        done = _from_averaged_or_along_curve(oscillator, seen, DOUBTFUL, guess, rooms, row, slopes)
+        if done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, guess, top) == LEAP:
+            done = col.NOT_CONVERGED
+    if done == col.GOOD:
+        estimate_errors(oscillator, found, row)
+    return done

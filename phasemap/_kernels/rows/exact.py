@@ -16,10 +16,7 @@ from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact_orbit import (
-    exact_orbit,
-    new_rooms,
-)
+from phasemap._kernels.engagement.exact_orbit import at_amplitude, exact_orbit, new_rooms
 from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
@@ -61,7 +58,8 @@ def exact_rows(pixels: Pixels, tables: np.ndarray, first: int, last: int, answer
         if math.isnan(guess[0]):
             surety = engage_by_averaging(oscillator, amplitude, guess, top)
         row[:] = math.nan
-        status[i], solver[i] = exact_orbit(oscillator, amplitude, surety, guess, rooms, row), col.ORBIT
+        wanted = at_amplitude(oscillator, amplitude)
+        status[i], solver[i] = exact_orbit(oscillator, wanted, surety, guess, rooms, row), col.ORBIT
         if status[i] != col.GOOD:
             row[:] = math.nan
             continue

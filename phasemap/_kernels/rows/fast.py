@@ -17,6 +17,10 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, averaged_beside, engage_by_averaging
 from phasemap._kernels.engagement.other_branch import orbit_on
 from phasemap._kernels.engagement.response import cheap_orbit, choose
+from phasemap._kernels.engagement.seen import EXACTLY_SEEN, MOST_SECANTS
+from phasemap._kernels.excitation import next_amplitude, sees_tip, show
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.around import OrbitNodes
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
@@ -78,15 +82,34 @@ def averaging_rows(pixels: Pixels, first: int, last: int, answers: Answers) -> i
 
 
 @kernel
+def averaged_at_seen(oscillator: Oscillator, seen: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> int:
+    """Fill `guess` with the averaged orbit next to an exact one that the detector sees with an amplitude [m]."""
+    lever = oscillator.lever
+    amplitude, before = seen if sees_tip(lever) else row[col.AMPLITUDE], (math.nan, math.nan)
+    for _ in range(MOST_SECANTS):
+        if not averaged_beside(oscillator, amplitude, row, top, guess):
+            status = nearest(averaged_orbits(oscillator, amplitude), row, guess)
+            if status != col.GOOD:
+                return status
+        phase = phase_of(lever, amplitude, guess[col.G_P], guess[col.G_S])
+        miss = show(lever, amplitude, phase)[0] - seen
+        if abs(miss) < EXACTLY_SEEN * seen:
+            return col.GOOD
+        following = next_amplitude(lever, seen, amplitude, phase, miss, before)
+        before, amplitude = (amplitude, miss), following
+        if not amplitude > 0.0:
+            break
+    return col.NO_AVERAGED_ORBIT
+
+
+@kernel
 def averaged_near_rows(pixels: Pixels, first: int, last: int, answers: Answers) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
     out, status, solver = answers
     guess, top = np.zeros(col.GUESS), Maximum()
     for i in range(first, last):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
-            oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
-            if not averaged_beside(oscillator, amplitude, out[i], top, guess):
-                status[i] = nearest(averaged_orbits(oscillator, amplitude), out[i], guess)
+            status[i] = averaged_at_seen(oscillator_of(pixels, i), pixels.amplitudes[i], out[i], top, guess)
             out[i] = math.nan
             if status[i] == col.GOOD:
                 averaged_row(pixels.lever, guess, out[i])

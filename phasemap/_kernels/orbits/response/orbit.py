@@ -11,7 +11,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.sides import Maximum, put_averaged_orbit
 from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, cut_contact, parts_of
-from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, converge, start_passes
+from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, by_newton, converge, start_passes
 from phasemap._kernels.orbits.response.stability import orbit_is_kept
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.records import assign, clear, record
@@ -20,6 +20,7 @@ LEAST_SLOPE_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the j
 CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 SLOPE_STEP = 1e-3  # of the amplitude, for dz0/dA
+FEW_PARTS = 2  # into which a contact is cut at most where Newton's method takes their cube: collocation is cheaper then
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
 
@@ -100,12 +101,13 @@ def _pass_from(
     state.parts = parts_of(f)
     found = converge(oscillator, f, state, False, limits[0], limits[1])
     other, cut = room.finer, beside_resonance(lever) or modes_of(lever) > 1
+    most_parts = FEW_PARTS if modes_of(lever) == 1 or by_newton(lever, state) else MOST_PARTS
     while (
         found == UNRESOLVED
         and f.theta[EXIT] > f.theta[ENTRY]
         and cut
         and not (parts_of(f) > 1 and state.last_ratio > 1.0)  # which lead away, as where the tip touches twice
-        and 2 * parts_of(f) <= (2 if modes_of(lever) == 1 else MOST_PARTS)
+        and 2 * parts_of(f) <= most_parts
     ):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
         if not put_averaged_orbit(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:

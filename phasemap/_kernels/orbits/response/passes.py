@@ -70,6 +70,12 @@ def passes_contract_slowly(lever: np.ndarray) -> bool:
     return beside_resonance(lever) or (low_q(lever) and higher_modes_forget(lever))
 
 
+@kernel
+def by_newton(lever: np.ndarray, state: PassState) -> bool:
+    """Whether Newton's method takes the place of passes in contact."""
+    return passes_contract_slowly(lever) or state.seen > 0.0
+
+
 @kernel(fastmath=ANY_ORDER)
 def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState, touching: bool, longrange: bool) -> float:
     """Estimated error of P, S and mean deflection [m] from the finite number of nodes: theory, Eq. (errors-2).
@@ -228,7 +234,7 @@ def converge(
     longrange = p[LONGRANGE] != 0.0
     touching = f.theta[EXIT] > f.theta[ENTRY]  # harmonics may lift the tip so that it touches with e > A
     nearest = middle_of(f) if touching else OUT
-    newton = touching and (passes_contract_slowly(lever) or state.seen > 0.0)
+    newton = touching and by_newton(lever, state)
     left_before, slow, scratch = math.inf, 0, new_scratch(f, newton)
     harmonic, h = state.passes == 0, mismatch(lever, state.amplitude, state.push, state.drag)
     first_pass(state)
