@@ -11,22 +11,21 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
-    from phasemap._shared.notices import ResultWarning
-    from phasemap._shared.plausible import PlausibilityWarning, strict_units
+    from phasemap._shared.notices import PlausibilityWarning, ResultWarning, strict_units
     from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
     from phasemap.experiment import generate, interaction
     from phasemap.experiment.accuracy import Accuracy
+    from phasemap.experiment.beam import Eigenmode
     from phasemap.experiment.control import Engage, Feedback, Raster
-    from phasemap.experiment.eigenmode import Eigenmode
     from phasemap.experiment.interaction import ContactLaw, Interaction
+    from phasemap.experiment.labels import Variation
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
     from phasemap.experiment.prony import Prony
     from phasemap.experiment.realism import Realism, TipChange
     from phasemap.experiment.surface import Surface
-    from phasemap.experiment.variation import Variation
     from phasemap.explorer.explore import explore
     from phasemap.imaging.simulation import simulate
     from phasemap.inference.curves.fit import Fit, fit_distance, fit_frequency
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
     from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.inference.series.series import series
     from phasemap.io.curves import read_curve
-    from phasemap.io.exchange import from_sidpy, to_sidpy
-    from phasemap.io.export import export
+    from phasemap.io.export import export, from_sidpy, to_sidpy
     from phasemap.io.read import read_image
     from phasemap.results.channels import channels
     from phasemap.results.status import Status
@@ -54,20 +52,19 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
-    "_shared.notices": ("ResultWarning",),
-    "_shared.plausible": ("PlausibilityWarning", "strict_units"),
+    "_shared.notices": ("PlausibilityWarning", "ResultWarning", "strict_units"),
     "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
     "experiment.accuracy": ("Accuracy",),
     "experiment.control": ("Engage", "Feedback", "Raster"),
-    "experiment.eigenmode": ("Eigenmode",),
+    "experiment.beam": ("Eigenmode",),
     "experiment.interaction": ("ContactLaw", "Interaction"),
     "experiment.material": ("Material",),
     "experiment.microscope": ("Cantilever", "Drive", "Microscope", "Mode", "Tip"),
     "experiment.prony": ("Prony",),
     "experiment.realism": ("Realism", "TipChange"),
-    "experiment.variation": ("Variation",),
+    "experiment.labels": ("Variation",),
     "experiment.surface": ("Surface",),
     "explorer.explore": ("explore",),
     "imaging.simulation": ("simulate",),
@@ -76,8 +73,7 @@ _NAMES = {
     "inference.images.region_fit": ("fit_regions",),
     "inference.images.sensitivities": ("sensitivity",),
     "inference.series.series": ("series",),
-    "io.exchange": ("from_sidpy", "to_sidpy"),
-    "io.export": ("export",),
+    "io.export": ("export", "from_sidpy", "to_sidpy"),
     "io.curves": ("read_curve",),
     "io.read": ("read_image",),
     "results.channels": ("channels",),
@@ -98,70 +94,15 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}
 
 __all__ = [
-    "Accuracy",
-    "Cantilever",
-    "Check",
-    "ContactLaw",
-    "Drive",
-    "Eigenmode",
-    "Engage",
-    "Feedback",
-    "FileError",
-    "Fit",
-    "InputError",
-    "Interaction",
-    "Material",
-    "Microscope",
-    "Mode",
-    "PhasemapError",
-    "Pixel",
-    "PlausibilityWarning",
-    "Prony",
-    "Raster",
-    "Realism",
-    "Registration",
-    "ResultWarning",
-    "SolveError",
-    "Status",
-    "Surface",
-    "Tip",
-    "TipChange",
-    "Variation",
-    "channels",
-    "check",
-    "compare",
-    "contrast",
-    "explore",
-    "export",
-    "fit_distance",
-    "fit_frequency",
-    "fit_regions",
-    "force_curve",
-    "from_sidpy",
-    "generate",
-    "interaction",
-    "invert",
-    "level",
-    "load_ensemble",
-    "load_scene",
-    "orbits",
-    "phase_lag",
-    "plot",
-    "read_curve",
-    "read_image",
-    "register",
-    "scene_from",
-    "sensitivity",
-    "series",
-    "simulate",
-    "solve_pixel",
-    "strict_units",
-    "sweep_distance",
-    "sweep_frequency",
-    "sweep_parameter",
-    "sweep_setpoint",
-    "to_sidpy",
-]  # fmt: skip
+    "Accuracy", "Cantilever", "Check", "ContactLaw", "Drive", "Eigenmode", "Engage", "Feedback", "FileError", "Fit",
+    "InputError", "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning",
+    "Prony", "Raster", "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip",
+    "TipChange", "Variation", "channels", "check", "compare", "contrast", "explore", "export", "fit_distance",
+    "fit_frequency", "fit_regions", "force_curve", "from_sidpy", "generate", "interaction", "invert", "level",
+    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register", "scene_from",
+    "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency",
+    "sweep_parameter", "sweep_setpoint", "to_sidpy",
+]  # fmt: skip  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -12,39 +12,37 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap._shared import checks, fields, kinds, quantities, sentences, shown, threads, units
+from phasemap._shared import asked, checks, fields, quantities, threads, units
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, InputErrors, on_one_line
 from phasemap._shared.memory import size_in_words
+from phasemap._shared.notices import likely
 from phasemap._shared.pixels import downwards
-from phasemap._shared.plausible import likely
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import Unit
-from phasemap.cli.words import numbers_in, one_each
+from phasemap.cli.arguments import numbers_in, one_each
 from phasemap.experiment.arms import merged
-from phasemap.experiment.dilation import tip_profile
-from phasemap.experiment.distinct_rows import distinct_materials
-from phasemap.experiment.liquid import hydrodynamic_function
-from phasemap.experiment.material_rows import materials_of, rows_of
+from phasemap.experiment.beam import hydrodynamic_function
+from phasemap.experiment.material_rows import distinct_materials, materials_of, rows_of
 from phasemap.experiment.presets import combined
 from phasemap.experiment.properties import contact_stiffness, of_one_loss
-from phasemap.imaging.feedback.program import mean_ground, program_of
+from phasemap.experiment.seen_by_tip import tip_profile
+from phasemap.imaging.feedback.lines import mean_ground, program_of
 from phasemap.imaging.interpolation import chebyshev
-from phasemap.imaging.materials.distinct import Distinct, digests_of
-from phasemap.io import flattening, measured
+from phasemap.imaging.materials import Distinct, digests_of
+from phasemap.io import measured
 from phasemap.io.curves import is_curve
 from phasemap.io.netcdf import check_dataset
 from phasemap.plot import colours, contrast_map
-from phasemap.plot.figure import side_lengths
+from phasemap.plot.page import side_lengths
 from phasemap.results.quantities import needs_of
 from phasemap.results.words import describe_flags, describe_solvers
-from phasemap.scenes import keys, tables
-from phasemap.scenes.data_card import card_beside
+from phasemap.scenes import samples, tables
 from phasemap.scenes.ensemble import name_of
-from phasemap.scenes.ensemble_file import as_column
+from phasemap.scenes.ensemble_file import as_column, card_beside
 from phasemap.scenes.samples import make_samples
-from phasemap.scenes.writing import written
+from phasemap.scenes.tables import written
 
 
 def ball(**changes: Any) -> Any:
@@ -52,7 +50,7 @@ def ball(**changes: Any) -> Any:
 
     @fields.known_as(R="radius")
     @dataclass(frozen=True, repr=False)
-    class Ball(shown.Shown):
+    class Ball(fields.Shown):
         radius: fields.Number[float] = fields.Number("m", 40e-9, above=0)
 
     return Ball(**changes)
@@ -94,26 +92,26 @@ GIVES: list[tuple[Any, Any]] = [
     ([likely(value, "m", (0.5e-9, 10e-6)) for value in (10.0, 1e-30)], ["10 nm", ""]),
     (numbers_in("--setpoints", "0.3:0.9:7", "1"), (0.3, 0.9, 7)),
     (one_each("phase_zero", "62.5", "degree", 2, "a file"), [62.5, 62.5]),
-    ([keys.unit_of(key) for key in ("materials.ps.adhesion", "surface.spacing")], ["J/m2", ""]),
-    (keys.plain("drive.free_amplitude", "drive.free_amplitude", "40 nm"), 40e-9),
+    ([samples.unit_of(key) for key in ("materials.ps.adhesion", "surface.spacing")], ["J/m2", ""]),
+    (samples.plain("drive.free_amplitude", "drive.free_amplitude", "40 nm"), 40e-9),
     # words
     (on_one_line("abcdefgh", 4), "ab ... gh"),
     (size_in_words(2.88e12), "2.88 TB"),
-    (sentences.counted(3, 400, "pixels"), "3 of 400 pixels (0.75 %)"),
-    (sentences.image_size((128, 256), (4e-9, 4e-9)), "256 x 128 pixels, 1.024 x 0.512 µm"),
-    (sentences.listed(["modulus", "adhesion", "damping"]), "modulus, adhesion and damping"),
-    (shown.preformatted("a < b"), "<pre>a &lt; b</pre>"),
+    (units.counted(3, 400, "pixels"), "3 of 400 pixels (0.75 %)"),
+    (units.image_size((128, 256), (4e-9, 4e-9)), "256 x 128 pixels, 1.024 x 0.512 µm"),
+    (units.listed(["modulus", "adhesion", "damping"]), "modulus, adhesion and damping"),
+    (fields.preformatted("a < b"), "<pre>a &lt; b</pre>"),
     (repr(ball()) + repr(ball(radius=7e-8)), "Ball()Ball(radius=7e-08)"),
     (ball(radius="7 nm")._repr_html_(), "<table><caption>Ball</caption><tr><th>radius</th><td>7 nm</td></tr></table>"),
     (
-        shown.in_words(pm.Cantilever(0.1, 20e3, 2.0, modes=(pm.Eigenmode(7.0, 6.0),))),
+        fields.in_words(pm.Cantilever(0.1, 20e3, 2.0, modes=(pm.Eigenmode(7.0, 6.0),))),
         "stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2, modes (frequency ratio 7, quality factor 6)",
     ),
     (
         str(InputErrors([InputError("setpoint", 1.2, "a number below 1"), InputError("radius", 0, "more than 0")])),
         "setpoint is 1.2; allowed: a number below 1.\nradius is 0; allowed: more than 0.",
     ),
-    (kinds.of_kind("names", iter(["a", "b"]), "Iterable[str] | None"), ["a", "b"]),
+    (asked.of_kind("names", iter(["a", "b"]), "Iterable[str] | None"), ["a", "b"]),
     (written([True, "a"]) + written({"file": "maps.nc"}), '[true, "a"]{ file = "maps.nc" }'),
     (
         describe_solvers(
@@ -150,14 +148,14 @@ GIVES: list[tuple[Any, Any]] = [
     (abs(chebyshev.coefficients(2 * chebyshev.nodes(5) ** 2, [0])).round(12).tolist(), [1.0, 0.0, 1.0, 0.0, 0.0]),
     ([is_curve(Path(name)) for name in ("scan.nid", "curve.csv")], [False, True]),
     (
-        flattening.level_rows(np.array([[1.0, 2, 3], [7, 8, 99]]), np.array([[1, 1, 1], [1, 1, 0]], bool))[1].tolist(),
+        measured.level_rows(np.array([[1.0, 2, 3], [7, 8, 99]]), np.array([[1, 1, 1], [1, 1, 0]], bool))[1].tolist(),
         [0.0, 0.0, 90.0],
     ),
     (
-        flattening.row_medians(np.array([[1.0, 3], [9, 9], [5, 7]]), np.array([[1, 1], [0, 0], [1, 1]], bool)).tolist(),
+        measured.row_medians(np.array([[1.0, 3], [9, 9], [5, 7]]), np.array([[1, 1], [0, 0], [1, 1]], bool)).tolist(),
         [[2.0], [4.0], [6.0]],
     ),
-    (flattening.on_one_turn(np.array([178.0, 179.0, -179.0])).tolist(), [178.0, 179.0, 181.0]),
+    (measured.on_one_turn(np.array([178.0, 179.0, -179.0])).tolist(), [178.0, 179.0, 181.0]),
     (measured.segment_height(1e-9 * np.array([[0.0, 1, 2, 13, 14, 15, 16]] * 4), 2)[0].tolist(), [0, 0, 0, 1, 1, 1, 1]),
     (colours.given_colours({"height": "2 nm"}, 60, None, {"height": "m", "phase": "degree"})["phase"].vmax, 60.0),
     (contrast_map.colours_of(np.array([-3.0, 2.0])).vmax, 3.0),
@@ -192,7 +190,7 @@ REFUSED: dict[str, Callable[[], Any]] = {
     "discs has no argument 'share'; its arguments are shape, part, seed. Did you mean 'part'?": lambda: discs(share=1),
     "discs needs part; it is called as discs(shape, part=...).": discs,
     "scope is 3; allowed: a Microscope or None. The order is f(scope).":
-        lambda: kinds.of_kind("scope", 3, "Microscope | None", "The order is f(scope)."),
+        lambda: asked.of_kind("scope", 3, "Microscope | None", "The order is f(scope)."),
     "the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file. Use phasemap plot.":
         lambda: check_dataset("blend.png"),
     "[tip] radus is unknown; allowed: radius, modulus. Did you mean 'radius'?":

@@ -15,7 +15,7 @@ import pytest
 from packaging.specifiers import SpecifierSet
 
 import phasemap
-import phasemap.cli.bench
+import phasemap.cli.warm
 from phasemap.cli import main
 
 HEAVY = ("llvmlite", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "scipy", "tqdm", "xarray")
@@ -54,7 +54,7 @@ def test_asking_the_command_for_help_imports_nothing_heavy(arguments: list[str])
 def test_without_the_repository_bench_says_where_to_get_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(phasemap.cli.bench, "REPOSITORY", tmp_path)
+    monkeypatch.setattr(phasemap.cli.warm, "REPOSITORY", tmp_path)
     for words in ([], ["--quick"], ["--help"]):
         assert main(["bench", *words]) == 2
         said = capsys.readouterr()
@@ -66,9 +66,9 @@ def test_the_source_archive_has_the_measurements_and_the_wheel_does_not() -> Non
     assert targets["wheel"]["packages"] == ["phasemap"] and "/benchmarks" in targets["sdist"]["include"]
 
 
-def test_describing_a_microscope_imports_nothing_heavy() -> None:
+def test_describing_a_microscope_imports_nothing_heavier_than_numpy() -> None:
     code = "import phasemap as pm; pm.Microscope(pm.Cantilever(40, 3e5, 400), pm.Tip(1e-8), pm.Drive(2e-8))"
-    assert imported_by(code) == set()
+    assert imported_by(code) <= {"numpy"}
 
 
 @pytest.mark.parametrize("name", phasemap.__all__)

@@ -4,7 +4,7 @@ With z = Re(Z exp(i omega tau)), Z = -i A exp(i phase), a linear lever shows A_s
 exp(i phase), with two complex numbers of the lever (`columns.OFFSET_RE` and following; theory, Eq. (lever-5)): 0 and 1
 where a force on the tip drives one mode. Orbits obey u0 sin(phase) = P + A kappa' and u0 cos(phase) = A kappa'' - S,
 kappa the dynamic stiffness at the tip (theory, Eqs. (model-5) and (averaging-3)). The same for arrays is in
-`phasemap.experiment.excitation`.
+`phasemap.experiment.lever`.
 """
 
 from __future__ import annotations

@@ -1,14 +1,109 @@
-"""Sentences for arguments that a function or class does not have, misses, or has of another kind."""
+"""Sentences for arguments that a function or class does not have, misses, or has of another kind.
+
+Whether an argument is of the kind that the annotation of its function names is told before anything is done with it.
+Numbers, single texts and arrays are left to their function, which knows what of them is allowed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import ast
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
-from functools import wraps
+from functools import cache, wraps
 from inspect import Parameter, Signature, signature
-from typing import ParamSpec, TypeVar
+from itertools import islice
+from typing import NamedTuple, ParamSpec, TypeVar
 
-from phasemap._shared.kinds import of_kind
+from phasemap._shared.errors import InputError, Word
+
+MOST = 10_000  # things in a list that is no array
+
+
+class Kind(NamedTuple):
+    """What an argument may be: in words, in words for several, and whether a value is that."""
+
+    words: str
+    several: str
+    takes: Callable[[object], bool]
+
+
+CLASSES = (
+    "Accuracy", "Cantilever", "Drive", "Interaction", "Material", "Microscope", "Mode", "Realism", "Scene", "Surface",
+    "Tip", "TipChange", "slice", "xr.DataArray", "xr.Dataset",
+)  # fmt: skip
+KINDS = {
+    "None": Kind("None", "None", lambda value: value is None),
+    "bool": Kind("True or False", "True and False", lambda value: type(value).__name__ == "bool"),
+    "str": Kind("a string", "strings", lambda value: isinstance(value, str)),
+    "os.PathLike[str]": Kind("a path", "paths", lambda value: isinstance(value, os.PathLike)),
+    "Progress": Kind("a function, called as progress(done, total)", "functions",
+                     lambda value: callable(value) and not isinstance(value, type)),
+}  # fmt: skip
+"""By how an annotation says it."""
+
+
+def of_kind(name: str, value: object, annotation: object, hint: str = "") -> object:
+    """Return the value, as a list where it could be walked through only once, or without end."""
+    kind = kind_of(annotation) if isinstance(annotation, str) else None
+    if kind is None:
+        return value
+    given = value
+    if "Iterable[" in str(annotation) and isinstance(value, Iterable) and not isinstance(value, (Sequence, Mapping)):
+        with suppress(Exception):  # it says that it can be walked through, and raises what it likes
+            given = list(islice(value, MOST + 1))
+    if kind.takes(given):
+        return given
+    shown = value
+    if not isinstance(value, (str, bool, int, float, type(None))):
+        shown = Word(f"the class {value.__name__}" if isinstance(value, type) else f"of type {type(value).__name__}")
+    allowed = kind.words.replace(" or ", ", ", kind.words.count(" or ") - 1)
+    raise InputError(name, shown, allowed, hint)
+
+
+@cache
+def kind_of(annotation: str) -> Kind | None:
+    """The kind that an annotation names; None where that is left to the function."""
+    return None if annotation in ("str", "str | None") else _kind(ast.parse(annotation, mode="eval").body)
+
+
+def _kind(node: ast.expr) -> Kind | None:
+    name = ast.unparse(node)
+    if isinstance(node, ast.BinOp):
+        one, other = _kind(node.left), _kind(node.right)
+        return one and other and _either(one, other)
+    if isinstance(node, ast.Subscript) and ast.unparse(node.value) in ("Iterable", "Sequence"):
+        one = _kind(node.slice)
+        return one and _list_of(one)
+    if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Mapping":
+        return Kind("a dict", "dicts", lambda value: isinstance(value, Mapping))
+    return _instance_of(name) if name in CLASSES else KINDS.get(name)
+
+
+def _either(one: Kind, other: Kind) -> Kind:
+    return Kind(
+        f"{one.words} or {other.words}",
+        f"{one.several} or {other.several}",
+        lambda value: one.takes(value) or other.takes(value),
+    )
+
+
+def _list_of(one: Kind) -> Kind:
+    def takes(value: object) -> bool:
+        if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) > MOST:
+            return False
+        return all(map(one.takes, value))
+
+    return Kind(f"a list of {one.several}", f"lists of {one.several}", takes)
+
+
+def _instance_of(name: str) -> Kind:
+    """Told by the name of the class, so that none needs to be imported."""
+    last, said = name.rpartition(".")[2], name.replace("xr.", "xarray.")
+    words = f"an {said}" if said[0] in "AIx" else f"a {said}"
+    return Kind(words, f"{said}s", lambda value: any(cls.__name__ == last for cls in type(value).__mro__))
+
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -25,7 +120,7 @@ def no_argument(of: str, name: str, names: Iterable[str], symbols: Mapping[str, 
 def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Let a function say in a sentence which arguments it takes, where it is called with others.
 
-    What an argument may be is read from its annotation, as `phasemap._shared.kinds` does.
+    What an argument may be is read from its annotation, as `phasemap._shared.asked` does.
 
     `hint`: what else to say where arguments are missing, or too many.
     `**symbols`: arguments, by the names that others have for them.

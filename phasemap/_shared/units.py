@@ -1,8 +1,9 @@
-"""SI units as people read them: with the prefix that suits the size."""
+"""SI units as people read them, with the prefix that suits the size, and parts of sentences that many messages have."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 PREFIXES = {
@@ -47,3 +48,20 @@ def readable(largest: float, units: str) -> Unit:
 def say(value: float, units: str, digits: int = 4) -> str:
     """A single value with the unit that suits it."""
     return readable(value, units).say(value, digits)
+
+
+def counted(count: int, total: int, what: str) -> str:
+    """Say how many of how many."""
+    return f"{count} of {total} {what} ({100 * count / total:.3g} %)"
+
+
+def image_size(shape: tuple[int, int], pixel_size: tuple[float, float]) -> str:
+    """Say how large an image is, width first."""
+    (ny, nx), (dy, dx) = shape, pixel_size
+    unit = readable(max(nx * dx, ny * dy), "m")
+    return f"{nx} x {ny} pixels, {nx * dx / unit.size:.4g} x {unit.say(ny * dy)}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """List names as one speaks."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

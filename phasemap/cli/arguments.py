@@ -1,16 +1,18 @@
-"""Arguments that several commands have, each said once, and what is done about the files they name."""
+"""Arguments that several commands have, each said once, what their words stand for, and what is done about files."""
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
 SURFACE_UNUSED = "the scene file; its surface is not used"
@@ -74,7 +76,7 @@ def check_files(arguments: argparse.Namespace) -> None:
     if output is not None:
         check_dataset(output, arguments.overwrite)
     if plot is not None:
-        from phasemap.plot.figure import check_format
+        from phasemap.plot.page import check_format
 
         check_target(plot, arguments.overwrite)
         check_format(plot)
@@ -116,3 +118,88 @@ def print_files(arguments: argparse.Namespace, width: int = 12) -> None:
     for path in (arguments.output, arguments.plot):
         if path is not None:
             print(f"{'written to':<{width}}{path}")
+
+
+LABELS = ("labels", "label")  # maps of regions, as files call them
+
+
+def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
+    """Read one number, or START, STOP and N, of the command line; `allowed` is what may be given, but for units."""
+    try:
+        return range_in_si(text, unit)
+    except NotThatUnit:
+        with_one = "" if unit == "1" else f", or with a unit such as {KINDS[unit][1].replace(' ', '')}"
+        raise InputError(name, text, allowed + with_one) from None
+
+
+def one_each(name: str, text: str | None, unit: str, count: int, each: str, words: Sequence[str] = ()) -> Any:
+    """Read as many numbers as there are images or files, or one for all of them; `name` is the argument's in Python."""
+    if text is None or text in words:
+        return text
+    option = f"--{name.replace('_', '-')}"
+    allowed = f"a number, or {count} with commas between them, one {each}"
+    found = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
+    if len(found) not in (1, count):
+        raise InputError(option, text, allowed)
+    return found * (count // len(found))
+
+
+def labels_in(path: str) -> np.ndarray:
+    """Read the map of regions of a netCDF file, shape (rows, columns)."""
+    import numpy as np
+
+    from phasemap.io.netcdf import load
+
+    maps = load(path)
+    name = next((name for name in LABELS if name in maps), None)
+    if name is None:
+        held = ", ".join(map(str, maps.data_vars))
+        raise InputError(f"what {path} holds", held, f"a map {' or '.join(LABELS)}, as phasemap scene writes it")
+    return np.asarray(maps[name].values)
+
+
+def number_in(name: str, unit: str) -> Callable[[str], float]:
+    """Read one number as an option of argparse."""
+
+    def read(text: str) -> float:
+        try:
+            (number,) = numbers_in(name, text, unit)
+        except ValueError:  # START:STOP:N too
+            raise argparse.ArgumentTypeError(f"{text!r} is no number in {unit}") from None
+        return number
+
+    return read
+
+
+NAMES = ("vmin", "vmax", "cmap")
+
+
+def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
+    """Declare the arguments.
+
+    `of`: what limits and colour map belong to.
+    """
+    parser.add_argument("--vmin", metavar="VALUE", help=f"lowest value of the colours of {of}, such as {example}")
+    parser.add_argument("--vmax", metavar="VALUE", help=f"highest value of the colours of {of}")
+    parser.add_argument("--cmap", metavar="NAME", help=f"matplotlib colour map of {of}, such as gray")
+
+
+def colours_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What was given, by the arguments of `phasemap.plot.plot`; of several variables by name."""
+    return {name: _by_name(getattr(arguments, name)) for name in NAMES}
+
+
+def _by_name(text: str | None) -> float | str | dict[str, float | str] | None:
+    """A number, text, or what is said of each name."""
+    if text is None or "=" not in text:
+        return text if text is None else _value(text)
+    parts = [part.partition("=") for part in text.split(",")]
+    return {name.strip(): _value(value.strip()) for name, _, value in parts}
+
+
+def _value(text: str) -> float | str:
+    """A plain number as one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.interrupts import interruptible
-from phasemap._shared.sentences import image_size
+from phasemap._shared.units import image_size
 from phasemap.cli.arguments import add_options, whole
 from phasemap.cli.console import progress_bar
 

@@ -15,24 +15,9 @@ from phasemap._shared.errors import ExistsError, InputErrors, PhasemapError, on_
 from phasemap._shared.files import reason_of
 from phasemap._shared.interrupts import ending_at_once, interrupted_once, still_busy, stopped
 from phasemap._shared.memory import check_address_space
-from phasemap._shared.plausible import once, strict_units
+from phasemap._shared.notices import once, strict_units
 from phasemap._shared.quantities import is_number
-from phasemap.cli import (
-    bench,
-    check,
-    compare,
-    contrast,
-    explore,
-    fit,
-    invert,
-    measured,
-    plot,
-    presets,
-    run,
-    series,
-    sweep,
-    warm,
-)  # fmt: skip
+from phasemap.cli import check, compare, explain, explore, images, invert, presets, run, sweeps, warm
 from phasemap.cli.console import plain_warnings
 
 Command = Callable[[argparse.Namespace], int | None]
@@ -58,34 +43,34 @@ EXAMPLES = """examples:
 
 COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], str, str], ...] = (
     ("run", run.run, run.add_arguments, run.EXAMPLES, "simulate the image of a scene and write it as netCDF"),
-    ("plot", plot.plot, plot.add_arguments, plot.EXAMPLES,
+    ("plot", images.plot, images.add_plot, images.PLOT_EXAMPLES,
      "draw an image (height and phase), a sweep, a contrast map, a comparison, a series or an inversion"),
     ("explore", explore.explore, explore.add_arguments, explore.EXAMPLES,
      "open a page in the browser with a slider for every parameter"),
-    ("warm", warm.warm, warm.add_arguments, warm.EXAMPLES,
+    ("warm", warm.warm, warm.add_warm, warm.WARM_EXAMPLES,
      "compile the numerical code in advance, so that no later command has to wait for it"),
-    ("sweep", sweep.sweep, sweep.add_arguments, sweep.EXAMPLES,
+    ("sweep", sweeps.sweep, sweeps.add_sweep, sweeps.SWEEP_EXAMPLES,
      "sweep distance, setpoint, frequency or a parameter on one material"),
-    ("contrast", contrast.contrast, contrast.add_arguments, contrast.EXAMPLES,
+    ("contrast", sweeps.contrast, sweeps.add_contrast, sweeps.CONTRAST_EXAMPLES,
      "map the phase contrast between two materials and recommend a setpoint"),
     ("compare", compare.compare, compare.add_arguments, compare.EXAMPLES,
      "compare a measured image with a simulated one, and say how much of it the simulation explains"),
     ("invert", invert.invert, invert.add_arguments, invert.EXAMPLES,
      "find modulus, adhesion and damping from images at several setpoints or amplitudes"),
-    ("series", series.series, series.add_arguments, series.EXAMPLES,
+    ("series", explain.series, explain.add_series, explain.SERIES_EXAMPLES,
      "explain the contrast in several measured files of one sample"),
-    ("fit", fit.fit, fit.add_arguments, fit.EXAMPLES,
+    ("fit", explain.fit, explain.add_fit, explain.FIT_EXAMPLES,
      "fit a material and a contact law to a measured curve of amplitude and phase against distance"),
-    ("scene", measured.scene, measured.add_scene, measured.SCENE_EXAMPLES,
+    ("scene", images.scene, images.add_scene, images.SCENE_EXAMPLES,
      "make a scene file from a measured image: topography, materials and microscope"),
-    ("export", measured.export, measured.add_export, measured.EXPORT_EXAMPLES,
+    ("export", images.export, images.add_export, images.EXPORT_EXAMPLES,
      "write an image for Gwyddion, as .gwy or .gsf"),
     ("check", check.check, check.add_arguments, check.EXAMPLES,
      "verify a simulated image: test what it states, and solve its pixels again"),
     ("presets", presets.presets, presets.add_arguments, presets.EXAMPLES,
      "list the presets of materials and levers, or show one with its sources"),
     ("validate", run.validate, run.add_validate, "", "check a scene file and print what would be simulated"),
-    ("bench", bench.bench, bench.add_arguments, "",
+    ("bench", warm.bench, warm.add_bench, "",
      "measure time and error of every solver and of general-purpose integrators (in a clone of the repository)"),
 )  # fmt: skip
 """Name, what it does, what declares its arguments, examples, and what it is, of every command."""
@@ -190,7 +175,7 @@ def make_parser() -> argparse.ArgumentParser:
     for name, do, add_arguments, examples, about in COMMANDS:
         command = commands.add_parser(
             name, help=about, description=about, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter,
-            add_help=do is not bench.bench,  # which is asked for by the words that it takes
+            add_help=do is not warm.bench,  # which is asked for by the words that it takes
         )  # fmt: skip
         command.set_defaults(command=do, parser=command)
         add_arguments(command)

@@ -7,10 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_options, check_files, conclude, whole
-from phasemap.cli.colours import add_colours, colours_of
+from phasemap.cli.arguments import (
+    add_colours,
+    add_files,
+    add_options,
+    check_files,
+    colours_of,
+    conclude,
+    number_in,
+    numbers_in,
+    whole,
+)
 from phasemap.cli.console import in_two_columns
-from phasemap.cli.words import number_in, numbers_in
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from phasemap._shared.notices import ResultWarning
-from phasemap._shared.plausible import PlausibilityWarning
+from phasemap._shared.notices import PlausibilityWarning, ResultWarning
 
 if TYPE_CHECKING:
     import xarray as xr

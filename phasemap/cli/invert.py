@@ -10,9 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.arguments import SURFACE_UNUSED, add_files, add_options, add_scene, check_files, conclude
+from phasemap.cli.arguments import (
+    SURFACE_UNUSED,
+    add_files,
+    add_options,
+    add_scene,
+    check_files,
+    conclude,
+    labels_in,
+    one_each,
+)
 from phasemap.cli.console import in_two_columns, progress_bar
-from phasemap.cli.words import labels_in, one_each
 
 if TYPE_CHECKING:
     import numpy as np
@@ -228,7 +236,7 @@ def _known(setup: Setup, text: str | None) -> dict[int, Material]:
 
 
 def _material(setup: Setup, option: str, name: str) -> Material:
-    from phasemap.scenes.tables import check_choice
+    from phasemap._shared.checks import check_choice
 
     check_choice(option, name, setup.materials)
     return setup.materials[name]

@@ -1,24 +1,22 @@
-"""The commands ``phasemap run``, which simulates a scene's image, and ``phasemap validate``, which checks the scene."""
+"""The commands ``phasemap run``, which simulates a scene or an ensemble, and ``validate``, which checks it."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
+from phasemap._shared.fields import in_words
 from phasemap._shared.interrupts import ending_at_once, interruptible
-from phasemap._shared.notices import untold
-from phasemap._shared.plausible import unquestioned
-from phasemap._shared.sentences import image_size
-from phasemap._shared.shown import in_words
-from phasemap._shared.units import ELECTRONVOLT, say
-from phasemap.cli import ensemble as cli_ensemble
+from phasemap._shared.notices import unquestioned, untold
+from phasemap._shared.units import ELECTRONVOLT, counted, image_size, say
 from phasemap.cli.arguments import add_files, add_options, add_scene, whole
-from phasemap.cli.console import progress_bar, remarks
+from phasemap.cli.console import bar_of, patience, progress_bar, remarks
 from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
@@ -32,10 +30,9 @@ EXAMPLES = """examples:
   phasemap run samples/blend.toml -o blend.nc --overwrite materials.ldpe.modulus=0.3e9
   phasemap run samples/step.toml -o step.nc scan.solver=march --threads 1
   phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
-  phasemap run samples/ensemble.toml -o ensemble.zarr ensemble.count=1000
 
-A scene with a table [ensemble] is simulated in all its variants, into a netCDF file or a zarr store that holds the
-truth behind each image too, with a data card beside it. After an interrupt the same command goes on.
+A scene with a table [ensemble] is simulated in all its variants, into a file that holds the truth behind each image
+too, with a data card beside it. After an interrupt the same command goes on.
 """
 
 
@@ -70,7 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
             scene = load_scene(arguments.scene, arguments.overrides)
             output = check_dataset(_output_of(arguments, scene), arguments.overwrite)
     if ensemble is not None:
-        cli_ensemble.run(arguments, ensemble, _output_of(arguments, ensemble))
+        run_ensemble(arguments, ensemble, _output_of(arguments, ensemble))
         return
     parts = output.with_name(f"{output.name}.parts")
     try:
@@ -106,7 +103,7 @@ def validate(arguments: argparse.Namespace) -> None:
         scene = load_scene(arguments.scene, arguments.overrides)
     else:
         ensemble.check()
-        cli_ensemble.print_ensemble(ensemble)
+        print_ensemble(ensemble)
         print("the first sample:")
         scene = ensemble.scene(0)
     surface, scope = scene.surface, scene.microscope
@@ -192,3 +189,93 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     for line in [] if noisy else describe_alike(image, len(scene.surface.unique()[0])):
         print(f"alike       {line}")
     print("\n".join(remarks(image)))
+
+
+Watched = Callable[[int, int], None]
+
+FEW = 6  # values that are listed
+
+
+def run_ensemble(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None:
+    """Simulate an ensemble into a file; Ctrl-C says what is kept."""
+    from phasemap._shared.threads import workers_of
+    from phasemap.scenes.ensemble_file import card_beside
+
+    if arguments.threads or arguments.strict:
+        option = "--threads" if arguments.threads else "--strict"
+        raise PhasemapError(f"{option} is for one image; an ensemble takes --workers, and its file counts what failed.")
+    started, workers = time.perf_counter(), workers_of(arguments.workers)
+    if arguments.quiet:
+        with _resumable(output) as watched:
+            ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
+        return
+    with patience() as first_result, _counting_samples(first_result) as shown, _resumable(output, shown) as watched:
+        ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
+    with ending_at_once(f"the images are in {output}"):
+        print_ensemble(ensemble)
+        if (irregular := _count(output, "irregular")) != "none":
+            print(f"motion      {irregular} irregular")
+        print(f"failed      {_count(output, 'failed')}")
+        print(f"took        {time.perf_counter() - started:.2f} s")
+        print(f"written to  {output}\ndata card   {card_beside(output)}")
+
+
+def print_ensemble(ensemble: Ensemble) -> None:
+    """How many samples there are, and what is varied from where to where."""
+    print(f"samples     {len(ensemble)}")
+    for key in ensemble.keys:
+        values = [sample[key] for sample in ensemble.samples]
+        if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+            said = f"{min(values):.6g} to {max(values):.6g}"
+        else:
+            words = sorted({str(value) for value in values})
+            said = ", ".join(words) if len(words) <= FEW else f"{len(words)} values, such as {words[0]}"
+        print(f"varied      {key}: {said}")
+
+
+@contextmanager
+def _resumable(output: Path, shown: Watched | None = None) -> Iterator[Watched]:
+    """Give a function of progress that remembers it, so that an interrupt can say what is kept."""
+    kept = "nothing was written"
+
+    def progress(done: int, total: int) -> None:
+        nonlocal kept
+        if done:
+            kept = f"{done} of {total} samples are kept in {output}.parts; run_ensemble the same command again to go on"
+        if shown is not None:
+            shown(done, total)
+
+    try:
+        yield progress
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(kept) from None
+
+
+@contextmanager
+def _counting_samples(first_result: Callable[[], None]) -> Iterator[Watched]:
+    """Give a function of progress that draws a bar on stderr if it takes more than a second."""
+    with bar_of(" samples") as bar:
+
+        def progress(done: int, total: int) -> None:
+            if bar.total is None:  # the first call says what an earlier run_ensemble has done
+                bar.total, bar.initial = total, done
+                if done:
+                    print(f"phasemap: {done} of {total} samples were done already.", file=sys.stderr)
+            if done == total or done > bar.initial:
+                first_result()
+            bar.update(done - bar.n)
+
+        yield progress
+
+
+def _count(output: Path, name: str) -> str:
+    """How many pixels of how many samples "failed" or are "irregular", in words."""
+    import numpy as np
+    import xarray as xr
+
+    with xr.open_dataset(output, engine="netcdf4") as ds:
+        counts, pixels = ds[name].values if name in ds else np.zeros(1), ds["status"].size
+    count = int(counts.sum())
+    if not count:
+        return "none"
+    return f"{counted(count, pixels, 'pixels')}, in {int((counts > 0).sum())} samples"

@@ -1,14 +1,16 @@
-"""The command ``phasemap warm``: kernels compiled ahead of their first use."""
+"""The commands ``phasemap warm``, which compiles kernels ahead of their first use, and ``bench``, which measures."""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 from phasemap._shared.errors import PhasemapError
 
-EXAMPLES = """examples:
+WARM_EXAMPLES = """examples:
   phasemap warm
   phasemap warm --all
 
@@ -16,7 +18,7 @@ Numerical code is compiled when it is first used, and kept on disk. This compile
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_warm(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument("--all", action="store_true", help="compile march, inversion and every contact law too")
 
@@ -42,3 +44,25 @@ def warm(arguments: argparse.Namespace) -> None:
         print(f"nothing left to compile; kept in {folder()}")
         return
     print(f"{whole.seconds:.0f} s of processor time, {whole.size / 1e6:.1f} MB kept in {folder()}")
+
+
+REPOSITORY = Path(__file__).parents[2]
+"""Folder that phasemap is imported from: a clone of the repository, or where packages are installed."""
+
+
+def add_bench(parser: argparse.ArgumentParser) -> None:
+    """Take every word that follows the command; `benchmarks.command` declares what they may be."""
+    parser.set_defaults(rest=[])
+
+
+def bench(arguments: argparse.Namespace) -> None:
+    """Measure what the words ask for."""
+    if not (REPOSITORY / "benchmarks" / "command.py").exists():
+        raise PhasemapError(
+            "bench is not part of the installed package: clone the repository, or unpack the source archive, and run "
+            "'pip install -e .' there."
+        )
+    sys.path.insert(0, str(REPOSITORY))  # before a folder of the same name in the current one
+    command = importlib.import_module("benchmarks.command")
+    command.add_arguments(arguments.parser)
+    command.bench(arguments.parser.parse_args(arguments.rest))

@@ -11,7 +11,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
-from phasemap.io.flattening import level_rows, on_one_turn, row_medians
+from phasemap.io.measured import level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import downwards
 from phasemap._shared.units import readable
-from phasemap.io.flattening import on_one_turn
+from phasemap.io.measured import on_one_turn
 
 if TYPE_CHECKING:
     import xarray as xr

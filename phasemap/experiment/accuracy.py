@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from phasemap._shared.checks import whole
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.shown import Shown
+from phasemap._shared.fields import Number, Shown, known_as
 
 MOST_PERIODS = 100_000
 

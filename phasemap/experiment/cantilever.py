@@ -8,20 +8,21 @@ from typing import Any
 
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, known_as
+from phasemap._shared.fields import Number, Shown, known_as
 from phasemap._shared.quantities import Scalar
-from phasemap._shared.shown import Shown
-from phasemap.experiment.eigenmode import (
+from phasemap.experiment.beam import (
+    AIR,
     BETAS,
     MOST_MODES,
     OF_FIRST,
+    Beam,
     Eigenmode,
+    Fluid,
     Modes,
     all_modes,
     check_modes,
     participations,
 )  # fmt: skip
-from phasemap.experiment.liquid import AIR, Beam, Fluid
 
 FREQUENCY, LENGTH = (1e3, 1e7), (1e-6, 2e-3)  # what is found in practice [Hz, m]
 

@@ -7,8 +7,7 @@ from typing import ClassVar, Protocol
 
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.shown import Shown
+from phasemap._shared.fields import Number, Shown, known_as
 
 LINES = ("trace", "retrace")
 _WHEN = {"line": "tip lowered anew before each line", "image": "tip lowered once, before the first line"}

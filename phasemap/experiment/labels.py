@@ -1,21 +1,22 @@
-"""Maps of labels: the material of each label looked up for every pixel, in memory or block by block."""
+"""Maps of labels: the material of each looked up for every pixel, and how much materials vary within their domains."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import Array, IntArray, as_array, read_only
-from phasemap._shared.dask_arrays import lazy_map
+from phasemap._shared.arrays import Array, IntArray, as_array, lazy_map, read_only
+from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
-from phasemap.experiment.distinct_rows import factorise
+from phasemap._shared.fields import Number, Shown, known_as
+from phasemap.experiment.generate.waves import roughness
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import column_of, more_of, rows_of
-from phasemap.experiment.relaxing import refuse_film
-from phasemap.experiment.surface_maps import check_memory, where
+from phasemap.experiment.material_rows import column_of, factorise, more_of, rows_of
+from phasemap.experiment.surface_maps import check_memory, refuse_film, where
 
 LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 
@@ -131,3 +132,58 @@ def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
 def _of_labels(labels: NDArray[Any], names: list[int], column: Array) -> Array:
     """One property of the material of each label."""
     return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
+
+
+VARIED = {
+    "modulus": "modulus", "relaxed_modulus": "modulus", "adhesion": "adhesion", "damping": "loss", "viscosity": "loss",
+}  # fmt: skip
+"""The property of a map, and the spread that it has."""
+
+
+@known_as()
+@dataclass(frozen=True, repr=False)
+class Variation(Shown):
+    """How much the properties of each material vary from place to place.
+
+    Parameters
+    ----------
+    modulus : float
+        Relative standard deviation of the modulus [1], >= 0 and at most 2: that of its logarithm, which is normally
+        distributed around the material's own.
+    adhesion : float
+        The same for the adhesion.
+    loss : float
+        The same for damping or viscosity.
+    correlation_length : float
+        Over which they vary [m], one pixel or more and at most the shorter side of the surface.
+    seed : int
+        Of what is random, >= 0.
+
+    Examples
+    --------
+    >>> Variation(modulus=0.2, correlation_length="30 nm")
+    Variation(modulus=0.2, correlation_length=3e-08)
+    """
+
+    modulus: Number[float] = Number("1", 0.15, said="variation of the modulus", minimum=0, maximum=2)
+    adhesion: Number[float] = Number("1", 0.1, said="variation of the adhesion", minimum=0, maximum=2)
+    loss: Number[float] = Number("1", 0.15, said="variation of the loss", minimum=0, maximum=2)
+    correlation_length: Number[float] = Number("m", 25e-9, above=0, maximum=1.0, usual=(1e-10, 1e-4))
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        whole("seed", self.seed, 0)
+
+    def of(self, maps: Mapping[str, Any], shape: tuple[int, int], sides: tuple[float, float]) -> dict[str, Any]:
+        """The maps of a surface that varies so.
+
+        `maps`: arguments of `phasemap.Surface`, numbers or arrays.
+        `sides`: of a pixel, (dy, dx) [m].
+        """
+        factors: dict[str, NDArray[np.float64] | float] = {}
+        for i, name in enumerate(("modulus", "adhesion", "loss")):
+            size = getattr(self, name)
+            length, seed = self.correlation_length, 3 * self.seed + i
+            field = roughness(shape, sides, rms=1.0, correlation_length=length, seed=seed) if size else 0.0
+            factors[name] = np.exp(size * field)
+        return {key: value * factors[VARIED[key]] if key in VARIED else value for key, value in maps.items()}

@@ -9,16 +9,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import Array, IntArray
+from phasemap._shared.arrays import Array, IntArray, chunks_of, is_lazy
 from phasemap._shared.asked import asked_as
-from phasemap._shared.dask_arrays import chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
+from phasemap._shared.fields import table
 from phasemap._shared.pixels import centres
-from phasemap._shared.shown import table
 from phasemap._shared.units import say
-from phasemap.experiment.distinct_rows import distinct_materials
-from phasemap.experiment.material_rows import MORE
-from phasemap.experiment.surface_variables import QUANTITIES
+from phasemap.experiment.material_rows import MORE, distinct_materials
+from phasemap.experiment.surface_maps import QUANTITIES
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.shown import Shown
+from phasemap._shared.fields import Number, Shown, known_as
 
 if TYPE_CHECKING:
     from phasemap.experiment.prony import Prony

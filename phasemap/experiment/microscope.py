@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.plausible import question
-from phasemap._shared.shown import Shown
+from phasemap._shared.fields import Number, Shown, known_as
+from phasemap._shared.notices import question
+from phasemap.experiment.beam import free_motion
 from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.cantilever import Cantilever as Cantilever
-from phasemap.experiment.eigenmode import free_motion
 from phasemap.experiment.interaction import Interaction
 
 EXCITATIONS, DETECTORS = ("direct", "base"), ("slope", "tip")

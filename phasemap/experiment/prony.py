@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from phasemap._shared.arrays import Array, as_array
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.shown import Shown
+from phasemap._shared.fields import Number, Shown, known_as
 
 DENSITIES = (0.5, 1.0, 1.5, 2.0, 3.0)  # arms a decade that are tried for a power law
 MARGIN = 1.0  # decades by which the times of a table's fit go beyond its band

@@ -8,9 +8,8 @@ from typing import Any
 
 from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.plausible import question
-from phasemap._shared.shown import Shown, in_words
+from phasemap._shared.fields import Number, Shown, in_words, known_as
+from phasemap._shared.notices import question
 from phasemap._shared.units import say
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS

@@ -12,21 +12,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phasemap._shared.arrays import is_lazy
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
-from phasemap._shared.dask_arrays import is_lazy
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import known_as
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap._shared.quantities import Scalar
-from phasemap.experiment.labels import lazily_looked_up, looked_up
+from phasemap.experiment.labels import Variation, lazily_looked_up, looked_up
 from phasemap.experiment.maps import Maps
 from phasemap.experiment.material import Material
 from phasemap.experiment.prony import Prony, keys_of
-from phasemap.experiment.relaxing import check_relaxing
-from phasemap.experiment.surface_maps import check_spacing, common_shape, pixel_sides, property_map
-from phasemap.experiment.surface_variables import QUANTITIES, as_variables, maps_of
-from phasemap.experiment.variation import Variation
+from phasemap.experiment.surface_maps import (
+    QUANTITIES,
+    as_variables,
+    check_relaxing,
+    check_spacing,
+    common_shape,
+    maps_of,
+    pixel_sides,
+    property_map,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -284,9 +290,9 @@ class Surface(Maps):
         -------
         Surface
             Its topography is the height of the apex, its materials are those of the points touched. See
-            `phasemap.experiment.dilation.dilated`.
+            `phasemap.experiment.seen_by_tip.dilated`.
         """
-        from phasemap.experiment.dilation import HALF_ANGLE, dilated
+        from phasemap.experiment.seen_by_tip import HALF_ANGLE, dilated
 
         self._refuse_lazy()
         return dilated(self, tip, HALF_ANGLE if half_angle is None else half_angle)
@@ -310,7 +316,7 @@ class Surface(Maps):
         Surface
             Its plane-strain modulus and Poisson's ratio are means over the contact's disc of radius sqrt(R d) under the
             pressure of Hertz, its damping that over the disc, its adhesion that over the disc and the reach of the
-            long-range force beyond. See `phasemap.experiment.footprint`. The topography stays.
+            long-range force beyond. See `phasemap.experiment.seen_by_tip`. The topography stays.
 
         Examples
         --------
@@ -320,7 +326,7 @@ class Surface(Maps):
         >>> [round(float(E) / 1e9, 2) for E in edge.seen_by(scope, 0.7).modulus[0, 5:11]]
         [1.0, 1.21, 1.7, 2.39, 2.94, 3.0]
         """
-        from phasemap.experiment.footprint import seen_by
+        from phasemap.experiment.seen_by_tip import seen_by
 
         self._refuse_lazy()
         ratio = number("setpoint", setpoint, "1", above=0, below=1)

@@ -1,28 +1,100 @@
-"""The map of one property of a surface: what a user may give for it, how it is checked, and how it is kept.
-
-A map is given as one number, rows of numbers, text with a unit, a masked array, a DataArray or a Dask array; it is kept
-as a read-only float64 array in SI units, or as the Dask array that it was.
-"""
+"""Maps of a surface: what they are called, their units, how these become SI, and which go together."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phasemap._shared.arrays import Array, as_array, is_frozen, is_uniform, read_only
+from phasemap._shared.arrays import Array, as_array, is_frozen, is_lazy, is_uniform, lazy_map, read_only
 from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
-from phasemap._shared.dask_arrays import is_lazy, lazy_map
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
-from phasemap._shared.pixels import coordinate_step
-from phasemap._shared.plausible import question
+from phasemap._shared.notices import question
+from phasemap._shared.pixels import coordinate_step, coordinates, in_si_of
 from phasemap._shared.quantities import NotThatUnit, array_in_si, with_unit
 from phasemap._shared.units import say
-from phasemap.experiment.surface_variables import QUANTITIES, Quantity, variable_in_si
+from phasemap.experiment.material import ADHESION, LIQUID, MODULUS, RELAXATION, THICKNESS, VISCOSITY
+from phasemap.experiment.prony import Prony, spectrum_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Quantity(NamedTuple):
+    """A property of a surface, as a Dataset has it."""
+
+    long_name: str
+    unit: str  # as UDUNITS writes it
+    bounds: dict[str, float]
+    usual: tuple[float, float] = (0.0, math.inf)
+    endless: bool = False  # whether infinity is a value
+
+
+QUANTITIES = {
+    "modulus": Quantity("Young's modulus", "Pa", {"minimum": 0}, MODULUS),
+    "adhesion": Quantity("work of adhesion", "J m-2", {"minimum": 0}, ADHESION),
+    "damping": Quantity("damping coefficient alpha1", "1", {"minimum": 0}),
+    "viscosity": Quantity("Kelvin-Voigt viscosity", "Pa s", {"minimum": 0}, VISCOSITY),
+    "poisson_ratio": Quantity("Poisson's ratio", "1", {"above": -1, "maximum": 0.5}),
+    "thickness": Quantity("thickness of the film on a rigid base", "m", {"above": 0}, THICKNESS, endless=True),
+    "relaxed_modulus": Quantity("Young's modulus after relaxation", "Pa", {"above": 0}, MODULUS),
+    "relaxation_time": Quantity("relaxation time", "s", {"above": 0}, RELAXATION, endless=True),
+    "liquid_film": Quantity("thickness of the liquid film", "m", {"minimum": 0}, LIQUID, endless=True),
+    "contact_angle": Quantity("contact angle of the liquid", "degree", {"minimum": 0, "maximum": 180}, endless=True),
+    "relaxation": Quantity("relaxation spectrum, by its key", "1", {"minimum": 0}, endless=True),
+    "topography": Quantity("topography", "m", {}, (0.0, 1e-4)),
+}
+
+
+def maps_of(dataset: xr.Dataset) -> dict[str, Any]:
+    """Read the arguments of `phasemap.Surface` from a Dataset that has its properties as variables."""
+    names = [str(name) for name in dataset.data_vars]
+    for needed in ("modulus", "adhesion"):
+        if needed not in dataset.data_vars:
+            raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
+    given = {name: variable_in_si(dataset[name], name) for name in QUANTITIES if name in dataset.data_vars}
+    if "relaxation" in given:
+        for one in json.loads(dataset["relaxation"].attrs.get("spectra", "[]")):
+            Prony(**one).key  # noqa: B018  it is known by its key from here on
+    sides = coordinate_step(dataset, "y"), coordinate_step(dataset, "x")
+    return {**given, "pixel_size": sides, "shape": (dataset.sizes["y"], dataset.sizes["x"])}
+
+
+def as_variables(maps: Mapping[str, Any], y: Array, x: Array) -> xr.Dataset:
+    """Return the maps that are there as variables over the pixel centres `y` and `x` [m]."""
+    import xarray as xr
+
+    variables = {
+        name: (("y", "x"), maps[name], {"long_name": quantity.long_name, "units": quantity.unit})
+        for name, quantity in QUANTITIES.items()
+        if maps[name] is not None
+    }
+    if "relaxation" in variables:
+        keys = [key for key in np.unique(maps["relaxation"]) if np.isfinite(key)]
+        variables["relaxation"][2]["spectra"] = json.dumps([spectrum_of(key).arguments for key in keys])
+    dataset = xr.Dataset(variables, coordinates(y, x), {"Conventions": "CF-1.11"})
+    for name in ("y", "x"):
+        dataset[name].encoding["_FillValue"] = None  # CF allows no missing coordinates
+    return dataset
+
+
+def variable_in_si(variable: xr.DataArray, name: str) -> Any:
+    """Return a variable of a Dataset as an array in SI with y before x, or of no dimension; a lazy one stays that."""
+    if set(variable.dims) not in ({"y", "x"}, set()):
+        raise InputError(f"dims of {name}", variable.dims, "('y', 'x') or none")
+    if variable.dims == ("x", "y"):
+        variable = variable.transpose("y", "x")
+    values = variable.data if is_lazy(variable) else variable.to_numpy()
+    if values.dtype.kind not in "fiu":  # which `Surface` refuses
+        return values
+    found = in_si_of(values, variable, name, QUANTITIES[name].unit)
+    return found if found is values or is_lazy(found) else read_only(np.asarray(found))
+
 
 PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice
 SAME_STEP = 1e-3  # relative; coordinates may be in single precision
@@ -163,3 +235,49 @@ def pixel_sides(value: object) -> tuple[float, float]:
     dy, dx = pixel_pair(value)
     question("pixel_size", max(dy, dx), "m", PIXEL)
     return dy, dx
+
+
+def check_relaxing(maps: dict[str, Any]) -> None:
+    """Refuse maps of a surface that are not those of standard linear solids.
+
+    Numbers of Dask arrays are not looked at; `phasemap.simulate` refuses these.
+    """
+    if "relaxation" in maps:
+        _check_spectra(maps)
+    given = [name for name in ("relaxed_modulus", "relaxation_time") if name in maps]
+    if not given:
+        return
+    if len(given) < 2:
+        missing = "relaxation_time" if given[0] == "relaxed_modulus" else "relaxed_modulus"
+        raise InputError(missing, None, f"given together with {given[0]}")
+    refuse_film("thickness" in maps)
+    if any(is_lazy(one) for one in maps.values()):
+        return
+    above = np.atleast_2d(maps["relaxed_modulus"] > maps["modulus"])
+    if above.any():
+        most = float(np.max(maps["relaxed_modulus"]))
+        raise InputError("relaxed_modulus", most, "at most modulus, that of a sudden touch", where(above))
+    if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):
+        allowed = "relaxation, or damping or viscosity, not both on one surface"
+        hint = "Give the others viscosity = 0, or a relaxation time too: a preset takes viscosity = 0 beside it."
+        raise InputError("relaxation_time", Word("given beside a damping or viscosity"), allowed, hint)
+
+
+def _check_spectra(maps: dict[str, Any]) -> None:
+    """Refuse maps beside spectra of relaxation that do not go together with them."""
+    refuse_film("thickness" in maps)
+    if any(is_lazy(one) for one in maps.values()):
+        raise InputError("relaxation", Word("in Dask arrays"), "maps in memory where materials have spectra")
+    keys, modulus = np.broadcast_arrays(maps["relaxation"], maps["modulus"])
+    for key in np.unique(keys[np.isfinite(keys)]):
+        first, own = spectrum_of(key).instantaneous, modulus[keys == key]
+        if not np.allclose(own, first, rtol=1e-9, atol=0):
+            raise InputError("modulus", float(own.flat[0]), f"that of the spectrum, {first:g} Pa, where there is one")
+    if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):
+        raise InputError("relaxation", Word("given beside a damping or viscosity"), "one kind of loss on a surface")
+
+
+def refuse_film(film: bool) -> None:
+    """Refuse films among materials that relax."""
+    if film:
+        raise InputError("relaxation_time", Word("given beside a thickness"), "either of them: only half-spaces relax")

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
-from phasemap.experiment.excitation import of_tip
-from phasemap.experiment.lever import lever_of, lost_in_air, supplied
+from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, supplied
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.properties import film_of

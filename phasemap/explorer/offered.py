@@ -15,7 +15,7 @@ from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import untold
 from phasemap.experiment.presets import Preset, levers, materials
-from phasemap.explorer.knobs import knobs, values_of
+from phasemap.explorer.setting import knobs, values_of
 from phasemap.explorer.subject import Subject, subject_of
 from phasemap.scenes.measured import NEEDED, NotRecorded, scene_from
 from phasemap.scenes.scene import load_scene

@@ -20,8 +20,7 @@ from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting, without_none
 from phasemap.scenes.scene import scene_from_tables
-from phasemap.scenes.tables import read_tables
-from phasemap.scenes.writing import toml_of, written
+from phasemap.scenes.tables import read_tables, toml_of, written
 
 HEADING = ["Saved from phasemap explore.", "Every length is in m, every other quantity in SI units."]
 

@@ -4,8 +4,6 @@ Only 127.0.0.1 listens, every address begins with a token that nobody can guess,
 is refused: a page of somebody else's whose name was pointed here (DNS rebinding) gets nothing. (Behind a JupyterHub the
 host is the hub's, which is not known here; the token is.) The page may load
 nothing from elsewhere (Content-Security-Policy), and neither it nor the server asks anything of another machine.
-
-Who does not know the token can hold up nobody: connections are few, and one that is silent gives way to a new one.
 """
 
 from __future__ import annotations
@@ -19,7 +17,6 @@ import socket
 import socketserver
 import sys
 import threading
-import time
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -28,7 +25,7 @@ from urllib.parse import unquote
 
 from phasemap._shared.errors import PhasemapError
 from phasemap._shared.interrupts import stoppable
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap.explorer import routes
 from phasemap.explorer.limits import LIMITS, MOVING, TooLong, limiter
 from phasemap.explorer.offered import Offered, Opened
@@ -36,11 +33,8 @@ from phasemap.explorer.setting import Setting
 
 HOST = "127.0.0.1"
 LARGEST, LARGEST_FILE = 1 << 16, 1 << 27  # bytes of what a page sends, and of a file that is opened in it
-CONNECTIONS = 32  # at once; a browser has at most six for each page
 SILENCE = 5.0  # seconds after which a connection is closed that has not asked for anything with the token
 PATIENCE = 60.0  # seconds after which one is closed that has
-RELIEF = 0.1  # seconds to wait where the system has no file for another connection
-DIGITS = 16  # of a whole number that is read exactly; longer ones are floats, or infinite
 LENIENCE = 1.0  # seconds that a long answer waits for one that a slider wants
 PAGE = {
     "": ("index.html", "text/html; charset=utf-8"),
@@ -81,51 +75,12 @@ class Server(ThreadingHTTPServer):
         self.closing = False
         self.busy = Count()
         self.dragged = Count()
-        self._lock = threading.Lock()
-        self._open: set[socket.socket] = set()
-        self._silent: dict[socket.socket, None] = {}  # of those, the ones that wait for a request, the longest first
         super().__init__((HOST, port), _Handler)
 
     def server_bind(self) -> None:
         """Bind, without looking up a name for the address as `HTTPServer` does."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, self.server_address[1]
-
-    def get_request(self) -> tuple[socket.socket, Any]:
-        """Accept a connection; where the system has no file for one, wait for others to close."""
-        try:
-            return super().get_request()
-        except OSError:
-            time.sleep(RELIEF)
-            raise
-
-    def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Take a connection if there is room, or one that is silent can be closed for it."""
-        with self._lock:
-            if len(self._open) >= CONNECTIONS:
-                if not self._silent:
-                    return False
-                longest = next(iter(self._silent))
-                del self._silent[longest]
-                with contextlib.suppress(OSError):
-                    longest.shutdown(socket.SHUT_RDWR)  # its thread finds that it has ended, and closes it
-            self._open.add(request)
-            self._silent[request] = None
-            return True
-
-    def listening(self, request: socket.socket, silent: bool) -> None:
-        """Note whether a connection waits for a request, or has one that is answered."""
-        with self._lock:
-            self._silent.pop(request, None)
-            if silent:
-                self._silent[request] = None
-
-    def shutdown_request(self, request: Any) -> None:
-        """Close a connection."""
-        with self._lock:
-            self._open.discard(request)
-            self._silent.pop(request, None)
-        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that goes away in the middle is not an error."""
@@ -177,17 +132,6 @@ class _Handler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
     wbufsize = -1
 
-    def handle_one_request(self) -> None:
-        """Wait for a request, and answer it."""
-        self.server.listening(self.connection, True)
-        super().handle_one_request()
-
-    def parse_request(self) -> bool:
-        """Read the rest of a request whose first line came."""
-        understood = super().parse_request()
-        self.server.listening(self.connection, not understood)
-        return understood
-
     def do_GET(self) -> None:
         """Give a file of the page, or what it begins with."""
         if (name := self._asked()) is None:
@@ -213,7 +157,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer("open", lambda: routes.open_file(self.server.offered, unquote(name[5:]), content))
             return
         try:
-            message = json.loads(content, parse_int=_whole)
+            message = json.loads(content)
         except (ValueError, RecursionError):
             self._refuse(400, "The message is not JSON.")
             return
@@ -318,11 +262,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing is said of a request."""
-
-
-def _whole(digits: str) -> int | float:
-    """A whole number of a message; one with more digits than a number can have is a float, or infinite."""
-    return int(digits) if len(digits) <= DIGITS else float(digits)
 
 
 def _sample_of(message: object) -> object:

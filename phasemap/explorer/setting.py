@@ -1,23 +1,29 @@
-"""One position of all sliders: what the page sends, checked and turned into what `phasemap.simulate` takes."""
+"""One position of all sliders: what the page sends, checked and turned into what `phasemap.simulate` takes.
+
+The sliders and choices of the page are declared in its file ``knobs.json``.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from functools import cache
+from importlib.resources import files
+from typing import Any, NamedTuple
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.plausible import gathered, strict_units
+from phasemap._shared.notices import gathered, strict_units
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import PARTS, Drive, Microscope, Mode
-from phasemap.experiment.prony import Prony
+from phasemap.experiment.prony import Prony, spectrum_name
 from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.explorer.knobs import FIRST_ALONE, knobs, starred
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
 from phasemap.results.variables import describe
@@ -25,6 +31,74 @@ from phasemap.scenes.objects import LAWS, control_of, microscope_tables
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.problem import check_setpoint
+
+LOSSES = "materials.*.loss"  # a choice of the page alone: the keys that it shows say the same
+FIRST_ALONE = {"free_amplitude": None, "detection": "fm"}  # of a second mode that is not driven
+
+
+class Knob(NamedTuple):
+    """A slider: a number with ends."""
+
+    label: str
+    unit: str
+    size: float  # of the unit [SI]
+    # low, high: ends of the slider [SI]; a number that is typed in may lie beyond
+    low: float
+    high: float
+
+
+@cache
+def knobs() -> dict[str, Knob]:
+    """Every slider with ends of its own, by the key of a scene that it sets; * stands for any material."""
+    return {
+        one["key"]: Knob(one["label"], one["unit"], one.get("size", 1.0), one["low"], one["high"])
+        for one in _declared()
+        if "low" in one
+    }
+
+
+def starred(key: str) -> str:
+    """The key with * in place of the number of a material."""
+    return re.sub(r"^materials\.\d+\.", "materials.*.", key)
+
+
+def values_of(subject: Subject) -> dict[str, Any]:
+    """What a subject has in each slider and choice; a law of the user's own by its name."""
+    control = describe(subject.options.get("control") or Engage())
+    found: dict[str, Any] = {}
+    for one in _declared():
+        part, _, name = one["key"].rpartition(".")
+        if "presets" in one or one["key"] == LOSSES:
+            continue
+        if part == "materials.*":
+            every = enumerate(subject.materials.values())
+            found |= {f"materials.{i}.{name}": _plain(getattr(it, name)) for i, it in every}
+        elif part == "scan":
+            found[one["key"]] = subject.options[name]
+        elif part == "detector":
+            found[one["key"]] = subject.scope.detector
+        elif part == "drive.second":
+            found[one["key"]] = getattr(subject.scope.drive.second, name, FIRST_ALONE[name])
+        elif part == "realism":
+            found[one["key"]] = getattr(subject.realism, name)
+        else:
+            found[one["key"]] = control.get(name) if part == "control" else getattr(getattr(subject.scope, part), name)
+    contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)
+    law = contact.name if isinstance(contact, ContactLaw) else contact
+    return found | {"interaction.contact": law, "cantilever.modes": modes}
+
+
+def _plain(value: Any) -> Any:
+    """A number, or the name of a spectrum."""
+    return spectrum_name(value) if isinstance(value, Prony) else value
+
+
+@cache
+def _declared() -> list[dict[str, Any]]:
+    """What the page's file declares."""
+    declared: list[dict[str, Any]] = json.loads(files("phasemap.explorer").joinpath("page", "knobs.json").read_bytes())
+    return declared
+
 
 BEYOND = 1e3  # times the ends of its slider that a number may be
 KEYS = ("sample", "changes", "names", "pair", "exact", "lag", "quick")

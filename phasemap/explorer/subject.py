@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap.experiment.control import Engage
+from phasemap.experiment.labels import Variation
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import materials_of
 from phasemap.experiment.microscope import Microscope, Tip
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.experiment.variation import Variation
 from phasemap.io.netcdf import load
 from phasemap.scenes.scene import Scene, load_scene
 from phasemap.scenes.surface import build_surface, dilate, variation_of

@@ -24,7 +24,7 @@ from phasemap._kernels.compilation.frozen import frozen
 from phasemap._shared.errors import FileError
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface
-from phasemap.experiment.surface_variables import QUANTITIES
+from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging.canvas import Canvas, joined_notes
 from phasemap.imaging.job import Job, Values
 from phasemap.imaging.plan import Stretch, fill_part, simulator_of

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array
-from phasemap.experiment.dilation import seen_at
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import DIGITISED, Realism
+from phasemap.experiment.seen_by_tip import seen_at
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -21,7 +21,7 @@ from phasemap.experiment.properties import film_of, liquid_of, properties, relax
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
-from phasemap.imaging.materials.survey import Place, Survey
+from phasemap.imaging.materials import Place, Survey
 from phasemap.results.quantities import needs_of
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened

@@ -13,12 +13,12 @@ from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.engaged import SIMULATOR
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.imaging.job import Job, Simulator
-from phasemap.imaging.materials.survey import Survey
+from phasemap.imaging.materials import Survey
 
 
 def _feedback() -> Simulator:
     """Its kernels are imported only where they are needed."""
-    from phasemap.imaging.feedback import SIMULATOR
+    from phasemap.imaging.feedback.simulator import SIMULATOR
 
     return SIMULATOR
 

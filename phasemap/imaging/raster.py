@@ -29,8 +29,7 @@ from phasemap.imaging.engaged import (
     numbers_of,
 )
 from phasemap.imaging.job import Job, Simulator, Values
-from phasemap.imaging.materials.distinct import BLOCK, Distinct
-from phasemap.imaging.materials.survey import Survey
+from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.both_branches import Branches, stable_branches
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap._shared.sentences import listed
+from phasemap._shared.units import listed
 from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ import numpy as np
 
 from phasemap._shared.errors import FileError, InputError
 from phasemap.io.gwyddion import extra
-from phasemap.io.kinds import KINDS, METRES
-from phasemap.io.metadata import ScanData
+from phasemap.io.metadata import KINDS, METRES, ScanData
 from phasemap.io.vendors import scan_data
 
 DIRECTIONS = ("approach", "retract")

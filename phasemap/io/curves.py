@@ -16,10 +16,9 @@ from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError
 from phasemap._shared.notices import tell
 from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, TEXT, Parts, of_text, of_wave
-from phasemap.io.curve_jpk import ARCHIVES, of_archive
-from phasemap.io.curve_nanoscope import is_nanoscope, of_nanoscope
+from phasemap.io.curve_files import ARCHIVES, is_nanoscope, of_archive, of_nanoscope
 from phasemap.io.metadata import ScanData
-from phasemap.io.netcdf_image import NETCDF
+from phasemap.io.read import NETCDF
 
 FAR = 0.1  # of the points, farthest from the surface, that show the free lever
 FREE = 0.005  # of the amplitude, that it changes over these points at most

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,18 +12,16 @@ from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.interrupts import EndlessError, interruptible
 from phasemap._shared.memory import check_fits
-from phasemap.io.classic import check_classic, is_classic
 from phasemap.io.whole_files import check_target, replacing
-from phasemap.io.zarr_store import opened_store
 
 if TYPE_CHECKING:
     import netCDF4
 
 LIMIT = 10.0  # seconds to open a file, which takes some thousandths
-HEADER = 1 << 24  # byte: longer headers of classic files are not read
+CLASSIC = (b"CDF\x01", b"CDF\x02")  # netCDF-3, of which the C library believes every count, however wrong
 OTHERS = {
     ".toml": "A scene would be lost.",
-    ".zarr": "An ensemble may be a zarr store; an image is made one by image.to_zarr in Python.",
+    ".zarr": "In Python, to_zarr makes a zarr store of what a file holds.",
     **dict.fromkeys((".png", ".pdf", ".svg", ".jpg", ".jpeg", ".tif", ".tiff"), "Use phasemap plot."),
 }
 """What no netCDF file is called, and why."""
@@ -55,34 +52,24 @@ def save(ds: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) 
     return Path(path)
 
 
-def load(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read a netCDF file, or a zarr store (a folder whose name ends in .zarr), into memory; the file is closed."""
-    return _read(path, None)
-
-
-def load_sample(path: str | os.PathLike[str], sample: int) -> xr.Dataset:
-    """Read one sample of an ensemble's file or store into memory, counted from 0, without the dimension "sample"."""
-    return _read(path, sample)
-
-
-def _read(path: str | os.PathLike[str], sample: int | None) -> xr.Dataset:
-    """A file, or one sample of it."""
+def load(path: str | os.PathLike[str], sample: int | None = None) -> xr.Dataset:
+    """Read a netCDF file into memory, or one sample of an ensemble's, counted from 0; the file is closed."""
     path = Path(path)
     if not os.path.exists(path):
         raise FileError(f"cannot read {path}: there is no such file.")
     if not os.access(path, os.R_OK):
         raise FileError(f"cannot read {path}: no permission.")
-    if path.is_dir() and path.suffix == ".zarr":
-        with opened_store(path) as ds:
+    if not path.is_file():
+        raise FileError(f"cannot read {path}: it is not a file.")
+    with path.open("rb") as head:
+        classic = head.read(4) in CLASSIC
+    try:
+        if not classic:
+            opened(path).close()
+        with xr.open_dataset(path, engine="scipy" if classic else "netcdf4") as ds:
             chosen = ds if sample is None else _pick(ds, sample)
             check_fits(f"to read {path}", chosen.nbytes, "Take fewer pixels or variables, or one sample.")
             return chosen.load()
-    if not path.is_file():
-        raise FileError(f"cannot read {path}: it is not a file.")
-    try:
-        check_fits(f"to read {path}", _declared(path, sample), "Take fewer pixels or variables, or one sample.")
-        with xr.open_dataset(path, engine="netcdf4") as ds:
-            return ds.load() if sample is None else _pick(ds, sample).load()
     except PhasemapError:
         raise
     except Exception as error:  # whatever the libraries meet in a damaged file
@@ -97,20 +84,6 @@ def opened(path: Path) -> netCDF4.Dataset:
         return interruptible(lambda: netCDF4.Dataset(path), LIMIT)
     except EndlessError:
         raise FileError(f"cannot read {path}: it is damaged, so that the library for it comes to no end.") from None
-
-
-def _declared(path: Path, sample: int | None) -> float:
-    """Bytes that the variables of a file have, or those of one sample, whether they were ever written or not."""
-    with path.open("rb") as head:
-        if is_classic(begin := head.read(HEADER)):
-            check_classic(begin)
-    with opened(path) as file:
-        total = 0.0
-        for variable in file.variables.values():
-            item = getattr(variable.dtype, "itemsize", 8)
-            sides = zip(variable.dimensions, variable.shape, strict=True)
-            total += item * math.prod(float(n) for name, n in sides if sample is None or name != "sample")
-        return total
 
 
 def _pick(ds: xr.Dataset, sample: int) -> xr.Dataset:

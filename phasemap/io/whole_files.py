@@ -1,11 +1,10 @@
-"""Files and zarr stores that are written whole or not at all."""
+"""Files that are written whole or not at all."""
 
 from __future__ import annotations
 
 import os
 import platform
 import re
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,7 @@ LONGEST_NAME = 230  # byte of the name of a file; systems allow 255, and work in
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Return `path` if a file can be written there, before hours are spent on what to write."""
     path = Path(path)
-    if os.path.exists(path) and not path.is_file() and not _is_store(path):
+    if os.path.exists(path) and not path.is_file():
         raise FileError(f"cannot write {path}: it is a folder or a device, not a file.")
     if not path.parent.is_dir():
         raise FileError(f"cannot write {path}: the folder {str(path.parent)!r} does not exist.")
@@ -47,28 +46,13 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
     temporary = path.with_name(f".{path.stem}.{_host()}-{os.getpid()}.tmp{path.suffix}")
     try:
         yield temporary
-        if temporary.is_file():
-            with temporary.open("r+b") as file:
-                os.fsync(file.fileno())  # the bytes are on the disk before the name points to them
-        if _is_store(path):
-            shutil.rmtree(path)  # a folder takes the place of an empty one only
+        with temporary.open("r+b") as file:
+            os.fsync(file.fileno())  # the bytes are on the disk before the name points to them
         os.replace(temporary, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
         raise FileError(f"cannot write {path}: {reason_of(error, path.parent)}.") from error
     finally:
-        _remove(temporary)
-
-
-def _is_store(path: Path) -> bool:
-    """Whether this is a zarr store, which is a folder, as `phasemap.io.zarr_store` writes it."""
-    return path.suffix == ".zarr" and Path(path, ".zgroup").is_file()
-
-
-def _remove(path: Path) -> None:
-    """Remove a file or a store, if it is there."""
-    if path.is_dir():
-        shutil.rmtree(path)
-    path.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def _clear(path: Path) -> None:
@@ -76,7 +60,7 @@ def _clear(path: Path) -> None:
     pattern = re.compile(rf"\.{re.escape(path.stem)}\.{_host()}-(\d+)\.tmp{re.escape(path.suffix)}")
     for name in os.listdir(path.parent):
         if (found := pattern.fullmatch(name)) and not _is_alive(int(found[1])):
-            _remove(path.with_name(name))
+            path.with_name(name).unlink(missing_ok=True)
 
 
 def _host() -> str:

@@ -30,8 +30,7 @@ from phasemap.plot.contrast_map import (
     keys_of,
     ticks_of,
 )
-from phasemap.plot.figure import shortened
-from phasemap.plot.page import Page
+from phasemap.plot.page import Page, shortened
 from phasemap.results.titles import titles
 from phasemap.results.words import describe_failures, describe_irregular
 

@@ -17,11 +17,9 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
 from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
-from phasemap.plot.figure import draw_scale_bar, own_axes, side_lengths
+from phasemap.plot.curves import fit, force, is_force_curve, is_measured_curve
 from phasemap.plot.materials import inversion, is_inversion
-from phasemap.plot.measured_curve import fit, is_measured_curve
-from phasemap.plot.page import Page
-from phasemap.plot.period import force, is_force_curve
+from phasemap.plot.page import Page, draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep

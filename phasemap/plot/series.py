@@ -14,8 +14,7 @@ from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
-from phasemap.plot.figure import draw_scale_bar
-from phasemap.plot.page import Page
+from phasemap.plot.page import Page, draw_scale_bar
 from phasemap.results.titles import of_file
 
 MOST = 6  # files that are shown

@@ -20,8 +20,7 @@ from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable
 from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
-from phasemap.plot.figure import draw_scale_bar, shortened, side_lengths
-from phasemap.plot.page import LINE, Page
+from phasemap.plot.page import LINE, Page, draw_scale_bar, shortened, side_lengths
 
 COLOURS = ("0.15", PALETTE[1])  # of the two images
 LEAST_SPAN = 0.1  # degrees

@@ -15,10 +15,10 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.control import Control
-from phasemap.experiment.excitation import DETECTED
+from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.io.metadata import microscope_of, of_simulation
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_of

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from phasemap._shared.sentences import counted
-from phasemap._shared.units import say
+from phasemap._shared.units import counted, say
 
 FORCES = ("adhesion_force", "lever_force")
 """Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""

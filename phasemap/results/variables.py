@@ -17,7 +17,7 @@ from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIEN
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Control
-from phasemap.experiment.excitation import DETECTED
+from phasemap.experiment.lever import DETECTED
 from phasemap.results.status import Status
 
 Array = np.ndarray

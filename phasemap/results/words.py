@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 
 from phasemap._shared.asked import asked_as
-from phasemap._shared.sentences import counted
-from phasemap._shared.units import say
+from phasemap._shared.units import counted, say
 from phasemap.results.status import Status
 
 SOLVED_BY = {

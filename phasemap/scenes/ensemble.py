@@ -34,23 +34,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import whole
+from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, InputErrors
-from phasemap._shared.notices import untold
-from phasemap._shared.plausible import once
+from phasemap._shared.notices import once, untold
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import UDUNITS
 from phasemap.io.netcdf import check_dataset, save
 from phasemap.io.whole_files import check_target, replacing
-from phasemap.io.zarr_store import SUFFIX, check_store, write_store
 from phasemap.results.variables import provenance
-from phasemap.scenes.data_card import card_beside, data_card
-from phasemap.scenes.ensemble_file import Parts, assemble
-from phasemap.scenes.keys import unit_of
-from phasemap.scenes.samples import check_overrides, make_samples
+from phasemap.scenes.ensemble_file import Parts, assemble, card_beside, data_card
+from phasemap.scenes.samples import check_overrides, make_samples, unit_of
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
-from phasemap.scenes.tables import Complaints, check_choice, missing, read_tables, with_value
+from phasemap.scenes.tables import Complaints, missing, read_tables, with_value
 
 Table = dict[str, Any]
 Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
@@ -148,8 +146,7 @@ class Ensemble:
         Parameters
         ----------
         path : path-like
-            The file to write, netCDF; or a zarr store if it ends in ``.zarr``, which takes zarr
-            (``pip install "afm-phasemap[dask]"``).
+            The file to write, netCDF.
         workers : int
             How many processes, each with one thread. The bytes of the file do not depend on it. A script must call
             this under ``if __name__ == "__main__"`` for more than one.
@@ -171,8 +168,6 @@ class Ensemble:
         InputError, FileError
             If a sample cannot be simulated, with its number, or the images of two samples differ in size; those that
             are done are kept. If the file or its card is there, and `overwrite` is False.
-        PhasemapError
-            If zarr is wanted and not installed.
 
         Examples
         --------
@@ -183,9 +178,7 @@ class Ensemble:
         ...         print(dict(ds.sizes))
         {'sample': 2, 'y': 64, 'x': 64}
         """
-        path = Path(path)
-        as_store = path.suffix == SUFFIX
-        check_store(path, overwrite) if as_store else check_dataset(path, overwrite)
+        path = check_dataset(path, overwrite)
         card = check_target(card_beside(path), overwrite)
         whole("workers", workers, 1)
         first = self.scene(0)
@@ -201,12 +194,11 @@ class Ensemble:
                     done = parts.add(file)
                     if progress is not None:
                         progress(done, len(self))
-            netcdf = parts.whole if as_store else path
-            assemble(netcdf, parts.files, self._columns(), self._attributes(), overwrite or as_store)
-            if as_store:
-                write_store(netcdf, path, overwrite)
-            with replacing(card, overwrite) as temporary:
-                temporary.write_text(self._card(path, netcdf, first), encoding="utf-8")
+            columns = [(name_of(key), _attributes_of(key), [one[key] for one in self.samples]) for key in self.keys]
+            assemble(path, parts.files, columns, self._attributes(), overwrite)
+            with replacing(card, overwrite) as temporary, xr.open_dataset(path, engine="netcdf4") as ds:
+                text = data_card(path, ds, self.tables, self.samples, first)
+                temporary.write_text(text, encoding="utf-8")
             parts.remove()
         finally:
             parts.leave()
@@ -218,17 +210,6 @@ class Ensemble:
         for key, value in sorted(self.samples[sample].items(), key=lambda one: not one[0].endswith(".preset")):
             tables = with_value(tables, key, value)
         return tables
-
-    def _card(self, path: Path, netcdf: Path, first: Scene) -> str:
-        """The data card of a file; where that is a store, `netcdf` has the same in it."""
-        import xarray as xr
-
-        with xr.open_dataset(netcdf, engine="netcdf4") as ds:
-            return data_card(path, ds, self.tables, self.samples, first)
-
-    def _columns(self) -> list[tuple[str, dict[str, str], list[Any]]]:
-        """Name, attributes and values of each varied key."""
-        return [(name_of(key), _attributes_of(key), [sample[key] for sample in self.samples]) for key in self.keys]
 
     def _attributes(self) -> dict[str, Any]:
         """Global attributes of the file: no time is among them, for the same ensemble gives the same bytes."""

@@ -24,16 +24,14 @@ from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
 from phasemap.experiment.presets import preset_of
 from phasemap.experiment.surface import Surface
-from phasemap.io.flattening import level_height
-from phasemap.io.measured import APART, one_scan, segment_height, segment_phase, separation_of
+from phasemap.io.measured import APART, level_height, one_scan, segment_height, segment_phase, separation_of
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 from phasemap.io.whole_files import check_target, replacing
 from phasemap.scenes.objects import microscope_of
 from phasemap.scenes.placeholders import placeholder_with, placeholders, starts_of_contrast, with_own_damping
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
-from phasemap.scenes.tables import Table, construct, with_override
-from phasemap.scenes.writing import toml_of
+from phasemap.scenes.tables import Table, construct, toml_of, with_override
 
 WAYS = ("phase", "height")
 NEEDED = {

@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TypeVar
 
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
-from phasemap._shared.plausible import advise
+from phasemap._shared.notices import advise
+from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.eigenmode import Eigenmode
 from phasemap.experiment.interaction import (
     Capillary,
     Cone,
@@ -31,7 +32,7 @@ from phasemap.experiment.interaction.table import Table as ForceTable
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import IN_TIME, TYPICAL_SCAN, Realism, TipChange, check_realism
-from phasemap.scenes.tables import Complaints, Table, check_choice, check_keys, construct, missing
+from phasemap.scenes.tables import Complaints, Table, check_keys, construct, missing
 
 T = TypeVar("T")
 

@@ -1,4 +1,4 @@
-"""The values that the samples of an ensemble have: drawn, or read from a table."""
+"""The values that the samples of an ensemble have, drawn or read from a table, and what their keys measure."""
 
 from __future__ import annotations
 
@@ -11,12 +11,44 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from phasemap._shared.checks import number, whole
+from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.fields import Number
 from phasemap._shared.files import size_of
 from phasemap._shared.memory import check_fits
-from phasemap.scenes.keys import plain
-from phasemap.scenes.tables import check_choice, check_keys, construct, stated_in, value_of
+from phasemap._shared.quantities import NotThatUnit, in_si, is_number, with_unit
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.control import Feedback
+from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.material import Material
+from phasemap.experiment.microscope import Cantilever, Drive, Mode, Tip
+from phasemap.experiment.realism import Realism, TipChange
+from phasemap.scenes.tables import check_keys, construct, stated_in, value_of
+
+OWNERS: dict[str, type] = {
+    "cantilever": Cantilever, "tip": Tip, "drive": Drive, "drive.second": Mode, "interaction": Interaction,
+    "control": Feedback, "accuracy": Accuracy, "realism": Realism, "realism.tip_change": TipChange,
+}  # fmt: skip
+
+
+def unit_of(key: str) -> str:
+    """The unit of a key, as in `phasemap._shared.quantities.KINDS`; empty where it may have any."""
+    table, _, name = key.rpartition(".")
+    owner = Material if table.startswith("materials.") else OWNERS.get(table)
+    number = vars(owner).get(name) if owner is not None else None
+    return number.unit if isinstance(number, Number) else "1" if key == "scan.setpoint" else ""
+
+
+def plain(shown: str, key: str, value: Any) -> Any:
+    """Return text with a unit as a number in SI units, and any other value of a key as it is."""
+    if not isinstance(value, str) or not is_number(value):
+        return value
+    unit = unit_of(key)
+    try:
+        return in_si(value, unit)
+    except NotThatUnit:
+        raise InputError(shown, value, with_unit(unit)) from None
+
 
 Table = dict[str, Any]
 

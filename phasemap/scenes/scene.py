@@ -29,8 +29,8 @@ import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
-from phasemap._shared.plausible import strict_units, unquestioned
-from phasemap._shared.shown import in_words, table
+from phasemap._shared.fields import in_words, table
+from phasemap._shared.notices import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.material import Material

@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import sees_tip
+from phasemap.experiment.lever import sees_tip
 from phasemap.solvers.orbit import LENGTH, PHASE, solve_exactly
 from phasemap.solvers.problem import Work
 

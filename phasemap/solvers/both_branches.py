@@ -14,7 +14,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import of_tip, sees_tip
+from phasemap.experiment.lever import of_tip, sees_tip
 from phasemap.solvers.continuation.complete import orbits_of_amplitude
 from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
 from phasemap.solvers.energy import close

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
-from phasemap.experiment.excitation import (
+from phasemap.experiment.lever import (
     amplitude_at,
     in_proportion,
     offset_and_factor,

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.wide import AT_REST, IN_LOOP, LOSS_HARMONICS, NOT_DRIVEN, WIDE, SolvedRows
-from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import HARMONICS, MODAL, OF_ADHESION, OF_FORCES
 from phasemap.solvers.problem import Work

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import sees_tip
+from phasemap.experiment.lever import sees_tip
 from phasemap.solvers.detected_setpoint import engage as engage_seen
 from phasemap.solvers.in_time import InTime
 from phasemap.solvers.problem import Work

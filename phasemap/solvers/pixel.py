@@ -13,10 +13,10 @@ from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import SolveError
-from phasemap._shared.shown import table
+from phasemap._shared.fields import table
 from phasemap._shared.units import say
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import of_tip
+from phasemap.experiment.lever import of_tip
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status

@@ -10,7 +10,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.plausible import question
+from phasemap._shared.notices import question
 from phasemap.experiment.arms import most_arms
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material

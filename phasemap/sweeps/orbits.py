@@ -10,7 +10,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
-from phasemap.experiment.excitation import seen
+from phasemap.experiment.lever import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import (

@@ -11,7 +11,7 @@ from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
-from phasemap._shared.plausible import question
+from phasemap._shared.notices import question
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.material import Material

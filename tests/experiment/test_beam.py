@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import phasemap as pm
-from phasemap.experiment.eigenmode import BETAS
+from phasemap.experiment.beam import BETAS
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import describe
 from phasemap.scenes.objects import microscope_of, microscope_tables

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
-from phasemap.experiment.dilation import TILE, dilated, tip_profile
+from phasemap.experiment.seen_by_tip import TILE, dilated, tip_profile
 
 # Round numbers tell pixels apart.
 pytestmark = pytest.mark.filterwarnings("ignore::phasemap.PlausibilityWarning")

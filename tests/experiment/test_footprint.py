@@ -10,7 +10,7 @@ import pytest
 from cases import load
 
 import phasemap as pm
-from phasemap.experiment.footprint import typical_depth
+from phasemap.experiment.seen_by_tip import typical_depth
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
 SOFT, HARD = pm.Material(1e9, 0.05, 0.01, poisson_ratio=0.3), pm.Material(3e9, 0.08, 0.005, poisson_ratio=0.3)

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import kv
 
 import phasemap as pm
-from phasemap.experiment.liquid import hydrodynamic_function
+from phasemap.experiment.beam import hydrodynamic_function
 from phasemap.experiment.presets import levers
 
 NITRIDE = {"modulus": 250e9, "density": 3100.0}

@@ -20,12 +20,11 @@ import phasemap as pm
 from phasemap._shared.errors import InputError
 from phasemap._shared.interrupts import stoppable
 from phasemap.explorer import answers, routes
-from phasemap.explorer.knobs import knobs, starred, values_of
 from phasemap.explorer.limits import accuracy_of
 from phasemap.explorer.offered import SAMPLES as SAMPLE_NAMES
 from phasemap.explorer.offered import Offered, Opened, first_of
 from phasemap.explorer.saving import SAVED, python_of
-from phasemap.explorer.setting import Setting
+from phasemap.explorer.setting import Setting, knobs, starred, values_of
 from phasemap.explorer.subject import Subject, subject_of
 from phasemap.explorer.words import Found, lines_of, shown_number
 from phasemap.results.words import describe_alike

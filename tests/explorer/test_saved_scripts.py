@@ -16,7 +16,7 @@ from phasemap.explorer.saving import python_of
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.subject import Subject, subject_of
 from phasemap.scenes.scene import load_scene
-from phasemap.scenes.writing import toml_of, written
+from phasemap.scenes.tables import toml_of, written
 
 STEP = Path(__file__).parents[2] / "samples" / "step.toml"
 SMALL = "surface.shape=[6, 8]"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import http.client
 import json
 import os
@@ -32,10 +31,10 @@ import phasemap as pm
 from phasemap._shared.interrupts import check_stopped
 from phasemap.cli import main
 from phasemap.explorer.explore import Explorer, serve
-from phasemap.explorer.knobs import values_of
 from phasemap.explorer.limits import LIMITS
 from phasemap.explorer.offered import Opened
-from phasemap.explorer.server import CONNECTIONS, HOST, LARGEST, LARGEST_FILE, RELIEF, Server
+from phasemap.explorer.server import HOST, LARGEST, LARGEST_FILE
+from phasemap.explorer.setting import values_of
 from phasemap.explorer.subject import subject_of
 from phasemap.scenes.scene import load_scene
 
@@ -318,53 +317,6 @@ def test_what_the_page_says_of_a_long_answer_is_true(explorer: Explorer) -> None
         assert said().startswith("compiling the solvers, only this once: ")
 
 
-def test_silent_connections_give_way_to_a_new_one(explorer: Explorer) -> None:
-    with contextlib.ExitStack() as silent:
-        every = [silent.enter_context(connected(explorer, b"POST /")) for _ in range(2 * CONNECTIONS)]
-        assert ask(explorer, "start")[0] == 200
-        assert every[0].recv(1) == b""  # the first is closed
-        every[-1].settimeout(0)
-        with pytest.raises(BlockingIOError):  # the last is not
-            every[-1].recv(1)
-
-
-def test_a_connection_is_refused_where_all_others_are_being_answered(
-    explorer: Explorer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("phasemap.explorer.server.CONNECTIONS", 1)
-    began, goes_on = threading.Event(), threading.Event()
-
-    def slow(_: object) -> dict[str, Any]:
-        began.set()
-        goes_on.wait(60)
-        return {}
-
-    monkeypatch.setattr("phasemap.explorer.answers.curves", slow)
-    with connected(explorer, posted(explorer, "curves")) as served:
-        assert began.wait(60)
-        with connected(explorer) as refused:
-            assert refused.recv(1) == b""
-        goes_on.set()
-        assert served.recv(12) == b"HTTP/1.1 200"
-
-
-def test_the_server_waits_where_the_system_has_no_file_for_a_connection(
-    explorer: Explorer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    waits: list[float] = []
-
-    class Full:
-        def accept(self) -> None:
-            raise OSError(errno.EMFILE, "Too many open files")
-
-    monkeypatch.setattr("phasemap.explorer.server.time.sleep", waits.append)
-    server = Server.__new__(Server)
-    server.socket = Full()  # type: ignore[assignment]
-    with pytest.raises(OSError, match="Too many open files"):
-        server.get_request()
-    assert waits == [RELIEF]
-
-
 @pytest.mark.parametrize(
     "body",
     [
@@ -379,7 +331,7 @@ def test_a_number_of_many_digits_is_refused_in_one_sentence(
     code, _, content = ask(explorer, "picture", body)
     assert code == 422 and "; allowed: " in json.loads(content)["error"] and len(content) < 300
     code, _, content = ask(explorer, "picture", body=json.dumps(body).replace("0" * 400, "0" * 5000).encode())
-    assert code == 422 and "; allowed: " in json.loads(content)["error"] and not caplog.records
+    assert code == 400 and json.loads(content)["error"] == "The message is not JSON." and not caplog.records
 
 
 def test_explore_gives_an_address_shows_itself_in_a_notebook_and_closes() -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 GUIDES = [
     "tomllib", "phasemap.scenes.scene", "phasemap.scenes.surface", "phasemap.scenes.ensemble",
-    "phasemap.scenes.samples", "phasemap.scenes.objects", "phasemap.scenes.surface_files",
+    "phasemap.scenes.samples", "phasemap.scenes.objects", "phasemap.scenes.surface",
     "phasemap.experiment.surface", "phasemap.experiment.surface_maps", "phasemap.experiment.labels",
     "phasemap.experiment.generate.arguments",
     "phasemap.experiment.generate.discs", "phasemap.experiment.generate.regular", "phasemap.experiment.generate.waves",

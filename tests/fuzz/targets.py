@@ -429,12 +429,12 @@ def take_netcdf(data: bytes) -> None:
     """A netCDF file, for all that reads one."""
     from phasemap._shared.errors import PhasemapError
     from phasemap.experiment.surface import Surface
-    from phasemap.io.netcdf import load, load_sample
+    from phasemap.io.netcdf import load
     from phasemap.io.read import read_image
 
     with _file("image.nc", data) as name:
         dataset = load(name)
-        for reads in (lambda: read_image(name), lambda: load_sample(name, 1), lambda: Surface.from_dataset(dataset)):
+        for reads in (lambda: read_image(name), lambda: load(name, 1), lambda: Surface.from_dataset(dataset)):
             with contextlib.suppress(PhasemapError):
                 reads()
 

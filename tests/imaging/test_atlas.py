@@ -15,12 +15,11 @@ from phasemap import generate
 from phasemap._kernels import columns as col
 from phasemap._kernels.materials import interpolate as kernel
 from phasemap.imaging import engaged
-from phasemap.imaging.interpolation import Atlas, ExactOrbits
-from phasemap.imaging.interpolation.axes import Axes
+from phasemap.imaging.engaged import OF_ANSWER
+from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
-from phasemap.imaging.interpolation.exact_orbits import DEPTH
-from phasemap.imaging.tolerances import OF_ANSWER
+from phasemap.imaging.interpolation.exact_orbits import DEPTH, Axes, ExactOrbits
 from phasemap.results.variables import SOLVER_NAMES
 
 AIR = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))

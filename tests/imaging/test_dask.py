@@ -23,10 +23,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
+from phasemap.imaging import dask as blocks
 from phasemap.imaging import engaged, raster
-from phasemap.imaging.dask import parts as blocks
-from phasemap.imaging.materials import survey
-from phasemap.imaging.materials.survey import Place
+from phasemap.imaging.materials import Place, survey
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOFT, HARD = pm.Material(0.5e9, adhesion=0.1, damping=0.1), pm.Material(3e9, adhesion=0.15, damping=0.005)

@@ -20,8 +20,8 @@ from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.line import move_over, start_swinging
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
-from phasemap.imaging.feedback import margin, tune
-from phasemap.imaging.feedback.loop import bandwidth_of, check, loop_of
+from phasemap.imaging.feedback.lines import bandwidth_of, check_loop, loop_of
+from phasemap.imaging.feedback.tuning import LinearLoop
 from phasemap.solvers.problem import make_work
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -312,14 +312,14 @@ def work_of_both() -> object:
 
 
 def test_tuned_gains_are_a_factor_below_ringing() -> None:
-    tuned = tune(pm.Feedback(), SCOPE, work_of_both())
+    tuned = LinearLoop(pm.Feedback(), SCOPE, work_of_both()).tuned()
     assert tuned.integral_gain > 500.0  # a lever of 300 kHz and Q 400 decays at 2400/s
-    assert margin(tuned, SCOPE, work_of_both()) == pytest.approx(2.5, rel=0.02)
+    assert LinearLoop(tuned, SCOPE, work_of_both()).margin(tuned) == pytest.approx(2.5, rel=0.02)
 
 
 @pytest.mark.parametrize("solver", ENGINES)
 def test_loop_rings_where_its_margin_says_so(solver: str) -> None:
-    tuned = tune(pm.Feedback(line_rate=10.0), SCOPE, work_of_both())
+    tuned = LinearLoop(pm.Feedback(line_rate=10.0), SCOPE, work_of_both()).tuned()
     left = []
     for factor in (2.5 / 1.15, 2.5 * 1.15):  # 15 % inside and outside
         gains = {name: factor * getattr(tuned, name) for name in ("proportional_gain", "integral_gain")}
@@ -331,7 +331,8 @@ def test_loop_rings_where_its_margin_says_so(solver: str) -> None:
 
 def test_scanner_that_resonates_needs_lower_gains() -> None:
     free, bound = (
-        tune(pm.Feedback(scanner_resonance=f, scanner_quality=30.0), SCOPE, work_of_both()) for f in (None, 1e3)
+        LinearLoop(pm.Feedback(scanner_resonance=f, scanner_quality=30.0), SCOPE, work_of_both()).tuned()
+        for f in (None, 1e3)
     )
     assert bound.integral_gain < 0.5 * free.integral_gain
 
@@ -507,10 +508,10 @@ def test_image_does_not_depend_on_threads() -> None:
 
 def test_a_lock_in_that_is_not_chosen_fits_the_drive() -> None:
     liquid = pm.Microscope(pm.Cantilever("0.1 N/m", "10 kHz", 2.0), pm.Tip("20 nm"), pm.Drive("50 nm"))
-    check(pm.Feedback(), liquid, 64)
+    check_loop(pm.Feedback(), liquid, 64)
     assert bandwidth_of(pm.Feedback(), liquid) == 2e3 and bandwidth_of(pm.Feedback(), SCOPE) == 5e3
     with pytest.raises(pm.InputError, match=r"bandwidth is 5000\.0; allowed: at most 2000 Hz, a fifth of the drive"):
-        check(pm.Feedback(bandwidth="5 kHz"), liquid, 64)
+        check_loop(pm.Feedback(bandwidth="5 kHz"), liquid, 64)
 
 
 # Levers as beams

@@ -19,7 +19,7 @@ from phasemap.imaging import plan as planning
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.imperfections import drifted, finish, generator, scopes_by_row
 from phasemap.imaging.job import Job, Simulator
-from phasemap.imaging.materials.survey import Survey
+from phasemap.imaging.materials import Survey
 from phasemap.io import netcdf
 from phasemap.scenes.scene import Scene
 

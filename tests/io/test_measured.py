@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap.io import flattening, measured
+from phasemap.io import measured
 from phasemap.io.read import read_image
 
 needs_reader = pytest.mark.skipif(
@@ -108,7 +108,7 @@ def test_tilt_and_row_offsets_are_taken_out_and_particles_left_in() -> None:
     particles = (x - 40) ** 2 + (y - 30) ** 2 < 200
     truth = 8e-9 * particles
     offsets = rng.normal(0, 3e-9, (64, 1))
-    levelled = flattening.level_height(truth + 1e-9 * x - 2e-9 * y + offsets, reference=~particles)
+    levelled = measured.level_height(truth + 1e-9 * x - 2e-9 * y + offsets, reference=~particles)
     assert np.abs(levelled - truth).max() < 0.5e-9
 
 
@@ -116,6 +116,6 @@ def test_a_row_without_reference_takes_its_offset_from_its_neighbours() -> None:
     reference = np.ones((5, 6), bool)
     reference[2] = False
     height = 1e-9 * np.array([0.0, 1.0, 9.0, 1.0, 0.0])[:, None] * np.ones(6)
-    assert flattening.level_height(height, reference)[2] == pytest.approx(8e-9 * np.ones(6), rel=1e-6)
+    assert measured.level_height(height, reference)[2] == pytest.approx(8e-9 * np.ones(6), rel=1e-6)
     with pytest.raises(InputError, match=r"pixels in reference is \(\(5, 6\), 0\); allowed: \(5, 6\), at least 3"):
-        flattening.level_height(height, np.zeros((5, 6), bool))
+        measured.level_height(height, np.zeros((5, 6), bool))

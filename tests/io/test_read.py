@@ -19,7 +19,7 @@ from vendor_files import ibw_file, jpk_file, nanoscope_file, park_file
 import phasemap as pm
 from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import Channel
-from phasemap.io.kinds import KINDS
+from phasemap.io.metadata import KINDS
 from phasemap.io.read import read_image
 from phasemap.io.vendors import mode_of, scan_data
 

@@ -22,7 +22,6 @@ import phasemap as pm
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.processes import in_processes
 from phasemap.cli import main
-from phasemap.io import zarr_store
 from phasemap.io.netcdf import load, save
 from phasemap.scenes.ensemble import Ensemble, load_ensemble
 from phasemap.scenes.ensemble_file import assemble
@@ -224,46 +223,6 @@ def test_a_card_says_what_is_in_the_file(ensemble: Ensemble, tmp_path: Path) -> 
     (tmp_path / "blends.nc").unlink()
     with pytest.raises(FileError, match=r"cannot write .*blends\.nc\.card\.md: it exists already"):
         licensed.simulate(tmp_path / "blends.nc")
-
-
-def test_a_zarr_store_holds_the_same(ensemble: Ensemble, whole: bytes, tmp_path: Path) -> None:
-    zarr, path = pytest.importorskip("zarr"), tmp_path / "images.zarr"
-    with pytest.raises(KeyboardInterrupt):
-        ensemble.simulate(path, progress=stop_after(2))
-    assert not path.exists() and made(tmp_path / "images.zarr.parts") == 2
-    assert ensemble.simulate(path) == path
-    assert {one.name for one in tmp_path.glob("images*")} == {"images.zarr", "images.zarr.card.md"}
-    with xr.open_zarr(path) as ds:
-        assert ds.load().identical(load(tmp_path / "whole.nc"))
-    assert zarr.open_group(path, mode="r")["phase"].chunks == (1, 2, 6)
-    with pytest.raises(FileError, match="it exists already"):
-        ensemble.simulate(path)
-    assert main(["plot", str(path), "--sample", "3"]) == 0
-    assert (tmp_path / "images.png").read_bytes().startswith(b"\x89PNG")
-    (tmp_path / "images.png").unlink()
-    few = load_ensemble(tmp_path / "ensemble.toml", ["ensemble.count=2"])
-    with xr.open_zarr(few.simulate(path, overwrite=True)) as ds:
-        assert ds.sizes["sample"] == 2
-    assert {one.name for one in tmp_path.iterdir() if "tmp" in one.name} == set()
-
-
-def test_a_folder_that_is_no_store_is_not_replaced(ensemble: Ensemble, tmp_path: Path) -> None:
-    (tmp_path / "mine.zarr").mkdir()
-    (tmp_path / "mine.zarr" / "work.txt").write_text("years")
-    with pytest.raises(FileError, match=r"cannot write .*mine\.zarr: it is a folder or a device, not a file"):
-        ensemble.simulate(tmp_path / "mine.zarr", overwrite=True)
-    with pytest.raises(FileError, match=r"cannot read .*mine\.zarr: it is not a zarr store"):
-        load(tmp_path / "mine.zarr")
-
-
-def test_samples_are_put_into_a_store_some_at_a_time(
-    ensemble: Ensemble, whole: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("zarr")
-    monkeypatch.setattr(zarr_store, "AT_ONCE", 1)
-    zarr_store.write_store(tmp_path / "whole.nc", tmp_path / "images.zarr")
-    with xr.open_zarr(tmp_path / "images.zarr") as ds:
-        assert ds.load().identical(load(tmp_path / "whole.nc"))
 
 
 def test_two_processes_write_the_same_bytes(ensemble: Ensemble, whole: bytes, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap.experiment.lever import lever_of, one_mode
-from phasemap.imaging.feedback.loop import loop_of
+from phasemap.imaging.feedback.lines import loop_of
 from phasemap.solvers.continuation.pieces import settling_periods
 from phasemap.solvers.problem import work_of_material
 

@@ -17,8 +17,7 @@ from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
-from phasemap.experiment.excitation import of_tip, offset_and_factor, sees_tip, show
-from phasemap.experiment.lever import lever_of
+from phasemap.experiment.lever import lever_of, of_tip, offset_and_factor, sees_tip, show
 from phasemap.scenes.scene import load_scene
 from phasemap.solvers.problem import work_of_material
 

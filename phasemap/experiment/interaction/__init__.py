@@ -10,36 +10,18 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from phasemap._kernels.columns import (
-    BIAS,
-    BRIDGE,
-    BRIDGE_CURVE,
-    BRIDGE_FALL,
-    CONTACT,
-    DAMPING,
-    FORMING,
-    LONGRANGE,
-    LOSS,
-    LOSS_FALL,
-    PULL,
-    RELAXATION,
-    RELAXING,
-    RELEASE,
-    ROW,
-    SPECTRUM,
-)  # fmt: skip
+import numpy as np
+
+from phasemap._kernels import columns as col
 from phasemap._kernels.forces import hertzian
+from phasemap._shared.arrays import Array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.fields import Number, known_as
-from phasemap._shared.shown import Shown
+from phasemap._shared.fields import Number, Shown, known_as
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.capillary import Capillary
-from phasemap.experiment.interaction.cone import Cone
-from phasemap.experiment.interaction.contact import DMT, LAWS, FlatPunch, Hertz, Neck
-from phasemap.experiment.interaction.damping import PowerLawDamping
+from phasemap.experiment.interaction.contact import DMT, JKR, LAWS, Cone, FlatPunch, Hertz, LossyDMT, Neck
 from phasemap.experiment.interaction.film import Film
-from phasemap.experiment.interaction.jkr import JKR
 from phasemap.experiment.interaction.longrange import (
     DLVO,
     FORCES,
@@ -50,13 +32,10 @@ from phasemap.experiment.interaction.longrange import (
     LongRange,
     Solvation,
 )
-from phasemap.experiment.interaction.losses import LossyDMT
 from phasemap.experiment.interaction.maugis import MaugisDugdale
 from phasemap.experiment.interaction.table import Table
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from phasemap._kernels.law import Law
 
 __all__ = [
@@ -169,13 +148,13 @@ class Interaction(Shown):
 
     def columns(
         self,
-        contact_stiffness: np.ndarray,
-        adhesion: np.ndarray,
-        damping: np.ndarray,
+        contact_stiffness: Array,
+        adhesion: Array,
+        damping: Array,
         radius: float,
-        film: np.ndarray | None = None,
-        liquid: np.ndarray | None = None,
-    ) -> np.ndarray:
+        film: Array | None = None,
+        liquid: Array | None = None,
+    ) -> Array:
         """Parameter rows of the kernels, one a material, shape (n, 16).
 
         `contact_stiffness` (shape (n,)): K [Pa], 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t].
@@ -191,50 +170,46 @@ class Interaction(Shown):
 
         Raises InputError if the formulas of a user's law fail, or the law does not go together with a film.
         """
-        import numpy as np
-
         rows = self._rows(contact_stiffness, adhesion, damping, radius, film, liquid)
-        rows[rows[:, FORMING] < rows[:, RELEASE]] = np.nan  # films that meet farther out than their neck breaks
+        rows[rows[:, col.FORMING] < rows[:, col.RELEASE]] = np.nan  # films that meet farther out than their neck breaks
         creates = self._loop_energies(rows) < 0
         if self.law.may_do_without_neck:
-            rows[creates, RELEASE] = 0.0
+            rows[creates, col.RELEASE] = 0.0
         else:
             rows[creates] = np.nan
-            rows[creates, RELEASE] = -np.inf
+            rows[creates, col.RELEASE] = -np.inf
         rows[~np.isfinite(rows).all(axis=1) & ~creates] = np.nan
         return rows
 
-    def remembering(self, rows: np.ndarray, relaxation: np.ndarray | None) -> bool:
+    def remembering(self, rows: Array, relaxation: Array | None) -> bool:
         """Put what relaxes into the rows of `columns`, and say whether any of them remembers.
 
         `relaxation` (shape (n, 4)): as `phasemap.experiment.properties.relaxation_of` has it.
         Raises InputError if the contact law knows no memory.
         """
         if relaxation is not None:
-            rows[:, CONTACT] *= relaxation[:, 3]
+            rows[:, col.CONTACT] *= relaxation[:, 3]
         if relaxation is not None and relaxation[:, 0].any():
             check_half_space(self.law)
-            rows[:, [RELAXATION, RELAXING, SPECTRUM]] = relaxation[:, :3]
+            rows[:, [col.RELAXATION, col.RELAXING, col.SPECTRUM]] = relaxation[:, :3]
             return True
-        if self.withdrawal != "ting" or not rows[:, DAMPING].any():
+        if self.withdrawal != "ting" or not rows[:, col.DAMPING].any():
             return False
-        rows[(rows[:, DAMPING] > 0) & (rows[:, 0] == 0)] = math.nan  # a dent in a liquid never comes back
+        rows[(rows[:, col.DAMPING] > 0) & (rows[:, 0] == 0)] = math.nan  # a dent in a liquid never comes back
         return True
 
     def check(
-        self, contact_stiffness: float, adhesion: float, radius: float, film: np.ndarray | None = None,
-        liquid: np.ndarray | None = None,
+        self, contact_stiffness: float, adhesion: float, radius: float, film: Array | None = None,
+        liquid: Array | None = None,
     ) -> None:  # fmt: skip
         """Refuse one material that the laws cannot have: whose row `columns` would mark."""
-        import numpy as np
-
         rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film, liquid)
-        name, depth, energy = self.law.name, float(rows[0, RELEASE]), float(self._loop_energies(rows)[0])
+        name, depth, energy = self.law.name, float(rows[0, col.RELEASE]), float(self._loop_energies(rows)[0])
         if not np.isfinite(rows).all():
             allowed = f"a number above 0 Pa where {name} contact has adhesion"
             raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
-        if rows[0, FORMING] < depth:
-            meet, breaks = -float(rows[0, FORMING]), max(-depth, 0.0)
+        if rows[0, col.FORMING] < depth:
+            meet, breaks = -float(rows[0, col.FORMING]), max(-depth, 0.0)
             allowed = f"less than {breaks:.3g} m, where their neck breaks: thinner films, or a blunter tip"
             raise InputError("gap at which the films of liquid meet", meet, allowed)
         if energy < 0 and not self.law.may_do_without_neck:
@@ -275,17 +250,15 @@ class Interaction(Shown):
 
     def _rows(
         self,
-        contact_stiffness: np.ndarray,
-        adhesion: np.ndarray,
-        damping: np.ndarray,
+        contact_stiffness: Array,
+        adhesion: Array,
+        damping: Array,
         radius: float,
-        film: np.ndarray | None,
-        liquid: np.ndarray | None,
-    ) -> np.ndarray:
+        film: Array | None,
+        liquid: Array | None,
+    ) -> Array:
         """`columns` without marks."""
-        import numpy as np
-
-        rows = np.zeros((len(contact_stiffness), ROW))
+        rows = np.zeros((len(contact_stiffness), col.ROW))
         law = self.law
         if liquid is not None and not law.wets:
             allowed = f"nothing where the contact is {law.name!r}, which is dry"
@@ -295,9 +268,9 @@ class Interaction(Shown):
             try:
                 for j, column in enumerate(law.columns_on(contact_stiffness, adhesion, radius, film)):
                     rows[:, j] = column
-                rows[:, RELEASE] = law.release(contact_stiffness, adhesion, radius) + 0.0  # no -0
-                for j, column in enumerate(PowerLawDamping.columns(damping, radius, self.damping_exponent)):
-                    rows[:, 8 + j] = column
+                rows[:, col.RELEASE] = law.release(contact_stiffness, adhesion, radius) + 0.0  # no -0
+                exponent = self.damping_exponent  # alpha_s = alpha1 (d/R)^n (Wang 1999, Eq. 4): theory, Eq. (model-15)
+                rows[:, col.DAMPING], rows[:, col.EXPONENT] = damping / radius**exponent, exponent
                 self._try(rows)
                 pull = law.pull(contact_stiffness, adhesion, radius)
             except InputError:
@@ -308,31 +281,29 @@ class Interaction(Shown):
                 hint = f"It raised {type(error).__name__}: {error}."
                 raise InputError("contact", law.name, "a law whose methods run", hint) from error
         with np.errstate(all="ignore"):  # as above
-            rows[:, BIAS] = self.outside.in_contact(self.decay_length, radius)
+            rows[:, col.BIAS] = self.outside.in_contact(self.decay_length, radius)
             for j, column in enumerate(self.outside.columns(pull, self.decay_length, radius)):
                 rows[:, 4 + j] = column
         if law.lossy:
-            rows[:, LOSS_FALL], rows[:, LOSS] = law.loss_outside()
+            rows[:, col.LOSS_FALL], rows[:, col.LOSS] = law.loss_outside()
         if law.wets:
             none = np.full((len(rows), 2), np.inf)
-            rows[:, [RELEASE, FORMING, BRIDGE, BRIDGE_CURVE, BRIDGE_FALL]] = np.column_stack(
+            rows[:, [col.RELEASE, col.FORMING, col.BRIDGE, col.BRIDGE_CURVE, col.BRIDGE_FALL]] = np.column_stack(
                 law.necks(radius, none if liquid is None else liquid)
             )
-            dry = rows[:, RELEASE] == 0.0
-            rows[dry, PULL] = np.broadcast_to(pull, len(rows))[dry]
+            dry = rows[:, col.RELEASE] == 0.0
+            rows[dry, col.PULL] = np.broadcast_to(pull, len(rows))[dry]
         return rows
 
-    def _try(self, rows: np.ndarray) -> None:
+    def _try(self, rows: Array) -> None:
         """Call the formulas of a user's law, as Python, with the material that damps most."""
-        import numpy as np
-
         law = self.law
         valid = np.flatnonzero(np.isfinite(rows).all(axis=1))
         if not self._is_own or not len(valid):
             return
-        row = rows[valid[np.argmax(rows[valid, DAMPING])]]
+        row = rows[valid[np.argmax(rows[valid, col.DAMPING])]]
         formulas = {"force": law.force, "slope": law.slope}
-        if row[DAMPING]:
+        if row[col.DAMPING]:
             formulas["damping"] = law.damping
         for d in TRIED:
             for name, formula in formulas.items():
@@ -343,20 +314,18 @@ class Interaction(Shown):
                         f"At d = {d:g} m with p = {row.tolist()} it gives {value} for the {name}.",
                     )  # fmt: skip
 
-    def _loop_energies(self, rows: np.ndarray) -> np.ndarray:
+    def _loop_energies(self, rows: Array) -> Array:
         """Energy that a loop of contact and release loses [J]; 0 without a neck or without a force before contact.
 
         A relative 1e-9 below zero is zero.
         """
-        import numpy as np
-
-        if not rows[:, RELEASE].any() or not rows[:, [LONGRANGE, FORMING]].any():
+        if not rows[:, col.RELEASE].any() or not rows[:, [col.LONGRANGE, col.FORMING]].any():
             return np.zeros(len(rows))
         from phasemap._kernels.neck import loop_energies
 
         with np.errstate(invalid="ignore"):
             energies = loop_energies(self.token(), rows)
-            return np.where(np.abs(energies) < 1e-9 * np.abs(rows[:, 4] * rows[:, RELEASE]), 0.0, energies)
+            return np.where(np.abs(energies) < 1e-9 * np.abs(rows[:, 4] * rows[:, col.RELEASE]), 0.0, energies)
 
 
 def check_half_space(law: ContactLaw) -> None:

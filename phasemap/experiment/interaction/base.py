@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from phasemap._kernels.columns import RELEASE, ROW
 from phasemap._kernels.forces import power_law, power_law_slope
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction.longrange import InverseSquare, LongRange
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    Array = np.ndarray
 
 STEP, LEAST = 4e-3, 1e-15
 """Step of the difference quotient over the distance from release, and the least of that distance [m]."""
@@ -121,8 +119,6 @@ class ContactLaw(ABC):
 
     def radius_at(self, depth: Array, radius: float) -> Array:
         """Radius of the contact [m] at a depth [m]; by default sqrt(R d), that of a sphere."""
-        import numpy as np
-
         return np.sqrt(radius * depth)
 
     @property
@@ -137,8 +133,6 @@ class ContactLaw(ABC):
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
         """Attraction [N] >= 0 that the long-range force joins at d = 0; by default that of `force`."""
-        import numpy as np
-
         rows = np.zeros((len(contact_stiffness), ROW))
         for j, column in enumerate(self.columns(contact_stiffness, adhesion, radius)):
             rows[:, j] = column

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
+
+import numpy as np
 
 from phasemap._kernels.columns import BRIDGE, BRIDGE_CURVE, BRIDGE_FALL, CONTACT, INVERSE_REACH, PULL
+from phasemap._shared.arrays import Array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import Necks, SphereLaw
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    Array = np.ndarray
 
 MODELS = ("constant volume", "constant force", "linear")
 # Of water at 25 C that adsorbs on a solid: Hamaker constant of solid, film and vapour [J], number density [1/m3], k T
@@ -139,8 +137,6 @@ class Capillary(SphereLaw):
         >>> round(float(mica) * 1e9, 2), round(float(wax) * 1e9, 2)
         (9.05, 2.26)
         """
-        import numpy as np
-
         film, angle = liquid.T
         own = self.film_thickness
         if own is None:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from phasemap._kernels.columns import CONTACT, PULL
 from phasemap._kernels.forces import power_law, power_law_slope
+from phasemap._shared.arrays import Array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.experiment.interaction.base import SphereLaw
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    Array = np.ndarray
 
 BASES = ("bonded", "slipping")
 WIDEST = 2.0  # contact radius over thickness up to which the series is fitted
@@ -66,16 +64,12 @@ def first_coefficient(poisson_ratio: Array, base: str) -> Array:
     >>> [first_coefficient(np.array([0.3, 0.5]), base).round(4).tolist() for base in BASES]
     [[0.8765, 1.127], [0.7433, 0.7433]]
     """
-    import numpy as np
-
     return np.asarray(_series(base)(np.clip(poisson_ratio, 0.0, 0.5)))  # below 0 a film that slips has the same
 
 
 @cache
 def _series(base: str) -> Any:
     """c1 as a Chebyshev series of Poisson's ratio, good to 1e-12 from 0 to 0.5."""
-    import numpy as np
-
     nodes, weights = np.polynomial.legendre.leggauss(64)
     q, weights = 10.0 * (nodes + 1.0), 10.0 * weights
     decay = np.exp(-2.0 * q)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
+
+import numpy as np
 
 from phasemap._kernels.columns import CONTACT
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number
 from phasemap.experiment.interaction.base import SphereLaw
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    Array = np.ndarray
 
 FOLD = 0.6058  # at the fold of D(s), s < FOLD lambda, which it tends to for large lambda (JKR)
 FLAT = 0.9  # below this lambda (exactly 0.938) D(s) has no fold
@@ -42,8 +40,6 @@ def _sides(s: float, lam: float) -> tuple[float, float, float, float]:
 
 def _depths(s: Array, lam: Array) -> Array:
     """D of `_sides`, for arrays."""
-    import numpy as np
-
     phi = np.arctan(1 / s)
     q = 4 / 3 * lam * lam * (phi - 1 / (s + np.sqrt(1 + s * s)))
     b = 2 / (q + np.sqrt(q * q + 2 * lam * (s + phi * (1 - s * s))))
@@ -123,8 +119,6 @@ class MaugisDugdale(SphereLaw):
 
         Without adhesion p[CONTACT] = K sqrt(R) [N m^-1.5] and p[PER_DEPTH] = 0.
         """
-        import numpy as np
-
         lam, scale = self._scales(contact_stiffness, adhesion, radius)
         sticks = adhesion != 0
         force = np.where(sticks, math.pi * adhesion * radius, contact_stiffness * math.sqrt(radius))
@@ -132,8 +126,6 @@ class MaugisDugdale(SphereLaw):
         return force, inverse, lam, self.release(contact_stiffness, adhesion, radius)
 
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
-        import numpy as np
-
         lam, scale = self._scales(contact_stiffness, adhesion, radius)
         with np.errstate(all="ignore"):  # without adhesion all is 0/0
             low, high = np.full_like(lam, 1e-9), np.where(lam > FLAT, FOLD * lam, 1e-9)
@@ -156,8 +148,6 @@ class MaugisDugdale(SphereLaw):
 
     def _scales(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, Array]:
         """Lambda, and d/D [m]; infinite where there is adhesion without stiffness, for then the neck never breaks."""
-        import numpy as np
-
         if self.range is None:
             raise InputError("maugis range", None, "a length in m")
         sticks = adhesion != 0

@@ -8,7 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from phasemap._kernels.columns import BIAS, DAMPING, EXPONENT
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.quantities import NotThatUnit, scaled
 from phasemap.experiment.interaction.base import ContactLaw
@@ -17,12 +20,9 @@ from phasemap.experiment.interaction.longrange import LongRange
 if TYPE_CHECKING:
     import os
 
-    import numpy as np
-
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Microscope
 
-    Array = np.ndarray
     Formula = Callable[[float, Array], float]
 
 RADIUS, RADIUS_AT_RADIUS = 2, 3  # columns: R [m], damping at d = R [N s/m]
@@ -64,8 +64,6 @@ class Table(ContactLaw):
     name: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
-        import numpy as np
-
         for field in ("depths", "forces", "dampings", "withdrawal_forces"):
             if (values := getattr(self, field)) is not None:
                 object.__setattr__(self, field, tuple(np.asarray(values, dtype=np.float64).ravel().tolist()))
@@ -93,8 +91,6 @@ class Table(ContactLaw):
         Columns are called depth (or gap, its opposite), force, damping and withdrawal: ``gap [nm], force [nN]``.
         Arrays of .npz have these names too, and SI units.
         """
-        import numpy as np
-
         path = Path(path)
         try:
             if path.suffix == ".npz":
@@ -119,8 +115,6 @@ class Table(ContactLaw):
         `depths` : sequence of float, optional
             Where it is asked [m]; by default densest at d = 0, from -100 to 20 nm.
         """
-        import numpy as np
-
         from phasemap.experiment.material_rows import rows_of
         from phasemap.experiment.properties import properties
 
@@ -201,8 +195,6 @@ class Table(ContactLaw):
 
     def radius_at(self, depth: Array, radius: float) -> Array:
         """That of the damping over a viscosity [m], or of a sphere."""
-        import numpy as np
-
         if self.dampings is None:
             return super().radius_at(depth, radius)
         formula = self._within(self.dampings, True)[0]
@@ -212,8 +204,6 @@ class Table(ContactLaw):
 @lru_cache(maxsize=64)
 def _outside(table: Table) -> LongRange:
     """The part of a table outside contact, as a long-range law."""
-    import numpy as np
-
     value, rise = table._within(table.forces, False)
     d = np.linspace(table.depths[0], 0.0, 1000)
     forces, slopes = (np.array([one(x, d) for x in d]) for one in (value, rise))
@@ -237,8 +227,6 @@ def _columns_of(text: str) -> dict[str, Array]:
     """The columns of a text whose first line names them."""
     import re
 
-    import numpy as np
-
     lines = [line for line in text.splitlines() if line.strip()]
     names = [one.strip() for one in re.split(r"[,;\t]", lines[0].lstrip("# "))] if lines else []
     table = np.loadtxt((re.sub(r"[,;\t]", " ", line) for line in lines[1:]), ndmin=2)
@@ -256,7 +244,6 @@ def _columns_of(text: str) -> dict[str, Array]:
 @lru_cache(maxsize=64)
 def _between(depths: tuple[float, ...], values: tuple[float, ...], inside: bool) -> tuple[Formula, Formula]:
     """Monotone cubics through the points on one side of d = 0, and their slope, as formulas that numba compiles."""
-    import numpy as np
     from scipy.interpolate import PchipInterpolator
 
     x, y = np.array(depths), np.array(values)

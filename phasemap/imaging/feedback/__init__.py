@@ -1,11 +1,5 @@
-"""Scans in time: `SIMULATOR` makes images, `tune` finds gains, `margin` says how far they are from ringing.
+"""Scans in time: `simulator` fills an image line by line.
 
-`loop` turns a control into numbers of the feedback loop, `tuning` finds its gains, and `settling` tries them.
-`program` cuts a line of the surface into segments, `lines` moves the tip along them, and `simulator` fills an image
-line by line; `harmonics` corrects the faster engine for what it leaves out.
+`lines` turns a control into numbers of the feedback loop, cuts a line of the surface into segments and moves the tip
+along them; `tuning` finds the loop's gains, says how far they are from ringing, and tries them.
 """
-
-from phasemap.imaging.feedback.simulator import SIMULATOR
-from phasemap.imaging.feedback.tuning import margin, tune
-
-__all__ = ["SIMULATOR", "margin", "tune"]

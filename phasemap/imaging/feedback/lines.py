@@ -3,30 +3,186 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.scanning.line import Recorded, Start, scan_line
+from phasemap._kernels.scanning.higher_harmonics import share_rows
+from phasemap._kernels.scanning.line import Program, Recorded, Start, scan_line
 from phasemap._kernels.scanning.loop import A_IMAG, A_REAL, Loop, Setup
 from phasemap._kernels.scanning.periods import begin_periods, new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
-from phasemap.experiment.accuracy import Accuracy
+from phasemap._shared.errors import InputError
+from phasemap._shared.threads import bounds_of, spread
+from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.control import Feedback
+from phasemap.experiment.lever import lever_of, offset_and_factor
+from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.engaged import stiffening
-from phasemap.imaging.feedback.harmonics import Lifts
-from phasemap.imaging.feedback.loop import loop_of, tau_per_second
-from phasemap.imaging.feedback.program import mean_ground, program_of
 from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
 
+BOLTZMANN = 1.380649e-23  # J/K, exact
+FEWEST_PERIODS = 5.0  # over a pixel: fewer say nothing about it
+SLOWEST = 10.0  # bandwidth over line rate: a slower lock-in sees lines, not pixels
+USUAL = 5e3  # Hz
+WIDEST = 0.2  # of the drive frequency: a lock-in as wide passes the oscillation itself
+
+
+def drive_frequency(scope: Microscope) -> float:
+    """Frequency of the drive [Hz]."""
+    return scope.frequency_ratio * scope.cantilever.resonance_frequency
+
+
+def tau_per_second(scope: Microscope) -> float:
+    """How much of the kernels' time, omega_c t, passes in a second."""
+    return 2 * math.pi * scope.cantilever.resonance_frequency
+
+
+def bandwidth_of(control: Feedback, scope: Microscope) -> float:
+    """Bandwidth of the lock-in [Hz]."""
+    return min(USUAL, WIDEST * drive_frequency(scope)) if control.bandwidth is None else control.bandwidth
+
+
+def check_loop(control: Feedback, scope: Microscope, pixels: int) -> None:
+    """Refuse what cannot work with this lever and this many pixels a line."""
+    frequency = drive_frequency(scope)
+    if control.dwell(pixels) * frequency < FEWEST_PERIODS:
+        most = control.dwell(pixels) * control.line_rate * frequency / FEWEST_PERIODS
+        raise InputError(
+            "line_rate", control.line_rate, f"at most {most:.3g} Hz for {pixels} pixels a line at {frequency:.4g} Hz",
+            f"Each pixel needs {FEWEST_PERIODS:g} periods of the drive.",
+        )  # fmt: skip
+    bandwidth = bandwidth_of(control, scope)
+    if bandwidth < SLOWEST * control.line_rate:
+        least = f"at least {SLOWEST * control.line_rate:g} Hz, ten times the line rate"
+        raise InputError("bandwidth", bandwidth, least)
+    for name in ("bandwidth", "scanner_resonance"):
+        value = getattr(control, name)
+        if value is not None and value > WIDEST * frequency:
+            raise InputError(name, value, f"at most {WIDEST * frequency:.4g} Hz, a fifth of the drive frequency")
+    if control.integral_gain is not None and control.integral_gain > frequency:
+        hint = "The controller acts once a period and would then move by more than the error."
+        raise InputError("integral_gain", control.integral_gain, f"at most {frequency:.4g} 1/s", hint)
+
+
+def loop_of(
+    control: Feedback,
+    scope: Microscope,
+    amplitude: float,
+    temperature: float = 0.0,
+    detector_noise: float = 0.0,
+    periods: int = MOST_PERIODS,
+) -> Loop:
+    """The loop's numbers; gains that are to be tuned are 0.
+
+    `amplitude`: at the setpoint [m].
+    `temperature`: of the lever's own noise [K]; `detector_noise`: its one-sided density [m/sqrt(Hz)].
+    `periods`: of the drive, after which an approach is given up.
+    """
+    tau = tau_per_second(scope)
+    loop = Loop()
+    loop.setpoint = amplitude
+    offset, factor = offset_and_factor(lever_of(scope))  # of A exp(i phase), which is i times a
+    loop.factor_re, loop.factor_im, loop.offset_re, loop.offset_im = factor.real, factor.imag, offset.imag, -offset.real
+    loop.proportional, loop.integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / tau
+    loop.derivative = control.derivative_gain * tau
+    # Of n equal filters in a row each is wider than all together.
+    loop.rate = 2 * math.pi * bandwidth_of(control, scope) / math.sqrt(2 ** (1 / control.order) - 1) / tau
+    loop.order = control.order
+    if control.scanner_resonance is not None:
+        w = 2 * math.pi * control.scanner_resonance / tau
+        loop.spring, loop.loss = w * w, w / control.scanner_quality
+    loop.highest = math.inf if control.scanner_range is None else control.scanner_range / 2
+    loop.lowest = -loop.highest
+    loop.thermal_noise = BOLTZMANN * temperature / scope.cantilever.stiffness
+    loop.detector_noise = (detector_noise / abs(factor)) ** 2 * tau  # as it is added to a
+    loop.most_push = math.inf
+    loop.patience = periods * 2 * math.pi / scope.frequency_ratio
+    return loop
+
+
 Array = np.ndarray
+
+
+def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -> Program:
+    """Segments of trace and retrace, with the half turns before and after and the turn between.
+
+    The ground is linear between the centres of pixels, and goes on level beyond the outermost; the material is that of
+    the pixel, -1 for none. A turn at constant acceleration that runs on by a part o of the line takes as long as 4 o of
+    the line.
+
+    `dwell`: time over a pixel [tau].
+    `overscan`: o [1].
+    Returns segments: pixel i of the trace has the number i, of the retrace nx + i.
+    """
+    nx, edges, half = len(ground), _edges(ground), 0.5 * dwell
+    starts = np.stack([edges[:-1], ground], axis=1).ravel()
+    rises = np.stack([ground - edges[:-1], edges[1:] - ground], axis=1).ravel()
+    pixels = np.repeat(np.arange(nx), 2)
+    there = Program(np.full(2 * nx, half), np.repeat(materials, 2), starts, rises / half, pixels)
+    ends = starts + there.slope * half
+    back = Program(there.span, there.material[::-1], ends[::-1], -there.slope[::-1], pixels[::-1] + nx)
+    parts = [there, back]
+    if overscan > 0:
+        left, right = (_level(2 * overscan * nx * dwell, materials[i], ground[i]) for i in (0, -1))
+        parts = [left, there, right, right, back, left]
+    return Program(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _level(span: float, material: int, height: float) -> Program:
+    """Level ground beyond the outermost pixel."""
+    return Program(*(np.array([value]) for value in (span, material, height, 0.0, -1)))
+
+
+def mean_ground(ground: Array) -> Array:
+    """Height [m] over which the tip passes in each pixel, on average."""
+    edges = _edges(ground)
+    return np.asarray(0.25 * edges[:-1] + 0.5 * ground + 0.25 * edges[1:])
+
+
+def _edges(ground: Array) -> Array:
+    """Height at the pixels' edges."""
+    return np.concatenate([ground[:1], 0.5 * (ground[1:] + ground[:-1]), ground[-1:]])
+
+
+MOST, CHUNK = 2048, 64  # materials whose harmonics are looked at, and how many of them at a time
+
+
+class Lifts(NamedTuple):
+    """Shares of `_kernels.scanning.higher_harmonics` of some materials, in order of contact stiffness."""
+
+    stiffness: Array
+    shares: Array
+
+    def beside(self, rows: Array) -> Array:
+        """Rows of materials with their two shares behind them, interpolated in contact stiffness."""
+        behind = [np.interp(rows[:, col.CONTACT], self.stiffness, share) for share in self.shares.T]
+        return np.column_stack([rows, *behind])
+
+
+def lifts_of(job: Job, work: Work) -> Lifts:
+    """Look at the harmonics of so many of these materials, evenly in the order of their contact stiffness."""
+    limits = np.array([math.radians(job.accuracy.phase), job.accuracy.height])
+    stiffness = work.rows[:, col.CONTACT]
+    order = np.argsort(stiffness, kind="stable")
+    some = order[:: max(1, -(-len(order) // MOST))]
+    shares, rows, amplitudes = np.empty((len(some), 2)), work.rows[some], work.amplitudes[some]
+
+    def solve(first: int, last: int) -> None:
+        part = slice(first, last)
+        share_rows(work.law, rows[part], work.lever, amplitudes[part], limits, shares[part])
+
+    spread(solve, bounds_of(len(some), CHUNK), job.workers, None)
+    return Lifts(stiffness[some], shares)
+
 
 # Of the amplitude, P beyond the drive's: with more the averaged lever may be off by nanometres, or by anything.
 HARDEST, HARDEST_AT_ALL = 0.12, 1.0

@@ -13,13 +13,10 @@ from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.feedback.harmonics import Lifts, lifts_of
-from phasemap.imaging.feedback.lines import ENGAGED, Lines, TipState
-from phasemap.imaging.feedback.loop import check, drive_frequency
-from phasemap.imaging.feedback.settling import quietened
-from phasemap.imaging.feedback.tuning import LinearLoop
+from phasemap.imaging.feedback.lines import ENGAGED, Lifts, Lines, TipState, check_loop, drive_frequency, lifts_of
+from phasemap.imaging.feedback.tuning import LinearLoop, quietened
 from phasemap.imaging.job import Job, Simulator, Values
-from phasemap.imaging.materials.survey import Survey
+from phasemap.imaging.materials import Survey
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
@@ -42,7 +39,7 @@ class Plan:
 def _check(job: Job) -> None:
     """Refuse a solver that does not act in time, and a loop that cannot work with this lever."""
     assert isinstance(job.control, Feedback)
-    check(job.control, job.scope, job.place.image[1])
+    check_loop(job.control, job.scope, job.place.image[1])
     if (name := job.solver.name) not in ("auto", "averaging", "march"):
         raise InputError("solver", name, "'averaging', 'march' or 'auto' with control=Feedback(), which acts in time")
 

@@ -2,7 +2,8 @@
 
 The loop is made linear about every stable orbit that the materials of a scene have at the setpoint, slow flow, lock-in,
 controller and scanner together. It rings where an eigenvalue of that system comes to the imaginary axis: theory,
-Eq. (slow-flow-9).
+Eq. (slow-flow-9). What is found is tried, for the linear loop does not know what a tip does that is thrown out of
+contact.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phasemap._kernels.columns import ALPHA0, GOOD
+from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import phase_of, reach_of
 from phasemap._kernels.orbits.averaged.branch import held_root
@@ -21,12 +22,18 @@ from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, slow_flow_rhs
 from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift
+from phasemap._kernels.scanning.line import engage_in_time
+from phasemap._kernels.scanning.loop import Setup
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
-from phasemap.experiment.excitation import sees_tip
+from phasemap.experiment.lever import sees_tip
 from phasemap.experiment.microscope import Microscope
-from phasemap.imaging.feedback.loop import loop_of, tau_per_second
+from phasemap.imaging.feedback.lines import ENGAGED, TipState, lifts_of, loop_of, tau_per_second
+from phasemap.imaging.imperfections import generator
+from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import by_name
 
 Array = np.ndarray
 Jacobians = tuple[Array, Array, Array]
@@ -40,31 +47,21 @@ MOST_MARGIN = 1e6  # that is told from infinity
 NUDGE = 1e-6  # of the amplitude, for derivatives
 
 
-def tune(control: Feedback, scope: Microscope, work: Work) -> Feedback:
-    """Find gains, where the control leaves them open.
-
-    The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
-    proportional to integral gain. Where averaging has no stable orbit to start from, gains are such that the amplitude
-    of the free lever, which follows the scanner with a lag, settles without overshoot.
-    """
-    return LinearLoop(control, scope, work).tuned()
-
-
-def margin(control: Feedback, scope: Microscope, work: Work) -> float:
-    """By what factor both gains could be raised before the loop rings; below 1 it does. NaN where nothing is known."""
-    return LinearLoop(control, scope, work).margin(control)
-
-
 class LinearLoop:
     """The loop made linear about every stable orbit of the materials, whatever its gains."""
 
     def __init__(self, control: Feedback, scope: Microscope, work: Work) -> None:
-        self._control, self._scope, self._alpha0 = control, scope, float(work.lever[ALPHA0])
+        self._control, self._scope, self._alpha0 = control, scope, float(work.lever[col.ALPHA0])
         self._tau = tau_per_second(scope)
         self._system = _loop_jacobians(control, scope, work)
 
     def tuned(self) -> Feedback:
-        """See `tune`."""
+        """Find gains, where the control leaves them open.
+
+        The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
+        proportional to integral gain. Where averaging has no stable orbit to start from, gains are such that the
+        amplitude of the free lever, which follows the scanner with a lag, settles without overshoot.
+        """
         control = self._control
         if control.integral_gain is not None:
             return control
@@ -82,7 +79,10 @@ class LinearLoop:
         return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * self._tau))
 
     def margin(self, control: Feedback) -> float:
-        """See `margin`; of this control's gains."""
+        """By what factor both gains of this control could be raised before the loop rings; below 1 it does.
+
+        NaN where nothing is known.
+        """
         proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / self._tau
         if not len(self._system[0]) or proportional == integral == 0.0:
             return math.nan
@@ -115,7 +115,7 @@ def _stable(system: Jacobians, proportional: float, integral: float) -> bool:
 def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
     """Jacobians of the loop at all stable orbits: without gains, and what a unit of each gain adds; (n, m, m) each."""
     parts: list[tuple[Array, ...]] = []
-    valid = np.flatnonzero(work.refused() == GOOD)
+    valid = np.flatnonzero(work.refused() == col.GOOD)
     for i in valid[:: max(1, len(valid) // MOST)]:
         p, amplitude = parameters(work.rows[i]), float(work.amplitudes[i])
         for orbit in _orbits(work, p, amplitude):
@@ -200,3 +200,39 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: of.Loop, state: Array, shi
                 before = there[k : k + 2]
             out[:, j] += sign * rate / (2 * size)
     return out
+
+
+TOO_NEAR = 0.02  # of the setpoint amplitude, when the tip is let go to try gains
+HALVINGS = 6
+
+
+def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
+    """Halve the gains until the feedback comes to rest on the softest and the stiffest material, as an operator does.
+
+    Gains that never are quiet are those halved six times.
+    """
+    valid = np.flatnonzero(work.refused() == col.GOOD)
+    if not len(valid):
+        return control
+    stiffness = work.rows[valid, col.CONTACT]
+    some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
+    work = work.part(some)
+    orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
+    rows = lifts_of(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
+    held = np.flatnonzero(status == col.GOOD)
+    for _ in range(HALVINGS):
+        if all(_is_quiet(control, job, work, engine, rows[i], orbits[i]) for i in held):
+            break
+        gains = {name: 0.5 * getattr(control, name) for name in ("proportional_gain", "integral_gain")}
+        control = replace(control, **gains)
+    return control
+
+
+def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndarray, orbit: np.ndarray) -> bool:
+    """Whether the feedback comes to rest after a nudge."""
+    loop, nudged = loop_of(control, job.scope, job.amplitude), orbit.copy()
+    loop.lowest, loop.highest = -np.inf, np.inf
+    nudged[col.TIP_OFFSET] -= TOO_NEAR * job.amplitude
+    setup = Setup(work.law, work.lever, loop, generator(0, "unused: without noise"))
+    done = engage_in_time(setup, row, 0.0, nudged, TipState(engine).state)
+    return bool(done == col.GOOD and loop.settled)

@@ -1,4 +1,7 @@
-"""An atlas, all interpolants over the materials of an image and where each holds, as plain arrays; its evaluation."""
+"""An atlas, all interpolants over the materials of an image and where each holds: how it is built, and its evaluation.
+
+Borders come first, then cells between them, cut where they are too rough.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.materials.interpolate import Series, Tree, locate, sum_series
+from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, NO_PIECE, Series, Tree, locate, sum_series
 from phasemap._shared.arrays import Array
-from phasemap.imaging.interpolation.borders import Border
-from phasemap.imaging.interpolation.cells import Piece
+from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
+from phasemap.imaging.interpolation.cells import Cell, Piece, best_of, fit
+from phasemap.imaging.interpolation.chebyshev import unscaled
+from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
 Ints = NDArray[np.int64]
 
@@ -107,3 +112,172 @@ def _packed(pieces: Sequence[Piece]) -> Series:
 
 def _joined(parts: Sequence[Array], dtype: type) -> Array:
     return np.concatenate([np.zeros(0), *parts]).astype(dtype)
+
+
+Box = tuple[float, float, float, float, float, float]  # low and high of x0, x1, x2
+
+WORTH = 0.2  # exact orbits that a cell may take, over those it saves, which take a third to a sixth of the time
+LEAST = 100  # materials for which a cell is tried at all
+LOOK = 100  # exact orbits that it takes to see whether there are borders,
+LOCATE = 3000  # and to locate them, 2,000 to 6,000 as measured; a quarter where one of (x0, x1) does not vary
+ROOM = 0.01  # by which the box of the sample is widened
+MARGIN, WIDEST = 2e-4, 2e-3  # least and largest share of a layer next to a jump that is left to exact orbits
+LEFT = 50.0  # pixels in it, for orbits beside a jump cost more: nodes of an interpolant should not be nearer
+DEEPEST = 14  # cuts one after another
+
+
+def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> Atlas:
+    """Make an atlas for the `count` distinct materials of an image, with tolerances of each function.
+
+    `sample` (shape (n, 3)): points drawn from the image, each once; without any, the atlas is empty.
+    """
+    if not len(sample):
+        return Atlas.of([[LEAF, NO_PIECE, -1, -1]], [0.0], [], [])
+    extent = np.ptp(sample, axis=0)
+    builder = _Builder(exact, tolerances, count / len(sample), np.where(extent > 0, extent, 1.0))
+    builder.column(_box_of(sample, exact.axes.lowest), sample, 0)
+    return Atlas.of(builder.nodes, builder.values, builder.borders, builder.pieces)
+
+
+def _box_of(points: Array, lowest: Array) -> Box:
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = ROOM * (high - low)
+    low, high = np.maximum(low - room, np.minimum(lowest, low)), high + room
+    (a, b, c), (d, e, f) = low.tolist(), high.tolist()
+    return a, d, b, e, c, f
+
+
+class _Builder:
+    """Grows the tree of an atlas."""
+
+    def __init__(self, exact: ExactOrbits, tolerances: Array, weight: float, extent: Array) -> None:
+        self.exact, self.tolerances, self.weight = exact, tolerances, weight
+        self.extent = extent
+        self.nodes: list[list[int]] = []
+        self.values: list[float] = []
+        self.borders: list[Border] = []
+        self.pieces: list[Piece] = []
+
+    def _node(self, kind: int, which: int, value: float = 0.0) -> int:
+        self.nodes.append([kind, which, -1, -1])
+        self.values.append(value)
+        return len(self.nodes) - 1
+
+    def _budget(self, materials: Array) -> int:
+        return int(WORTH * self.weight * len(materials)) if len(materials) * self.weight >= LEAST else 0
+
+    def _few_above(self, box: Box, materials: Array) -> float:
+        """Adhesion above which so few materials lie that it does not pay to locate borders; -inf if it is so of all."""
+        taken = LOCATE / 4.0 ** sum(box[side] == box[side + 1] for side in (0, 2))
+        few = max(1, int(taken / (WORTH * self.weight)))
+        return float(np.partition(materials[:, 2], -few)[-few]) if few <= len(materials) else -np.inf
+
+    def column(self, box: Box, materials: Array, depth: int) -> int:
+        """Everything above a box of (x0, x1): its layers, or the two halves of it."""
+        if self._budget(materials) < LOOK or depth > DEEPEST:
+            return self._node(LEAF, NO_PIECE)
+        low, high = box[4], box[5]
+        try:
+            few = self._few_above(box, materials)
+            borders = find_borders(self.exact.bare, (box[0], box[1], box[2], box[3]), low, high, few)
+        except Undecided as undecided:
+            if undecided.below is not None:
+                return self._cut_lines(box, undecided.below, materials, depth)
+            return self._cut_column(box, materials, depth) if undecided.worth else self._node(LEAF, NO_PIECE)
+        if borders:
+            return self._layers(box, materials, depth, borders)
+        return self.cell(Cell((*box[:4], 0.0, 1.0 if high > low else 0.0), low, high), materials, depth)
+
+    def _cut_column(self, box: Box, materials: Array, depth: int) -> int:
+        """Two halves of a box of (x0, x1), cut across its longer side."""
+        sides = [(box[2 * axis + 1] - box[2 * axis]) / self.extent[axis] for axis in (0, 1)]
+        axis = int(np.argmax(sides))
+        if sides[axis] == 0:
+            return self._node(LEAF, NO_PIECE)
+        at = 0.5 * (box[2 * axis] + box[2 * axis + 1])
+        node = self._node(CUT, axis, at)
+        above = materials[:, axis] >= at
+        for side, part in ((2, materials[~above]), (3, materials[above])):
+            half = list(box)
+            half[2 * axis + (side == 2)] = at
+            a, b, c, d, e, f = half
+            self.nodes[node][side] = self.column((a, b, c, d, e, f), part, depth + 1)
+        return node
+
+    def _cut_lines(self, box: Box, at: float, materials: Array, depth: int) -> int:
+        """Two columns, below and above one adhesion."""
+        node = self._node(CUT, 2, at)
+        above = materials[:, 2] >= at
+        self.nodes[node][2] = self.column((*box[:4], box[4], at), materials[~above], depth + 1)
+        self.nodes[node][3] = self.column((*box[:4], at, box[5]), materials[above], depth + 1)
+        return node
+
+    def _layers(self, box: Box, materials: Array, depth: int, borders: list[Border]) -> int:
+        """Chain of borders, with the layer below each."""
+        lowest = min(box[4], 0.8 * _extremes(borders[0])[0])
+        highest = max(box[5], 1.25 * _extremes(borders[-1])[1])
+        ends: list[float | Border] = [lowest, *borders, highest]
+        chain = [self._node(BORDER, self._number(border)) for border in borders]
+        for i, node in enumerate(chain):
+            inside = materials[:, 2] < borders[i].height(materials[:, 0], materials[:, 1])
+            self.nodes[node][2] = self._layer(box, ends[i], ends[i + 1], materials[inside], depth)
+            materials = materials[~inside]
+            if i + 1 < len(chain):
+                self.nodes[node][3] = chain[i + 1]
+        self.nodes[chain[-1]][3] = self._layer(box, ends[-2], ends[-1], materials, depth)
+        return chain[0]
+
+    def _layer(self, box: Box, lower: float | Border, upper: float | Border, materials: Array, depth: int) -> int:
+        if not self._budget(materials):
+            return self._node(LEAF, NO_PIECE)
+        x0, x1 = materials[:, 0], materials[:, 1]
+        low = lower.height(x0, x1) if isinstance(lower, Border) else lower
+        high = upper.height(x0, x1) if isinstance(upper, Border) else upper
+        share = min(max(MARGIN, LEFT / (self.weight * len(materials))), WIDEST)
+        whole = Cell((*box[:4], 0.0, 1.0), lower, upper)
+        grazes = self.exact is not self.exact.bare
+        cells = [cell.without_margins(float(np.min(high - low)), share, grazes) for cell in whole.forms()]
+        cell = best_of(self.exact, cells, self.tolerances)
+        outside = (abs(cell.inside(materials)) > 1).any(axis=1)
+        return self.cell(cell, materials[~outside], depth)
+
+    def cell(self, cell: Cell, materials: Array, depth: int) -> int:
+        """A leaf with the interpolant of a cell, or the two halves of it."""
+        budget = self._budget(materials)
+        found = fit(self.exact, cell, self.tolerances, materials, budget) if budget else None
+        if isinstance(found, Piece):
+            self.pieces.append(found)
+            return self._node(LEAF, len(self.pieces) - 1)
+        if found is None or found.hopeless or depth > DEEPEST:
+            return self._node(LEAF, NO_PIECE)
+        at = 0.5 * sum(cell.side(found.axis))
+        level = cell.level(at) if found.axis == 2 else at
+        node = (
+            self._node(BORDER, self._number(level)) if isinstance(level, Border) else self._node(CUT, found.axis, level)
+        )
+        above = cell.inside(materials)[:, found.axis] >= 0.0
+        for side, half, part in zip(
+            (2, 3), cell.halves(found.axis, at), (materials[~above], materials[above]), strict=True
+        ):
+            self.nodes[node][side] = self._again(half, part, depth + 1)
+        return node
+
+    def _again(self, cell: Cell, materials: Array, depth: int) -> int:
+        """A half of a cell: where no border was known, there may be one in it."""
+        if isinstance(cell.lower, Border) or isinstance(cell.upper, Border):
+            return self.cell(cell, materials, depth)
+        low, high = (cell.level(u) for u in cell.side(2))
+        assert isinstance(low, float) and isinstance(high, float)
+        return self.column((*cell.box[:4], low, high), materials, depth)
+
+    def _number(self, border: Border) -> int:
+        self.borders.append(border)
+        return len(self.borders) - 1
+
+
+def _extremes(border: Border) -> tuple[float, float]:
+    """Lowest and highest adhesion of a border over its box, nearly."""
+    t = np.linspace(-1, 1, 9)
+    x0, x1 = np.meshgrid(unscaled(t, *border.box[:2]), unscaled(t, *border.box[2:]))
+    heights = border.height(x0.ravel(), x1.ravel())
+    return float(heights.min()), float(heights.max())

@@ -19,8 +19,16 @@ from numpy.typing import NDArray
 from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation import chebyshev, folds
 from phasemap.imaging.interpolation.chebyshev import clipped, unscaled
-from phasemap.imaging.interpolation.exact_orbits import DEPTH, HEIGHT, ExactOrbits
-from phasemap.imaging.interpolation.lines import Brackets, Lines, jumps_on, orbits_above, scan
+from phasemap.imaging.interpolation.exact_orbits import (
+    DEPTH,
+    HEIGHT,
+    Brackets,
+    ExactOrbits,
+    Lines,
+    jumps_on,
+    orbits_above,
+    scan,
+)
 
 LEAST_BELOW = 4  # steps between them that make a layer of their own
 ROUGH = 1e-4  # last coefficients of a border, over the adhesion

@@ -1,6 +1,8 @@
-"""The exact orbits that an atlas is made of."""
+"""The exact orbits that an atlas is made of, at points of its coordinates and along lines of varying adhesion."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +14,61 @@ from phasemap._kernels.wide import ADHESION_LOSS
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.excitation import of_tip, seen
+from phasemap.experiment.lever import of_tip, seen
 from phasemap.experiment.microscope import Microscope
-from phasemap.imaging.interpolation.axes import Axes
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
+
+SHARE = 0.05  # of the largest damping, below which the damping axis is about linear
+
+
+@dataclass(frozen=True)
+class Axes:
+    """From (stiffness K [Pa], adhesion w [J/m2], damping alpha1 [1]) to coordinates and back.
+
+    x0 = ln K, or K^(1/4) where some K is 0: the depth of the contact goes with a power of K. x1 = ln(alpha1 + a): the
+    phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it. See theory,
+    Eq. (interpolation-1).
+
+    Examples
+    --------
+    >>> axes = Axes.around(np.array([1e9, 4e9]), np.array([0.0, 0.1]))
+    >>> x = axes.points(np.array([2e9]), np.array([0.05]), np.array([0.02]))
+    >>> [f"{v[0]:.6g}" for v in axes.materials(x)]
+    ['2e+09', '0.05', '0.02']
+    """
+
+    logarithmic: bool  # whether x0 is ln K
+    offset: float  # a [1]; 0 where nothing is damped, and then x1 = alpha1
+
+    @classmethod
+    def around(cls, stiffness: Array, damping: Array) -> Axes:
+        """Axes for these materials."""
+        return cls(bool(stiffness.min() > 0), SHARE * float(damping.max()))
+
+    def points(self, stiffness: Array, adhesion: Array, damping: Array) -> Array:
+        """Coordinates, shape (3, n)."""
+        points = np.empty((3, len(adhesion)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            points[0] = np.log(stiffness) if self.logarithmic else np.sqrt(np.sqrt(stiffness))
+            points[1] = np.log(damping + self.offset) if self.offset else damping
+        points[2] = adhesion
+        return points
+
+    def materials(self, points: Array) -> tuple[Array, Array, Array]:
+        """Stiffness [Pa], adhesion [J/m2], damping [1] of coordinates, shape (3, n)."""
+        stiffness = np.exp(points[0]) if self.logarithmic else points[0] ** 4
+        damping = np.maximum(np.exp(points[1]) - self.offset, 0.0) if self.offset else points[1]
+        return stiffness, points[2], damping
+
+    @property
+    def lowest(self) -> Array:
+        """Where each coordinate ends for want of smaller materials."""
+        return np.array([-np.inf if self.logarithmic else 0.0, np.log(self.offset) if self.offset else 0.0, 0.0])
+
 
 FUNCTIONS = (col.TIP_OFFSET, col.PHASE, col.MEAN, col.INDENTATION, col.DISSIPATION, col.VIRIAL)
 """Result columns that are interpolated, besides those of integrals that are asked for; the others follow from these."""
@@ -113,3 +162,121 @@ def functions_of(names: tuple[str, ...]) -> tuple[int, ...]:
     """Columns to interpolate for an image with these variables."""
     more = {column for name in names for column in OF_ORBITS.get(name, ())}
     return *FUNCTIONS, *sorted(more - {ADHESION_LOSS})  # no neck is interpolated
+
+
+SCAN = 17  # points on a line
+HALVINGS = 7  # after which the step of a smooth function has become small
+SMALLEST = 5e-12  # step of the tip offset [m] that is taken for a jump
+JUMP = 0.3  # share of a step that stays in a jump
+FEWEST, PLAIN = 3, 0.8  # halvings after which such a share leaves no doubt
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Orbits along lines of varying adhesion, each array of shape (lines, points)."""
+
+    heights: Array
+    offsets: Array  # of the tip
+    depths: Array  # of the contact
+
+    def steps(self) -> Array:
+        """How much the tip offset changes from point to point; infinite where only one of two orbits is held."""
+        return _step(self.offsets[:, :-1], self.offsets[:, 1:])
+
+
+def _step(first: Array, second: Array) -> Array:
+    """How much the tip offset changes; infinite where only one of the two is held, 0 where neither is."""
+    one_held = np.isfinite(first) != np.isfinite(second)
+    return np.where(one_held, np.inf, np.nan_to_num(abs(second - first)))
+
+
+def orbits_above(exact: ExactOrbits, bases: Array, heights: Array, function: int | list[int]) -> Array:
+    """A function of the orbits at heights (lines, points) above bases (lines, 2), or several along a last axis."""
+    return exact(_points(bases, heights).reshape(-1, 3)).reshape(*heights.shape, len(exact.functions))[..., function]
+
+
+def _points(bases: Array, heights: Array) -> Array:
+    points = np.empty((*heights.shape, 3))
+    points[..., :2] = bases[:, None]
+    points[..., 2] = heights
+    return points
+
+
+def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> Lines:
+    """Orbits along lines.
+
+    Time, which is slow, is asked where it may find periodic orbits that curves do not lead to: past the last that they
+    lead to there mostly are none. Where that is above the adhesion `few`, it does not matter.
+    """
+    share = np.linspace(0, 1, SCAN)
+    heights = low[:, None] + (high - low)[:, None] * share
+    points = _points(bases, heights)
+    orbits = exact(points.reshape(-1, 3), in_time=False).reshape(*heights.shape, len(exact.functions))
+    held = np.isfinite(orbits[..., HEIGHT])
+    beside = ~held
+    beside[:, 1:-1] &= held[:, 2:] | held[:, :-2]
+    beside[:, 0] &= held[:, 1]
+    beside[:, -1] &= held[:, -2]
+    lowest = ~held & (heights == np.min(heights, where=~held, initial=np.inf))
+    for where in (lowest, beside & ~lowest, ~held & ~beside & ~lowest):
+        if not where.any():
+            continue
+        if heights[~held].min() > few:
+            break
+        orbits[where] = exact(points[where])
+        if np.isnan(orbits[where][:, HEIGHT]).all():
+            break
+    return Lines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
+
+
+@dataclass(frozen=True, eq=False)
+class Brackets:
+    """A pair of points on every line, between which a border lies."""
+
+    low: Array
+    high: Array
+    offset_low: Array
+    offset_high: Array
+
+    @property
+    def step(self) -> Array:
+        """How much the tip offset changes between them; infinite where only one of two orbits is held."""
+        return _step(self.offset_low, self.offset_high)
+
+    def halved(self, exact: ExactOrbits, bases: Array, where: NDArray[np.bool_]) -> Brackets:
+        """Keep, on the lines `where`, the half in which the tip offset changes more."""
+        middle = 0.5 * (self.low + self.high)
+        offset = np.full(len(bases), np.nan)
+        offset[where] = orbits_above(exact, bases[where], middle[where][:, None], HEIGHT)[:, 0]
+        lower = Brackets(self.low, middle, self.offset_low, offset).step
+        upper = Brackets(middle, self.high, offset, self.offset_high).step
+        up, down = where & (upper > lower), where & ~(upper > lower)
+        return Brackets(
+            np.where(up, middle, self.low),
+            np.where(down, middle, self.high),
+            np.where(up, offset, self.offset_low),
+            np.where(down, offset, self.offset_high),
+        )
+
+
+def _largest_step(lines: Lines) -> Brackets:
+    rows, at = np.arange(len(lines.heights)), lines.steps().argmax(axis=1)
+    return Brackets(
+        lines.heights[rows, at], lines.heights[rows, at + 1], lines.offsets[rows, at], lines.offsets[rows, at + 1]
+    )
+
+
+def jumps_on(exact: ExactOrbits, bases: Array, lines: Lines) -> tuple[Brackets, NDArray[np.bool_]]:
+    """Bracket the largest step on every line, and whether it is a jump."""
+    brackets = _largest_step(lines)
+    before = brackets.step
+    steps = where = before > 0
+    for i in range(HALVINGS):
+        brackets = brackets.halved(exact, bases, where)
+        if i + 1 >= FEWEST:
+            where = where & ~(brackets.step > PLAIN * before)
+        if not where.any():
+            break
+    with np.errstate(invalid="ignore"):
+        jumps = steps & ~(brackets.step < np.maximum(JUMP * before, SMALLEST))
+    return brackets, jumps

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
-from phasemap.experiment.excitation import seen
+from phasemap.experiment.lever import seen
 from phasemap.inference.curves.data import Setup
 from phasemap.solvers.continuation.complete import FAINT, complete
 from phasemap.solvers.continuation.path import BEYOND, Question, Scale, fixed_path, swept_path

@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap.experiment.interaction import Neck
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope

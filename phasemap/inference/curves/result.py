@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._shared.shown import preformatted
+from phasemap._shared.fields import preformatted
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, Data, Setup

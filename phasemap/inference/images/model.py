@@ -12,10 +12,9 @@ from phasemap._kernels.columns import DYNAMIC_LOSS, DYNAMIC_STIFFNESS
 from phasemap._kernels.law import Law
 from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
 from phasemap._shared.errors import InputError
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
-from phasemap.experiment.excitation import of_tip
-from phasemap.experiment.lever import lever_of
+from phasemap.experiment.lever import lever_of, of_tip
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import rows_of
 from phasemap.experiment.microscope import Microscope

@@ -14,8 +14,7 @@ from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
-from phasemap.io.flattening import level_height, on_one_turn
-from phasemap.io.measured import segment_height, segment_phase
+from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.checks import is_sign
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.plausible import question
+from phasemap._shared.notices import question
 from phasemap._shared.units import say
 from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap.experiment.excitation import sees_tip, tip_amplitudes
+from phasemap.experiment.lever import sees_tip, tip_amplitudes
 from phasemap.solvers.continuation.pieces import Curves
 
 if TYPE_CHECKING:

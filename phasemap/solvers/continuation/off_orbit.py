@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.experiment.excitation import show
+from phasemap.experiment.lever import show
 from phasemap.solvers.continuation.pieces import Curves
 from phasemap.solvers.in_time import ETA
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import number_of
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap._shared.units import UDUNITS
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import MORE_NUMBERS

@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.experiment.excitation import seen, sees_tip
+from phasemap.experiment.lever import seen, sees_tip
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Oscillator

@@ -17,7 +17,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material

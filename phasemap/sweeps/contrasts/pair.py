@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.wide import WIDE
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface

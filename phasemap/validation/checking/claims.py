@@ -14,10 +14,10 @@ import xarray as xr
 
 from phasemap._shared.checks import pixel_pair, shape_pair
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap._shared.plausible import unquestioned
+from phasemap._shared.notices import unquestioned
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.eigenmode import Eigenmode
 from phasemap.experiment.interaction import (
     Capillary,
     Cone,

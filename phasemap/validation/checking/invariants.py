@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
-from phasemap.experiment.excitation import of_tip, offset_and_factor
-from phasemap.experiment.lever import lever_of, lost_in_air, supplied
+from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, offset_and_factor, supplied
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.engaged import stiffening
-from phasemap.imaging.feedback.program import mean_ground
+from phasemap.imaging.feedback.lines import mean_ground
 from phasemap.results.variables import FLAGS
 from phasemap.validation.checking.channels import follows
 from phasemap.validation.checking.picture import MEAN, Picture

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from phasemap._shared.shown import preformatted
+from phasemap._shared.fields import preformatted
 from phasemap.validation.checking.picture import Picture
 
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"

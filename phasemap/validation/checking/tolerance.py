@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import lever_of
-from phasemap.imaging.tolerances import DEEPEST
+from phasemap.imaging.engaged import DEEPEST
 from phasemap.validation.checking.picture import MEAN, Picture
 
 Values = Mapping[str, Any]

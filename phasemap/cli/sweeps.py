@@ -1,4 +1,4 @@
-"""The command ``phasemap sweep``: one material of a scene, and one thing that is changed slowly."""
+"""The commands ``phasemap sweep``, of one material of a scene, and ``phasemap contrast``, of two."""
 
 from __future__ import annotations
 
@@ -10,9 +10,20 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError, PhasemapError
-from phasemap.cli.arguments import SURFACE_UNUSED, add_files, add_options, add_scene, check_files, conclude, whole
-from phasemap.cli.console import remarks
-from phasemap.cli.words import number_in, numbers_in
+from phasemap.cli.arguments import (
+    SURFACE_UNUSED,
+    add_colours,
+    add_files,
+    add_options,
+    add_scene,
+    check_files,
+    colours_of,
+    conclude,
+    number_in,
+    numbers_in,
+    whole,
+)
+from phasemap.cli.console import progress_bar, remarks
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,7 +42,7 @@ BEYOND = 5e-9  # farther than the free amplitude, where an approach begins [m]
 SETPOINTS = (0.98, 0.1)
 HALF_WIDTHS = 10.0  # on either side of the resonance
 SPREAD = math.sqrt(10.0)  # of a parameter, on either side of the scene's value
-EXAMPLES = """AXIS, and what START and STOP are if they are not given (SI units):
+SWEEP_EXAMPLES = """AXIS, and what START and STOP are if they are not given (SI units):
   distance   tip offset, approach and retract; from 5 nm beyond the free amplitude to 0
   setpoint   with the feedback on; from 0.98 to 0.1
   frequency  of the drive, feedback off; 10 half widths on either side of the resonance; the tip
@@ -50,7 +61,7 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_sweep(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser._negative_number_matcher = re.compile(r"^-\.?\d")  # argparse's own has neither 1e-9 nor 5nm
     parser.usage = "%(prog)s SCENE.toml AXIS [START STOP] [options] [key=value ...]"
@@ -77,8 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Sweep a material of a scene, write the files asked for, and print a summary."""
+    from phasemap._shared.checks import check_choice
     from phasemap.scenes.scene import load_setup
-    from phasemap.scenes.tables import check_choice
 
     started = time.perf_counter()
     check_choice("AXIS", arguments.axis, AXES)
@@ -89,7 +100,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     found = _sweep_along_axis(arguments, values, material, setup)
     found.attrs["title"] = f"{name} of {arguments.scene.name}"
-    conclude(arguments, found, "curve", summary(found), started)
+    conclude(arguments, found, "curve", said_of_sweep(found), started)
 
 
 def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
@@ -114,7 +125,7 @@ def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
 
 def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
     """The material asked for, or the only one."""
-    from phasemap.scenes.tables import check_choice
+    from phasemap._shared.checks import check_choice
 
     names = list(setup.materials)
     if not names:
@@ -202,7 +213,7 @@ def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> f
     return height
 
 
-def summary(found: xr.Dataset) -> list[str]:
+def said_of_sweep(found: xr.Dataset) -> list[str]:
     """Say what a sweep found: folds and jumps, and what is missing.
 
     Returns lines of a word and what it is.
@@ -238,3 +249,109 @@ def summary(found: xr.Dataset) -> list[str]:
         word = directions[int(found["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
     return [*lines, *remarks(found, "points")]
+
+
+MAPPED = "0.3:0.95:40"
+VALUES = {"--setpoints": "1", "--free-amplitudes": "m", "--frequencies": "Hz"}
+EXAMPLE = {"--setpoints": MAPPED, "--free-amplitudes": "10nm:60nm:26", "--frequencies": "299kHz:301kHz:21"}
+NAMED = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
+CONTRAST_EXAMPLES = """\
+Values are START:STOP:N in SI units or with a unit (10nm:60nm:26), N values between, or one number.
+
+examples:
+  phasemap contrast samples/blend.toml --materials ps,ldpe --plot contrast.png
+  phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 -o map.nc --plot map.png
+  phasemap contrast samples/particles.toml --setpoints 0.5:0.9:30 --frequencies 299e3:301e3:21 --plot map.png
+  phasemap contrast samples/blend.toml --free-amplitudes 15e-9 --plot gentle.png materials.ldpe.damping=0.01
+"""
+
+
+def add_contrast(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.usage = "%(prog)s SCENE.toml [--materials FIRST,SECOND] [options] [key=value ...]"
+    add_scene(parser, SURFACE_UNUSED)
+    about = "two materials of the scene; not needed if it has only two"
+    parser.add_argument("--materials", metavar="FIRST,SECOND", help=about)
+    parser.add_argument("--setpoints", default=MAPPED, metavar="VALUES", help=f"setpoints; default: {MAPPED}")
+    parser.add_argument("--free-amplitudes", metavar="VALUES", help="at resonance [m]; default: the scene's")
+    parser.add_argument("--frequencies", metavar="VALUES", help="drive frequencies [Hz]; default: the scene's")
+    parser.add_argument("--solver", default="auto", metavar="NAME", help="auto (default), averaging, orbit or march")
+    add_files(parser)
+    add_colours(parser, "the map's contrast", "-60")
+    add_options(parser, "quiet", "threads", "strict-units")
+
+
+def contrast(arguments: argparse.Namespace) -> None:
+    """Map the contrast, write what is asked for, and say what was found."""
+    from phasemap.scenes.scene import load_setup
+    from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
+
+    started = time.perf_counter()
+    setup = load_setup(arguments.scene, arguments.overrides)
+    names = _names(setup, arguments.materials)
+    options: dict[str, Any] = {
+        "setpoints": _values("--setpoints", arguments.setpoints),
+        "free_amplitudes": _values("--free-amplitudes", arguments.free_amplitudes),
+        "frequencies": _values("--frequencies", arguments.frequencies),
+        "solver": arguments.solver, "names": names, "threads": arguments.threads,
+    }  # fmt: skip
+    check_files(arguments)
+    first, second = (setup.materials[name] for name in names)
+    with progress_bar(" points", arguments.quiet) as progress:
+        found = map_contrast(first, second, setup.microscope, **options, progress=progress)
+    found.attrs["title"] = f"{names[1]} minus {names[0]} of {arguments.scene.name}"
+    conclude(arguments, found, "contrast", said_of_contrast(found), started, **colours_of(arguments))
+
+
+def _names(setup: Setup, text: str | None) -> tuple[str, str]:
+    """The two materials asked for, or the only two."""
+    from phasemap._shared.checks import check_choice
+
+    known = list(setup.materials)
+    if len(known) < 2:
+        raise PhasemapError("the scene has fewer than two [materials], and a contrast needs two.")
+    if text is None and len(known) > 2:
+        raise PhasemapError(f"the scene has several materials: choose two with --materials: {', '.join(known)}.")
+    names = known if text is None else [name.strip() for name in text.split(",")]
+    for name in names:
+        check_choice("--materials", name, known)
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError("--materials", text, "two different names with a comma between them")
+    return names[0], names[1]
+
+
+def _values(option: str, text: str | None) -> Any:
+    """A number, or the values of START:STOP:N."""
+    import numpy as np
+
+    if text is None:
+        return None
+    allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
+    found = numbers_in(option, text, VALUES[option], allowed)
+    return found[0] if len(found) == 1 else np.linspace(found[0], found[1], int(found[2]))
+
+
+def said_of_contrast(found: xr.Dataset) -> list[str]:
+    """Say what a map of contrast found, in lines of a word and what it is."""
+    import numpy as np
+
+    from phasemap.results.words import describe_flags
+
+    names = [str(name) for name in found["material"].values]
+    lines = [f"contrast    {names[1]} minus {names[0]}"]
+    sizes = [f"{found.sizes[dim]} {NAMED[str(dim)]}" for dim in found["contrast"].dims]
+    lines.append(f"mapped      {' x '.join(sizes)}")
+    for word, name, unit, size in (("phase", "contrast", "degrees", 1.0), ("height", "height_contrast", "nm", 1e-9)):
+        values = found[name].values[np.isfinite(found[name].values)] / size
+        ends = f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"
+        lines.append(f"{word:<12}{ends}")
+    for name in names:
+        lines.append(f"{'regimes':<12}{name}: {describe_flags(found['regime'].sel(material=name))}")
+    zeros, jumps = found["inversion_setpoint"].values, found["jump_setpoint"].values[found["jump_inverts"].values == 1]
+    for what, places in (("zero", zeros), ("jump", jumps)):
+        if len(places):
+            at = f"{places.min():.4g}" + (f" to {places.max():.4g}" if len(places) > 1 else "")
+            lines.append(f"inverts     by a {what} at setpoint {at}")
+    if not len(zeros) and not len(jumps):
+        lines.append("inverts     nowhere")
+    return [*lines, *remarks(found, "points"), f"recommended {found.attrs['recommendation']}"]

@@ -1,4 +1,4 @@
-"""The command ``phasemap series``: several measured files of one sample, explained together."""
+"""The commands ``phasemap fit``, for a measured curve, and ``series``, for measured images of one sample."""
 
 from __future__ import annotations
 
@@ -8,14 +8,96 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
-from phasemap.cli.arguments import add_files, add_options, check_files, conclude, whole
+from phasemap.cli.arguments import add_files, add_options, check_files, conclude, labels_in, one_each, whole
 from phasemap.cli.console import in_two_columns
-from phasemap.cli.words import labels_in, one_each
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap.experiment.microscope import Microscope
+    from phasemap.inference.curves.result import Fit
+
+FIT_EXAMPLES = """FILE is a curve of amplitude and phase against distance: columns of text, with a line of names and
+units above them or with --columns, a curve of JPK (.jpk-force) or NanoScope (.spm, .001), Asylum Research's .ibw (pip
+install "afm-phasemap[read]"), or a distance sweep of phasemap. What it does not say of lever and tip is given as
+key=value, or assumed and said. Tip radius, sensitivity of the amplitude and zero of the phase are fitted within what is
+known of them, and their errors are in those of the material. One law takes half a minute, all of them some ten minutes.
+
+examples:
+  phasemap plot curve.txt
+  phasemap fit curve.txt --plot fit.png cantilever.stiffness=44 cantilever.resonance_frequency=344.6e3 tip.radius=7nm
+  phasemap fit curve.ibw --law dmt,jkr,neck --sample mica -o fit.nc --plot fit.png
+  phasemap fit three.txt.gz --columns "z approach [m],-,amplitude approach [V],lag approach [degree]" --number 2
+"""
+
+
+def add_fit(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.usage = "%(prog)s FILE [--law LIST] [options] [key=value ...]"
+    parser.add_argument("file", metavar="FILE", type=Path, help="the measured curve")
+    about = "set a part of the microscope, such as tip.radius=7nm"
+    parser.add_argument("overrides", metavar="key=value", nargs="*", help=about)
+    add_columns(parser)
+    about = "contact laws to compare, with commas, or all; default: dmt"
+    parser.add_argument("--law", metavar="LIST", default="dmt", help=about)
+    about = "preset of the material that the sample should be, to start from"
+    parser.add_argument("--sample", metavar="PRESET", help=about)
+    parser.add_argument("--starts", type=whole, default=3, metavar="N", help="most starting points; default: 3")
+    add_files(parser, plot="picture of data, fit and residuals (.png, .pdf, .svg)")
+    add_options(parser, "quiet", "strict-units")
+
+
+def add_columns(parser: argparse.ArgumentParser) -> None:
+    """Declare what tells the columns of a text."""
+    about = "names of the columns, with units: 'z approach [m],-,amplitude approach [V]'"
+    parser.add_argument("--columns", metavar="LIST", help=about)
+    parser.add_argument("--number", type=int, default=0, metavar="N", help="which curve of the file; default: 0")
+
+
+def columns_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The options of `phasemap.read_curve`."""
+    given = arguments.columns and [None if one.strip() == "-" else one for one in arguments.columns.split(",")]
+    return {"columns": given, "number": arguments.number}
+
+
+def fit(arguments: argparse.Namespace) -> None:
+    """Fit, write what is asked for, and say what was found."""
+    from phasemap._shared.notices import untold
+    from phasemap.experiment.material import Material
+    from phasemap.inference.curves.fit import fit_distance
+    from phasemap.inference.verdict import PRIOR
+    from phasemap.io.curves import read_curve
+
+    check_files(arguments)
+    with untold():  # it is printed below
+        curve = read_curve(arguments.file, **columns_of(arguments))
+    scope, told = microscope_of([curve.assign_attrs(title=curve.attrs["source"])], arguments.overrides)
+    laws = arguments.law if arguments.law == "all" else [one.strip() for one in arguments.law.split(",")]
+    start = PRIOR if arguments.sample is None else Material.preset(arguments.sample)
+    found = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)
+    notes = [line for line in str(curve.attrs["warnings"]).splitlines() if not line.startswith("Not recorded")]
+    said = in_two_columns([("note", line) for line in notes + told] + said_of_fit(found, curve.attrs), 14)
+    conclude(arguments, found.to_dataset(), "fit", said, width=14)
+
+
+def said_of_fit(found: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
+    """Say what a fit to a curve of these attributes found, the likeliest law first."""
+    from phasemap.inference.curves.result import shown
+
+    said = [
+        (name.replace("_", " "), shown(value, found.errors[name], found.units[name]))
+        for name, value in found.values.items()
+    ]
+    recorded = 1e9 * attrs.get("amplitude_sensitivity", 0.0)
+    if recorded and "sensitivity" in found.values:
+        value, error = (recorded * one["sensitivity"] for one in (found.values, found.errors))
+        said = [one for one in said if one[0] != "sensitivity"]
+        said.append(("sensitivity", f"{shown(value, error, '1')} nm/V"))
+    for one in (found, *found.rivals) if found.rivals else ():
+        chi2, apart = one.chi2 / one.degrees, one.evidence - found.evidence
+        said.append(("law", f"{one.scope.interaction.law.name}: chi2 {chi2:.3g} a datum, evidence {apart:+.1f}"))
+    return [*said, ("verdict", found.status)]
+
 
 SETS = {
     "cantilever": ("stiffness", "resonance_frequency", "quality_factor"),
@@ -23,7 +105,7 @@ SETS = {
     "drive": ("frequency", "excitation"),
 }
 SAID = {"stiffness": "stiffness", "quality_factor": "quality factor", "radius": "tip radius"}
-EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
+SERIES_EXAMPLES = """Files are what an instrument wrote (pip install "afm-phasemap[read]") or netCDF, of one sample and
 one lever, at several setpoints or amplitudes, of the same place or of others, in any order. What they do not say is
 unknown: free amplitude, setpoint, zero and sign of the phase. A LIST has commas: a number a file in the order given,
 or one for all; shared is one unknown for all files, free an unknown in each. key=value sets a part of the microscope
@@ -36,7 +118,7 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_series(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = "%(prog)s FILE FILE [FILE ...] [--plot PAGE.png] [options] [key=value ...]"
     parser.set_defaults(overrides=[])
@@ -83,10 +165,10 @@ def series(arguments: argparse.Namespace) -> None:
         phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed, **options,
     )  # fmt: skip
     found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
-    conclude(arguments, found, "series", summary(found))
+    conclude(arguments, found, "series", said_of_series(found))
 
 
-def summary(found: xr.Dataset) -> list[str]:
+def said_of_series(found: xr.Dataset) -> list[str]:
     """What `phasemap.series` found, a line a file and a line a sentence."""
     from phasemap.results.titles import of_file
 
