@@ -241,7 +241,7 @@ def _resumable(output: Path, shown: Watched | None = None) -> Iterator[Watched]:
     def progress(done: int, total: int) -> None:
         nonlocal kept
         if done:
-            kept = f"{done} of {total} samples are kept in {output}.parts; run_ensemble the same command again to go on"
+            kept = f"{done} of {total} samples are kept in {output}.parts; run the same command again to go on"
         if shown is not None:
             shown(done, total)
 
@@ -257,7 +257,7 @@ def _counting_samples(first_result: Callable[[], None]) -> Iterator[Watched]:
     with bar_of(" samples") as bar:
 
         def progress(done: int, total: int) -> None:
-            if bar.total is None:  # the first call says what an earlier run_ensemble has done
+            if bar.total is None:  # the first call says what an earlier run has done
                 bar.total, bar.initial = total, done
                 if done:
                     print(f"phasemap: {done} of {total} samples were done already.", file=sys.stderr)
