@@ -102,7 +102,7 @@ __all__ = [
     "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register", "scene_from",
     "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency",
     "sweep_parameter", "sweep_setpoint", "to_sidpy",
-]  # fmt: skip  # fmt: skip
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
