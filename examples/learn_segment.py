@@ -107,7 +107,7 @@ def overlap(found: np.ndarray, truth: np.ndarray) -> float:
 
 
 def main(folder: Path = Path()) -> None:
-    """Write learn_segment.png, the scene learn_segment.toml, and learn_segment.nc with its data card."""
+    """Write learn_segment.png, the scene learn_segment.toml, and learn_segment.nc."""
     scene = folder / "learn_segment.toml"
     scene.write_text(SCENE)
     ensemble = pm.load_ensemble(scene)

@@ -40,7 +40,7 @@ from phasemap.results.quantities import needs_of
 from phasemap.results.words import describe_flags, describe_solvers
 from phasemap.scenes import samples, tables
 from phasemap.scenes.ensemble import name_of
-from phasemap.scenes.ensemble_file import as_column, card_beside
+from phasemap.scenes.ensemble_file import as_column
 from phasemap.scenes.samples import make_samples
 from phasemap.scenes.tables import written
 
@@ -165,7 +165,6 @@ GIVES: list[tuple[Any, Any]] = [
     ),
     (side_lengths(xr.Dataset(coords={"y": [1.0], "x": [0.0, 2.0, 4.0]})), (6.0, 2.0)),
     # scenes
-    ([card_beside(Path(name)).name for name in ("a.nc", "a.zarr")], ["a.nc.card.md", "a.zarr.card.md"]),
     (name_of("materials.PS/PMMA.modulus"), "materials.PS_PMMA.modulus"),
     (as_column([1, 2.5]).dtype, np.dtype(float)),
     (as_column([True, [0.0, 1e-9]]).tolist(), ["true", "[0.0, 1e-09]"]),

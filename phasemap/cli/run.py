@@ -32,7 +32,7 @@ EXAMPLES = """examples:
   phasemap run samples/ensemble.toml -o ensemble.nc ensemble.count=1000 --workers 4
 
 A scene with a table [ensemble] is simulated in all its variants, into a file that holds the truth behind each image
-too, with a data card beside it. After an interrupt the same command goes on.
+too. After an interrupt the same command goes on.
 """
 
 
@@ -199,7 +199,6 @@ FEW = 6  # values that are listed
 def run_ensemble(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None:
     """Simulate an ensemble into a file; Ctrl-C says what is kept."""
     from phasemap._shared.threads import workers_of
-    from phasemap.scenes.ensemble_file import card_beside
 
     if arguments.threads or arguments.strict:
         option = "--threads" if arguments.threads else "--strict"
@@ -217,7 +216,7 @@ def run_ensemble(arguments: argparse.Namespace, ensemble: Ensemble, output: Path
             print(f"motion      {irregular} irregular")
         print(f"failed      {_count(output, 'failed')}")
         print(f"took        {time.perf_counter() - started:.2f} s")
-        print(f"written to  {output}\ndata card   {card_beside(output)}")
+        print(f"written to  {output}")
 
 
 def print_ensemble(ensemble: Ensemble) -> None:

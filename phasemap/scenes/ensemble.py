@@ -1,4 +1,4 @@
-"""Ensembles: a scene in many variants, simulated into one file with the truth behind each image, and a data card.
+"""Ensembles: a scene in many variants, simulated into one file with the truth behind each image.
 
 A scene file becomes an ensemble by a table ``[ensemble]``. Either ``count`` samples are drawn,
 
@@ -19,7 +19,7 @@ or they are the rows of a table, a CSV file in the scene's folder whose header n
     [ensemble]
     table = "runs.csv"
 
-``licence`` is text that the data card states, such as ``"CC-BY-4.0"``.
+``licence`` is text that the file states as its attribute ``license``, such as ``"CC-BY-4.0"``.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, InputErrors
@@ -43,9 +41,8 @@ from phasemap._shared.notices import once, untold
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import UDUNITS
 from phasemap.io.netcdf import check_dataset, save
-from phasemap.io.whole_files import check_target, replacing
 from phasemap.results.variables import provenance
-from phasemap.scenes.ensemble_file import Parts, assemble, card_beside, data_card
+from phasemap.scenes.ensemble_file import Parts, assemble
 from phasemap.scenes.samples import check_overrides, make_samples, unit_of
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
 from phasemap.scenes.tables import Complaints, missing, read_tables, with_value
@@ -110,6 +107,7 @@ class Ensemble:
         with _named(sample):
             return scene_from_tables(self._tables(sample), self.folder)
 
+    @once()
     def check(self, every_surface: bool = True) -> None:
         """Check the scenes of all samples.
 
@@ -119,10 +117,6 @@ class Ensemble:
             Make the surface of every sample, and not only of the first. Where surfaces are generated or read, that may
             take as long as to simulate their images.
         """
-        with once():
-            self._check(every_surface)
-
-    def _check(self, every_surface: bool) -> None:
         first = self.scene(0)
         same_surface = not any(key.startswith("surface.") for key in self.keys) or not every_surface
         for sample in range(1, len(self)):
@@ -140,8 +134,7 @@ class Ensemble:
     ) -> Path:
         """Simulate all samples into one file, and go on where an earlier call was stopped.
 
-        Samples that are done are kept in the folder ``PATH.parts`` until all are. A page that says what the file holds
-        and how it was made, its data card, is written beside it: ``blends.nc.card.md`` beside ``blends.nc``.
+        Samples that are done are kept in the folder ``PATH.parts`` until all are.
 
         Parameters
         ----------
@@ -167,7 +160,7 @@ class Ensemble:
         ------
         InputError, FileError
             If a sample cannot be simulated, with its number, or the images of two samples differ in size; those that
-            are done are kept. If the file or its card is there, and `overwrite` is False.
+            are done are kept. If the file is there, and `overwrite` is False.
 
         Examples
         --------
@@ -179,7 +172,6 @@ class Ensemble:
         {'sample': 2, 'y': 64, 'x': 64}
         """
         path = check_dataset(path, overwrite)
-        card = check_target(card_beside(path), overwrite)
         whole("workers", workers, 1)
         first = self.scene(0)
         parts = Parts(path, (self._tables(sample) for sample in range(len(self))), self.folder)
@@ -196,9 +188,6 @@ class Ensemble:
                         progress(done, len(self))
             columns = [(name_of(key), _attributes_of(key), [one[key] for one in self.samples]) for key in self.keys]
             assemble(path, parts.files, columns, self._attributes(), overwrite)
-            with replacing(card, overwrite) as temporary, xr.open_dataset(path, engine="netcdf4") as ds:
-                text = data_card(path, ds, self.tables, self.samples, first)
-                temporary.write_text(text, encoding="utf-8")
             parts.remove()
         finally:
             parts.leave()
@@ -217,6 +206,7 @@ class Ensemble:
         return {
             **{name: about[name] for name in ("Conventions", "source", "phasemap_version")},
             "scene": json.dumps(self.tables, ensure_ascii=False, default=str),
+            **({"license": licence} if (licence := self.tables["ensemble"].get("licence")) else {}),
         }
 
 

@@ -1,28 +1,24 @@
-"""The file of an ensemble: a small file a sample while they are made, one netCDF file in the end, and a data card."""
+"""The file of an ensemble: a small file a sample while they are made, and one netCDF file in the end."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, reason_of
-from phasemap._shared.units import UDUNITS, WRITTEN, say
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened
 from phasemap.io.whole_files import replacing
 from phasemap.results.variables import provenance
-from phasemap.scenes.samples import Choice, Law, Range, laws_of, unit_of
-from phasemap.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import netCDF4
@@ -52,8 +48,8 @@ class Parts:
 
     def __init__(self, output: Path, scenes: Iterable[Table], folder: Path) -> None:
         self.folder = output.with_name(f"{output.name}.parts")
-        digests, release = _Digests(folder), provenance({}, "")["phasemap_version"]
-        self.files = [self.folder / f"{_identity(tables, digests, release)}.nc" for tables in scenes]
+        digest = cache(partial(_digest, folder))  # of files, each read once
+        self.files = [self.folder / f"{_identity(tables, digest)}.nc" for tables in scenes]
         self._samples = Counter(self.files)
         try:
             self.folder.mkdir(exist_ok=True)
@@ -88,27 +84,17 @@ class Parts:
             self.folder.rmdir()
 
 
-class _Digests:
-    """The SHA-256 of files, each read once."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._known: dict[str, str | None] = {}
-
-    def of(self, name: str) -> str | None:
-        """Of the file with this name, None if there is none."""
-        if name not in self._known:
-            path = os.path.join(self._folder, name)
-            self._known[name] = digest_of(path, path) if os.path.isfile(path) else None
-        return self._known[name]
+def _digest(folder: Path, name: str) -> str | None:
+    """The SHA-256 of the file with this name, None if there is none."""
+    path = os.path.join(folder, name)
+    return digest_of(path, path) if os.path.isfile(path) else None
 
 
-def _identity(tables: Table, digests: _Digests, release: str) -> str:
+def _identity(tables: Table, digest: Callable[[str], str | None]) -> str:
     """The SHA-256 of all that the image of a scene depends on."""
-    files = {name: digest for name in _words(tables) if (digest := digests.of(name)) is not None}
-    return hashlib.sha256(
-        json.dumps([release, CONTENTS, tables, files], sort_keys=True, default=str).encode()
-    ).hexdigest()
+    files = {name: found for name in _words(tables) if (found := digest(name)) is not None}
+    about = [provenance({}, "")["phasemap_version"], CONTENTS, tables, files]
+    return hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def _words(thing: Any) -> Iterator[str]:
@@ -238,121 +224,3 @@ def _check_form(sample: int, form: Form, first: Form) -> None:
             raise InputError(
                 f"shape of {name} in sample {sample}", form.get(name), f"{first.get(name)}, as in sample 0"
             )
-
-
-Tables = Mapping[str, Any]
-
-LONGEST = 60  # letters of a value that are shown
-NOT_CHOSEN = (
-    "Not chosen: `licence` under `[ensemble]` in the scene names one. phasemap claims nothing of what it computes; the "
-    "images are of whoever made them, and maps that the scene reads from files of whoever made these."
-)
-
-
-def card_beside(path: Path) -> Path:
-    """Where the card of a file lies."""
-    return path.with_name(f"{path.name}.card.md")
-
-
-def data_card(path: Path, ds: xr.Dataset, tables: Tables, samples: Sequence[Tables], first: Scene) -> str:
-    """Describe the images of an ensemble in Markdown: its scene, [ensemble] included, and the varied values."""
-    ensemble = tables["ensemble"]
-    (ny, nx), (dy, dx) = first.surface.shape, first.surface.pixel_size
-    source = f"`{ensemble['table']}`" if "table" in ensemble else f"drawn with the seed {ensemble.get('seed', 0)}"
-    lines = [
-        f"# {path.name}", "",
-        f"{len(samples)} synthetic phase images of tapping-mode AFM with the truth behind each: {nx} x {ny} pixels, "
-        f"{nx * dx * 1e9:.4g} x {ny * dy * 1e9:.4g} nm, made by phasemap {ds.attrs['phasemap_version']}. What differs "
-        f"between them is {source}. The same scene, seed and version give the same numbers; the scene is JSON in the "
-        "attribute `scene`.", "",
-        "## What is in it", "",
-        "Row 0 is the top of the image; pixels without a solution are NaN, and `status` says why.", "",
-        "| variable | over | unit | what |", "|---|---|---|---|", *_variables(ds), "",
-        "## What differs", "", "| key | from | drawn |", "|---|---|---|", *_varied(ensemble, samples), "",
-        "## What is the same in all", "", *_fixed(tables, samples[0]), "",
-        "## Known limits", "", *(f"* {one}" for one in _limits(ds, samples[0], first)), "",
-        "## Licence", "", str(ensemble.get("licence", NOT_CHOSEN)),
-    ]  # fmt: skip
-    return "\n".join(lines) + "\n"
-
-
-def _variables(ds: xr.Dataset) -> Iterator[str]:
-    """A row for each variable and each coordinate that is no axis."""
-    for name, one in ds.variables.items():
-        if name in ds.dims:
-            continue
-        what = str(one.attrs.get("long_name", ""))
-        if one.attrs.get("flag_meanings"):
-            codes = (int(code) for code in _list_of(one.attrs.get("flag_values", one.attrs.get("flag_masks"))))
-            meanings = str(one.attrs["flag_meanings"]).split()
-            what += ": " + ", ".join(f"{code} {word}" for code, word in zip(codes, meanings, strict=False))
-        unit = WRITTEN.get(one.attrs.get("units", ""), one.attrs.get("units", ""))
-        yield f"| `{name}` | {', '.join(map(str, one.dims))} | {unit} | {what} |"
-
-
-def _list_of(values: Any) -> list[Any]:
-    """Codes of flags; a single one comes back from a file as a number."""
-    return list(np.atleast_1d(values))
-
-
-def _varied(ensemble: Tables, samples: Sequence[Tables]) -> Iterator[str]:
-    """A row for each key that is varied: what it was drawn from, and which values came out."""
-    laws: dict[str, Law] = dict(laws_of(ensemble["vary"])) if "vary" in ensemble else {}
-    for key in samples[0]:
-        values = [sample[key] for sample in samples]
-        numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-        drawn = _interval(key, min(values), max(values)) if numbers else f"{len(set(map(str, values)))} values"
-        yield f"| `{key}` | {_said(key, laws.get(key))} | {drawn} |"
-
-
-def _said(key: str, law: Law | None) -> str:
-    """What a key is drawn from."""
-    if isinstance(law, Range):
-        how = "whole numbers" if law.whole else "logarithm uniform" if law.scale == "log" else "uniform"
-        return f"{_interval(key, law.low, law.high)}, {how}"
-    if isinstance(law, Choice):
-        return _short(", ".join(map(str, law.options)))
-    return "the table"
-
-
-def _interval(key: str, low: float, high: float) -> str:
-    units = UDUNITS.get(unit_of(key), unit_of(key)) or "1"
-    if units == "1" or not all(map(math.isfinite, (low, high))):
-        return f"{low:.6g} to {high:.6g}"
-    return f"{say(low, units)} to {say(high, units)}"
-
-
-def _fixed(tables: Tables, varied: Tables, prefix: str = "") -> Iterator[str]:
-    """A line for each key of the scene that no sample has of its own."""
-    for name, value in tables.items():
-        key = f"{prefix}{name}"
-        if key in varied or (not prefix and name in ("ensemble", "output")):
-            continue
-        if isinstance(value, Mapping):
-            yield from _fixed(value, varied, f"{key}.")
-        else:
-            yield f"    {key} = {_short(repr(value))}"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 2]} …"
-
-
-def _limits(ds: xr.Dataset, varied: Tables, first: Scene) -> Iterator[str]:
-    """What must not be taken for more than it is."""
-    failed, pixels = int(ds["failed"].sum()), ds["status"].size
-    yield f"Simulated, not measured. {failed} of {pixels} pixels have no solution."
-    if "irregular" in ds and (irregular := int(ds["irregular"].sum())):
-        yield f"{irregular} pixels show the mean of motion that is not periodic (`motion`)."
-    control, realism = first.options["control"], first.options["realism"]
-    if not control.in_time:
-        yield "The feedback is perfect and at rest at every pixel: no lag, no amplitude error, no noise in time."
-    elif realism.temperature is None and realism.detector_noise is None:
-        yield "Scanned in time, without noise of lever or detector."
-    if realism != type(realism)() and "realism.seed" not in varied:
-        yield "The noise is the same in all images: `realism.seed` is not varied."
-    if any(key.startswith("surface.") for key in varied):
-        yield "No part is set aside for tests: samples with the same surface belong into one part."
-    else:
-        yield "All images are of the same surface: nothing learnt from them is known to hold on another."
-    yield "Lever, tip and contact law are exact, and there is no tilt, bow or creep; see the page on limits."
