@@ -51,11 +51,7 @@ def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
     """What a control found out in parts of an image: a count adds up, the rest is the same in all parts."""
     joined: dict[str, float] = {}
     for one in notes:
-        joined = {
-            **joined,
-            **one,
-            **{name: joined[name] + one[name] for name in COUNTS if name in joined and name in one},
-        }
+        joined |= {name: value + joined.get(name, 0) if name in COUNTS else value for name, value in one.items()}
     return joined
 
 
@@ -66,12 +62,6 @@ def check_image(shape: tuple[int, int], names: tuple[str, ...], directions: tupl
     what = f"an image of {shape[0]} x {shape[1]} pixels with {len(names)} variables"
     advice = "Take fewer pixels, or name the variables that you need ([output] variables, variables=)."
     check_fits(what + (f" in {passes} directions" if directions else ""), (per_pixel + more) * math.prod(shape), advice)
-
-
-def attributes_of(name: str) -> dict[str, str]:
-    """Attributes of a float variable, or of a channel of an orbit."""
-    about = channel_attributes(CHANNELS[name], bool(CHANNELS[name].of_orbit)) if is_derived(name) else None
-    return {**(about or float_attributes(name)), "ancillary_variables": "status"}
 
 
 class Canvas:
@@ -151,6 +141,11 @@ def image_of(surface: Surface, arrays: Mapping[str, Any], directions: tuple[str,
         dims = ("direction", *dims)
     data: dict[str, Any] = {}
     for name, values in arrays.items():
-        attributes: dict[str, Any] = flag_attributes(name) if name in FLAGS else attributes_of(name)
-        data[name] = (dims, values, attributes)
+        if name in FLAGS:
+            about: dict[str, Any] = flag_attributes(name)
+        else:
+            channel = CHANNELS[name] if is_derived(name) else None
+            about = float_attributes(name) if channel is None else channel_attributes(channel, bool(channel.of_orbit))
+            about = {**about, "ancillary_variables": "status"}
+        data[name] = (dims, values, about)
     return xr.Dataset(data, coords)

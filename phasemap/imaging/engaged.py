@@ -75,10 +75,6 @@ class Plan:
     interpolants: Interpolants | None = None
 
 
-def _check(_job: Job) -> None:
-    """Every solver engages."""
-
-
 def interpolates(job: Job) -> bool:
     """An atlas knows folds and grazing as borders, not ends of necks or memories.
 
@@ -89,10 +85,6 @@ def interpolates(job: Job) -> bool:
     if surface.thickness is not None:
         plain &= not surface.lazy and is_uniform(surface.thickness) and is_uniform(surface.poisson_ratio)
     return job.solver.name == "auto" and plain and not job.only_in_time
-
-
-def _most(job: Job) -> int:
-    return FEW if interpolates(job) else MOST
 
 
 def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
@@ -235,7 +227,7 @@ def _fill_rest(job: Job, canvas: Canvas) -> None:
         job.report(done)
 
 
-SIMULATOR = Simulator(_check, _most, _plan, _fill)
+SIMULATOR = Simulator(lambda job: FEW if interpolates(job) else MOST, _plan, _fill)
 
 
 DEEPEST = 30.0  # error of the indentation, over that of the height

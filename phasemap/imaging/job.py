@@ -171,7 +171,6 @@ def _joined(parts: list[Values]) -> Values:
 class Simulator(NamedTuple):
     """How the images of one control come about: a plan for all of it, then part by part."""
 
-    check: Callable[[Job], None]  # ``check(job)`` raises `InputError` where the control cannot work with the rest
     most: Callable[[Job], int]  # ``most(job)``: distinct materials up to which the plan wants to know them all
     # ``plan(job, survey, before)``: what all parts share, of a job for the whole image or for the lines of one
     # tip; `before` is the plan of the tip before, or None. It can be pickled.
@@ -180,6 +179,7 @@ class Simulator(NamedTuple):
     # returns that in which it leaves; none is a tip that is far away. A control that carries no state takes and
     # returns None.
     fill: Callable[[Job, Any, Canvas, Any], Any]
+    check: Callable[[Job], object] = lambda job: None  # raises `InputError` where the control cannot work with the rest
     # Names of what it finds out for the attributes of an image, with long names
     notes: Mapping[str, str] = MappingProxyType({})
     # freeze, thaw: from a state to arrays that can be kept in a file, and back

@@ -2,37 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from typing import Any, NamedTuple
 
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.engaged import SIMULATOR
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import Survey
 
-
-def _feedback() -> Simulator:
-    """Its kernels are imported only where they are needed."""
-    from phasemap.imaging.feedback.simulator import SIMULATOR
-
-    return SIMULATOR
-
-
-def _raster() -> Simulator:
-    from phasemap.imaging.raster import SIMULATOR
-
-    return SIMULATOR
-
-
-SIMULATORS: dict[type[Control], Callable[[], Simulator]] = {
-    Engage: lambda: SIMULATOR, Raster: _raster, Feedback: _feedback
-}  # fmt: skip
-"""Who makes the images of each control."""
+SIMULATORS: dict[type[Control], str] = {Engage: "engaged", Raster: "raster", Feedback: "feedback.simulator"}
+"""Modules that make the images of each control, imported with their kernels where they are needed."""
 
 
 class Stretch(NamedTuple):
@@ -49,7 +32,8 @@ def simulator_of(control: Control) -> Simulator:
     """Who makes the images of a control."""
     if type(control) not in SIMULATORS:
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
-    return SIMULATORS[type(control)]()
+    found: Simulator = import_module(f"phasemap.imaging.{SIMULATORS[type(control)]}").SIMULATOR
+    return found
 
 
 def plan_image(job: Job, survey: Survey) -> list[Stretch]:

@@ -63,17 +63,9 @@ class Block(NamedTuple):
     numbers: Numbers  # which of these each pixel of a range is made of
 
 
-def _check(_job: Job) -> None:
-    """Every solver has branches."""
-
-
 def _interpolates(job: Job) -> bool:
     """Integrals over orbits are not interpolated beside what is solved."""
     return interpolates(job) and not set(OF_ORBITS) & set(job.needs)
-
-
-def _most(job: Job) -> int:
-    return FEW if _interpolates(job) else MOST
 
 
 def _plan(job: Job, survey: Survey, _before: Table | Interpolants | None) -> Table | Interpolants | None:
@@ -91,10 +83,7 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
         found = stable_branches(work, job.solver, job.accuracy, job.workers, later)
         rows = job.widened(found.rows, found.solver, work, some)
         orbits = dict(zip(WALKED, found.orbits, strict=True))
-        return {
-            **values_of(job.names, rows, found.status, found.solver, job.scope),
-            **orbits,
-        }
+        return {**values_of(job.names, rows, found.status, found.solver, job.scope), **orbits}
 
     return Table(materials, job.in_chunks(materials, solve, progress))
 
@@ -242,12 +231,10 @@ def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: Orbits, 
     return np.flatnonzero(asked & (orbits.stable == UNKNOWN_ORBIT).any(axis=0))
 
 
-def _freeze(tip: TipState) -> Values:
-    return {"branch": np.array(tip.branch), "tip_offset": np.array(tip.z0)}
-
-
-def _thaw(arrays: Values) -> TipState:
-    return TipState(int(arrays["branch"]), float(arrays["tip_offset"]))
-
-
-SIMULATOR = Simulator(_check, _most, _plan, _fill, freeze=_freeze, thaw=_thaw)
+SIMULATOR = Simulator(
+    lambda job: FEW if _interpolates(job) else MOST,
+    _plan,
+    _fill,
+    freeze=lambda tip: {"branch": np.array(tip.branch), "tip_offset": np.array(tip.z0)},
+    thaw=lambda arrays: TipState(int(arrays["branch"]), float(arrays["tip_offset"])),
+)

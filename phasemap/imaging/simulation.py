@@ -182,7 +182,9 @@ def _checked(
 ) -> tuple[Job, tuple[str, ...], tuple[str, ...], bool]:
     """The work of an image; variables that stay in it, those derived, and whether they are derived with the orbits."""
     control = asked.control
-    _check_sample(surface, scope)
+    if scope.interaction.law.takes_film and surface.thickness is None:
+        allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
+        raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
     simulator = simulator_of(control)
     realism = check_realism(asked.realism, control, surface.shape[0])
     stay, derived = split(asked.variables, control, scope)
@@ -249,13 +251,6 @@ def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked)
     image = xr.concat(images, xr.Variable("setpoint", values, about), combine_attrs="drop_conflicts")
     first = json.loads(images[0].attrs["configuration"])
     return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
-
-
-def _check_sample(surface: Surface, scope: Microscope) -> None:
-    """Refuse a surface without the film that the contact law is of."""
-    if scope.interaction.law.takes_film and surface.thickness is None:
-        allowed = f"a thickness of the film in m where the contact is {scope.interaction.law.name!r}"
-        raise InputError("thickness", None, allowed, "It may be a map, infinite where there is no film.")
 
 
 def _check_memory(job: Job, asked: tuple[str, ...]) -> None:

@@ -15,8 +15,9 @@ import xarray as xr
 import phasemap as pm
 from phasemap.cli import main
 from phasemap.experiment.realism import check_realism
-from phasemap.imaging import plan as planning
+from phasemap.imaging import raster
 from phasemap.imaging.canvas import Canvas
+from phasemap.imaging.feedback import simulator as feedback
 from phasemap.imaging.imperfections import drifted, finish, generator, scopes_by_row
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import Survey
@@ -195,9 +196,9 @@ def test_each_simulator_gets_what_it_can_fill(monkeypatch: pytest.MonkeyPatch) -
     def plan(job: Job, survey: Survey, before: float | None) -> float:
         return 1.0 if before is None else before + 1.0
 
-    simulator = Simulator(lambda job: None, lambda job: 10, plan, fill)
-    monkeypatch.setitem(planning.SIMULATORS, pm.Raster, lambda: simulator)
-    monkeypatch.setitem(planning.SIMULATORS, pm.Feedback, lambda: simulator)
+    simulator = Simulator(lambda job: 10, plan, fill)
+    for module in (raster, feedback):
+        monkeypatch.setattr(module, "SIMULATOR", simulator)
     realism = pm.Realism(tip_change=pm.TipChange(2, 25e-9))
     image = pm.simulate(surface_of(), SCOPE, 0.7, control=pm.Raster(), realism=realism, variables=["phase"])
     expected = np.repeat([1.0, 2.0], [2, 4])[:, np.newaxis] + np.zeros(SHAPE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.feedback.lines import ENGAGED, Lifts, Lines, TipState, check_loop, drive_frequency, lifts_of
 from phasemap.imaging.feedback.tuning import LinearLoop, quietened
-from phasemap.imaging.job import Job, Simulator, Values
+from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import Survey
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
@@ -42,10 +41,6 @@ def _check(job: Job) -> None:
     check_loop(job.control, job.scope, job.place.image[1])
     if (name := job.solver.name) not in ("auto", "averaging", "march"):
         raise InputError("solver", name, "'averaging', 'march' or 'auto' with control=Feedback(), which acts in time")
-
-
-def _most(_job: Job) -> int:
-    return MOST
 
 
 def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
@@ -98,22 +93,12 @@ def _fill(job: Job, plan: Plan, canvas: Canvas, state: TipState | None) -> TipSt
     bounds = range(len(numbers) + 1)
     tip = None
     if plan.control.engage == "line":
-        spread(partial(_engaged_anew, lines), bounds, job.workers, _counted(job))
+        spread(lambda row, _: lines.scan(row, TipState(plan.engine)), bounds, job.workers, _counted(job))
     else:
         tip = TipState(plan.engine) if state is None else state.copy()
-        spread(partial(_carried, lines, tip), bounds, 1, _counted(job))
+        spread(lambda row, _: lines.scan(row, tip), bounds, 1, _counted(job))
     canvas.note({**plan.notes, "ringing_lines": int((~lines.calm).sum())})
     return tip
-
-
-def _engaged_anew(lines: Lines, first: int, last: int) -> None:
-    for row in range(first, last):
-        lines.scan(row, TipState(lines.engine))
-
-
-def _carried(lines: Lines, tip: TipState, first: int, last: int) -> None:
-    for row in range(first, last):
-        lines.scan(row, tip)
 
 
 def _counted(job: Job) -> Progress | None:
@@ -145,12 +130,12 @@ NOTES = {
 }
 
 
-def _freeze(tip: TipState | None) -> Values:
-    return {} if tip is None else tip.freeze()
-
-
-def _thaw(arrays: Values) -> TipState | None:
-    return TipState.thaw(arrays) if arrays else None
-
-
-SIMULATOR = Simulator(_check, _most, _plan, _fill, NOTES, _freeze, _thaw)
+SIMULATOR = Simulator(
+    lambda job: MOST,
+    _plan,
+    _fill,
+    _check,
+    NOTES,
+    freeze=lambda tip: {} if tip is None else tip.freeze(),
+    thaw=lambda arrays: TipState.thaw(arrays) if arrays else None,
+)
