@@ -15,7 +15,6 @@ from pathlib import Path
 from phasemap._shared.errors import InputError, TooLargeError
 
 VARIABLE = "PHASEMAP_MEMORY"
-LEAST_SPACE = 1_024_000_000  # byte of address space; up to 870 MB commands were seen to hang, on two cores
 GROUPS = Path("/sys/fs/cgroup")  # where Linux has its control groups
 
 
@@ -43,21 +42,6 @@ def available() -> float:
     if not limit > 0:
         raise InputError(f"the environment variable {VARIABLE}", told, "a number of bytes above 0")
     return limit
-
-
-def check_address_space() -> None:
-    """Refuse a limit of the address space (``ulimit -v``) in which libraries that compile code come to no end.
-
-    Between 0.5 and 0.85 GB they hang, abort or raise whatever comes up, by where the limit strikes.
-    """
-    try:
-        import resource
-    except ImportError:  # on Windows there is no such limit
-        return
-    most = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if most != resource.RLIM_INFINITY and most < LEAST_SPACE:
-        said = f"the address space is limited to {size_in_words(most)}, and phasemap needs {size_in_words(LEAST_SPACE)}"
-        raise TooLargeError(f"{said}; raise the limit: ulimit -v {LEAST_SPACE // 1024}.")
 
 
 def size_in_words(size: float) -> str:

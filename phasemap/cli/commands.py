@@ -14,7 +14,6 @@ from typing import NoReturn
 from phasemap._shared.errors import ExistsError, InputErrors, PhasemapError, on_one_line
 from phasemap._shared.files import reason_of
 from phasemap._shared.interrupts import ending_at_once, interrupted_once, still_busy, stopped
-from phasemap._shared.memory import check_address_space
 from phasemap._shared.notices import once, strict_units
 from phasemap._shared.quantities import is_number
 from phasemap.cli import check, compare, explain, explore, images, invert, presets, run, sweeps, warm
@@ -106,7 +105,6 @@ def _called(arguments: argparse.Namespace) -> int:
     if getattr(arguments, "quiet", False):
         os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
     try:
-        check_address_space()
         return arguments.command(arguments) or 0
     except ExistsError as error:
         sentence = str(error).replace("overwrite=True", "--overwrite")

@@ -225,7 +225,10 @@ def matched(
 def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:
     """What one material does."""
     values = {key: ds[key].values.tolist()[material] for key in VARIABLES}
-    words = {key: _word(key, values[key]) for key in ("branch", "motion", "solver")}
+    words = {}
+    for key in ("branch", "motion", "solver"):
+        _, codes, meanings = FLAGS[key]
+        words[key] = dict(zip(codes, meanings, strict=True)).get(values[key], "none")
     lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.driven_amplitude
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
     orbit = {name: ds[name].values[material] for name in OF_SECOND if name in ds}
@@ -251,12 +254,6 @@ def _second_shown(motion: Motion) -> str:
         shift = shown["mode2_frequency_shift"]
         return f"the second mode's resonance is {shown_number(abs(shift))} Hz {'higher' if shift > 0 else 'lower'}"
     return f"the second mode has {1e12 * shown['mode2_amplitude']:.3g} pm at a phase of {shown['mode2_phase']:.3g}°"
-
-
-def _word(name: str, code: int) -> str:
-    """What a flag means."""
-    _, values, meanings = FLAGS[name]
-    return dict(zip(values, meanings, strict=True)).get(code, "none")
 
 
 def _plain(found: Found, setting: Setting) -> dict[str, Any]:

@@ -78,14 +78,12 @@ def picture_file(setting: Setting) -> File:
     return File(f"{_name(setting)}.png", "image/png", _written_by(lambda path: plot(ds, path, lag=setting.lag), ".png"))
 
 
-def python_file(setting: Setting) -> File:
-    """The Python that makes the image."""
-    return File(f"{_name(setting)}.py", "text/x-python", python_of(setting).encode())
-
-
 SAVED: dict[str, Callable[[Setting], File]] = {
-    "scene": scene_file, "image": image_file, "picture": picture_file, "python": python_file
-}  # fmt: skip
+    "scene": scene_file,
+    "image": image_file,
+    "picture": picture_file,
+    "python": lambda setting: File(f"{_name(setting)}.py", "text/x-python", python_of(setting).encode()),
+}
 """What can be saved, by the name of its button."""
 
 
@@ -118,7 +116,8 @@ def _python_of_surface(setting: Setting) -> str:
     for part in PARTS:
         before, after = getattr(setting.subject.scope, part), getattr(scope, part)
         if differ := [one.name for one in fields(after) if getattr(before, one.name) != getattr(after, one.name)]:
-            values = ", ".join(f"{key}={_written(getattr(after, key))}" for key in differ)
+            changes = {key: getattr(after, key) for key in differ}
+            values = ", ".join(f"{key}={'pm.' * isinstance(one, Mode)}{one!r}" for key, one in changes.items())
             parts.append(f"    {part}=replace(scope.{part}, {values}),")
     if scope.detector != setting.subject.scope.detector:
         parts.append(f"    detector={scope.detector!r},")
@@ -143,11 +142,6 @@ def _python_of_surface(setting: Setting) -> str:
             "",
         ]
     )
-
-
-def _written(value: Any) -> str:
-    """A value of a part of the microscope, as Python that has imported phasemap as pm reads it."""
-    return f"pm.{value!r}" if isinstance(value, Mode) else repr(value)
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:

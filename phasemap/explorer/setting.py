@@ -72,7 +72,8 @@ def values_of(subject: Subject) -> dict[str, Any]:
             continue
         if part == "materials.*":
             every = enumerate(subject.materials.values())
-            found |= {f"materials.{i}.{name}": _plain(getattr(it, name)) for i, it in every}
+            values = {f"materials.{i}.{name}": getattr(it, name) for i, it in every}
+            found |= {key: spectrum_name(it) if isinstance(it, Prony) else it for key, it in values.items()}
         elif part == "scan":
             found[one["key"]] = subject.options[name]
         elif part == "detector":
@@ -86,11 +87,6 @@ def values_of(subject: Subject) -> dict[str, Any]:
     contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)
     law = contact.name if isinstance(contact, ContactLaw) else contact
     return found | {"interaction.contact": law, "cantilever.modes": modes}
-
-
-def _plain(value: Any) -> Any:
-    """A number, or the name of a spectrum."""
-    return spectrum_name(value) if isinstance(value, Prony) else value
 
 
 @cache
@@ -161,10 +157,10 @@ class Setting:
         one_loss = of_one_loss(materials, scope)
         pair = _pair(names, message.get("pair"))
         said = tuple(dict.fromkeys(warnings or ()))
-        materials = _alike(one_loss)
         return cls(
-            subject, scope, setpoint, control, realism, materials, pair, **switches, warnings=said, changes=changes
-        )
+            subject, scope, setpoint, control, realism, _alike(one_loss), pair, **switches, warnings=said,
+            changes=changes,
+        )  # fmt: skip
 
     @property
     def only_in_time(self) -> bool:
@@ -259,16 +255,8 @@ def _by_table(given: object, materials: int) -> Changes:
     for key, value in given.items():
         table, _, name = str(key).rpartition(".")
         tables.setdefault(table, {})[name] = value
-    allowed = (
-        *PARTS,
-        "drive.second",
-        "detector",
-        "scan",
-        "control",
-        "realism",
-        *(f"materials.{i}" for i in range(materials)),
-    )
-    check_keys("changes", tables, allowed)
+    others = ("drive.second", "detector", "scan", "control", "realism")
+    check_keys("changes", tables, (*PARTS, *others, *(f"materials.{i}" for i in range(materials))))
     return tables
 
 

@@ -92,7 +92,8 @@ def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
         one, comments = image[name], []
         deviation = {"height": realism.line_offset, "phase": realism.phase_offset}.get(name, 0.0)
         if deviation:
-            one = one + _offsets(one, deviation, generator(realism.seed, name))
+            lines = one.isel(x=0, drop=True)  # one random number for each line and direction
+            one = one + lines.copy(data=generator(realism.seed, name).normal(0.0, deviation, lines.shape))
             comments.append(f"random offsets of lines, standard deviation {deviation:g}, seed {realism.seed}")
         step = None
         if realism.bits is not None:
@@ -102,12 +103,6 @@ def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
             more = {} if step is None else {"quantisation_step": step}
             changed[name] = one.assign_attrs(image[name].attrs, comment="; ".join(comments), **more)
     return image.assign(changed) if changed else image
-
-
-def _offsets(values: xr.DataArray, deviation: float, random: np.random.Generator) -> xr.DataArray:
-    """One random number for each line and direction."""
-    lines = values.isel(x=0, drop=True)
-    return lines.copy(data=random.normal(0.0, deviation, lines.shape))
 
 
 def _quantised(values: xr.DataArray, bits: int) -> tuple[xr.DataArray, float]:

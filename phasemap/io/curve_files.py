@@ -82,7 +82,8 @@ def _read(path: Path, archive: zipfile.ZipFile, number: int) -> tuple[Parts, Sca
             kind = "distance" if name in HEIGHTS else quantity_of(name)
             if kind is not None and (kind, WAYS[style]) not in parts:
                 parts[kind, WAYS[style]] = _channel(archive, header, said, name, kind, scan)
-        scan.take(drive_frequency=next((quantity(said[key]) for key in said if _is_drive(key)), None))
+        drives = (quantity(value) for key, value in said.items() if key.endswith("feedback-settings.frequency"))
+        scan.take(drive_frequency=next(drives, None))
     return parts, scan
 
 
@@ -93,11 +94,6 @@ def _curve_of(header: str) -> str:
 
 def _digits(name: str) -> list[str]:
     return [one.zfill(9) for one in re.findall(r"(?<=/)\d+(?=/)", f"/{name}")]
-
-
-def _is_drive(key: str) -> bool:
-    """Whether a property is the frequency of the feedback on the oscillation, as JPK's images name it."""
-    return key.endswith("feedback-settings.frequency")
 
 
 def _properties(archive: zipfile.ZipFile, name: str) -> Properties:

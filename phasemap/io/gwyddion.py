@@ -227,12 +227,8 @@ def _other_kind(path: Path) -> str:
         points = [int.from_bytes(head[at : at + 4], "little") for at in (132, 136)]
         if points[0] and not points[1]:
             return f"it is a curve of {points[0]} points, not an image"
-    return "it is text, with no image in it" if _is_text(head) else ""
-
-
-def _is_text(head: bytes) -> bool:
-    """Whether a file begins as text does, without the bytes of numbers."""
-    return bool(head.strip()) and not head.startswith(NATIVE) and not _NUMBERS.search(head)
+    is_text = head.strip() and not head.startswith(NATIVE) and not _NUMBERS.search(head)
+    return "it is text, with no image in it" if is_text else ""
 
 
 def _reason(error: str) -> str:

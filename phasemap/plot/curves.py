@@ -168,8 +168,11 @@ def fit(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: b
     names = [name for name in QUANTITIES if (f"measured_{name}" if fitted else name) in ds]
     high = TALL + (REST + BETWEEN if fitted else 0.0) + BELOW
     notes = [str(ds.attrs["fit_status"])] if fitted else str(ds.attrs.get("warnings", "")).splitlines()
-    head = [_title(ds)] if fitted else [str(ds.attrs.get("source", "measured curve"))]
-    page = Page(len(names) * (ACROSS + APART) + 0.2, high, head, (), notes)
+    head = str(ds.attrs.get("source", "measured curve"))
+    if fitted:
+        chi2, law = ds.attrs["chi2"] / ds.attrs["degrees_of_freedom"], ds.attrs.get("law", "")
+        head = f"Fit{' by ' if law else ''}{law}: chi2 {chi2:.3g} times the degrees of freedom"
+    page = Page(len(names) * (ACROSS + APART) + 0.2, high, [head], (), notes)
     for i, name in enumerate(names):
         left = BEFORE + i * (ACROSS + APART)
         axes = page.panel(left, 0.0, ACROSS, TALL)
@@ -188,12 +191,6 @@ def is_measured_curve(ds: xr.Dataset) -> bool:
 def is_fit(ds: xr.Dataset) -> bool:
     """Whether a Dataset is a fit."""
     return "parameter_value" in ds
-
-
-def _title(ds: xr.Dataset) -> str:
-    chi2 = ds.attrs["chi2"] / ds.attrs["degrees_of_freedom"]
-    law = ds.attrs.get("law", "")
-    return f"Fit{' by ' if law else ''}{law}: chi2 {chi2:.3g} times the degrees of freedom"
 
 
 def _draw_curve(axes: Axes, _: Axes, ds: xr.Dataset, name: str) -> None:

@@ -297,17 +297,13 @@ def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
     }
     if "phase" in scan:
         about = {"long_name": "recorded phase, its zero arbitrary, repulsive positive", "units": "degree"}
-        maps["phase"] = (_sign_of(scan) * scan["phase"].values, about)
+        sign = -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0  # -1 where lag counts positive
+        maps["phase"] = (sign * scan["phase"].values, about)
     return xr.Dataset(
         {name: (("y", "x"), *one) for name, one in maps.items()},
         {dim: scan[dim] for dim in ("y", "x")},
         {key: scan.attrs[key] for key in ("source", "source_sha256") if key in scan.attrs},
     )
-
-
-def _sign_of(scan: xr.Dataset) -> float:
-    """-1 where the file says that its phase counts lag positive."""
-    return -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0
 
 
 def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
