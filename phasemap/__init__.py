@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.inference.series.series import series
     from phasemap.io.curves import read_curve
-    from phasemap.io.export import export, from_sidpy, to_sidpy
+    from phasemap.io.export import export, to_sidpy
     from phasemap.io.read import read_image
     from phasemap.results.channels import channels
     from phasemap.results.status import Status
@@ -73,7 +73,7 @@ _NAMES = {
     "inference.images.region_fit": ("fit_regions",),
     "inference.images.sensitivities": ("sensitivity",),
     "inference.series.series": ("series",),
-    "io.export": ("export", "from_sidpy", "to_sidpy"),
+    "io.export": ("export", "to_sidpy"),
     "io.curves": ("read_curve",),
     "io.read": ("read_image",),
     "results.channels": ("channels",),
@@ -98,7 +98,7 @@ __all__ = [
     "InputError", "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning",
     "Prony", "Raster", "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip",
     "TipChange", "Variation", "channels", "check", "compare", "contrast", "explore", "export", "fit_distance",
-    "fit_frequency", "fit_regions", "force_curve", "from_sidpy", "generate", "interaction", "invert", "level",
+    "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert", "level",
     "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register", "scene_from",
     "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency",
     "sweep_parameter", "sweep_setpoint", "to_sidpy",

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import phasemap as pm
 
@@ -69,17 +68,6 @@ def test_the_force_curve_is_that_of_the_paper() -> None:
     assert held.values == pytest.approx(-pull)
 
 
-def test_a_dataset_of_phasemap_has_an_accessor() -> None:
-    curve = pm.force_curve(SOFT, SCOPE)
-    assert "plot(), check(), compare(other), export(path)" in repr(curve.phasemap)
-    with pytest.raises(pm.InputError, match="an image with height and phase"):
-        curve.rename(force="pull").phasemap.plot()
-    y = x = np.array([0.5e-9, 1.5e-9])
-    image = xr.Dataset({name: (("y", "x"), np.eye(2)) for name in ("height", "phase")}, {"y": y, "x": x})
-    drawn = image.phasemap.plot()
-    assert [axes.get_title("left") for axes in drawn.axes if axes.get_title("left")] == ["Height", "Phase"]
-
-
 def test_several_setpoints_are_a_dim() -> None:
     images = pm.simulate(SURFACE, SCOPE, [0.5, "70 %"], solver="averaging")
     assert images.sizes["setpoint"] == 2 and images.setpoint.values.tolist() == [0.5, 0.7]
@@ -89,14 +77,6 @@ def test_several_setpoints_are_a_dim() -> None:
     assert images.attrs["Conventions"] == "CF-1.11" and "flag_meanings" in images.status.attrs
     with pytest.raises(pm.InputError, match=r"setpoint is .*; allowed: one number, or several different ones"):
         pm.simulate(SURFACE, SCOPE, [0.5, 0.5])
-
-
-def test_the_variables_of_a_sweep_come_in_groups() -> None:
-    curve = pm.sweep_distance(SOFT, SCOPE, np.linspace(30e-9, 10e-9, 5))
-    groups = curve.phasemap.groups
-    assert sorted(name for names in groups.values() for name in names) == sorted(map(str, curve.data_vars))
-    assert "phase" in groups["direction, tip_offset"] and "curve_phase" in groups["point"]
-    assert "jump_to_phase" in groups["jump"] and "over point" in repr(curve.phasemap)
 
 
 def test_scenes_and_ensembles_show_themselves_in_a_few_lines() -> None:

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import xarray as xr
 from xarray.backends import BackendEntrypoint
 
-from phasemap.io import accessor as accessor
 from phasemap.io.read import read_image
 
 SUFFIXES = (".nid", ".spm", ".di", ".ibw", ".jpk", ".gwy", ".gsf")  # .tiff, .stp and .top are of others too

@@ -5,9 +5,8 @@ sidpy comes with ``pip install "afm-phasemap[sidpy]"``.
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,11 @@ import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError, Word
-from phasemap._shared.pixels import coordinate_step, coordinates, downwards
+from phasemap._shared.errors import InputError
+from phasemap._shared.pixels import coordinate_step, downwards
 from phasemap.io.gwyddion import MASKED, extra
 from phasemap.io.measured import one_scan
-from phasemap.io.metadata import CANONICAL, KINDS, METRES
+from phasemap.io.metadata import CANONICAL, METRES
 from phasemap.io.whole_files import replacing
 
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
@@ -190,7 +189,6 @@ QUANTITIES = {
 }  # fmt: skip
 """What variables are called as microscopes' channels are; others keep their names."""
 WRITTEN = {"degree": "deg", "1": "a.u."}
-SAME_STEP = 1e-3  # by which pixels of one image may differ
 
 
 @asked_as()
@@ -246,110 +244,3 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
             data.original_metadata = {str(key): value for key, value in image.attrs.items()}
             made[f"Channel_{len(made):03d}"] = data
     return made
-
-
-@asked_as()
-def from_sidpy(dataset: Any) -> xr.Dataset:
-    """Take an image from sidpy.
-
-    Parameters
-    ----------
-    dataset : sidpy.Dataset, or mapping of str to sidpy.Dataset
-        Channels of one image, as `to_sidpy` or a reader of SciFiReaders gives them; what is no image is passed over.
-
-    Returns
-    -------
-    xarray.Dataset
-        As `phasemap.read_image`: ``height`` [m], ``phase`` [degree], ``amplitude`` over ("y", "x"), or over
-        ("direction", "y", "x") where there are retraces. Attributes are those of the metadata that are text or numbers.
-
-    Examples
-    --------
-    >>> from_sidpy({})
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: dataset is 'nothing'; allowed: channels that are called height, phase or amplitude.
-    """
-    found = _found_in(dataset)
-    kinds = [kind for kind in KINDS if any(kind == own for own, _ in found)]
-    directions = [way for way in ("trace", "retrace") if all((kind, way) in found for kind in kinds)]
-    if not directions:
-        directions = ["trace" if any(way == "trace" for _, way in found) else "retrace"]
-        kinds = [kind for kind in kinds if (kind, directions[0]) in found]
-    first, (y, x) = found[kinds[0], directions[0]]
-    several = len(directions) > 1
-    variables = {}
-    for kind in kinds:
-        maps = [_map_of(kind, *found[kind, way], (y, x)) for way in directions]
-        about = {
-            "long_name": KINDS[kind].long_name,
-            "units": _unit_of(kind, str(found[kind, directions[0]][0].units))[1],
-        }
-        dims = ("direction", "y", "x") if several else ("y", "x")
-        variables[kind] = (dims, maps if several else maps[0], about)
-    coords = coordinates(y[::-1], x)
-    if several:
-        coords["direction"] = ("direction", directions, {})
-    attrs = getattr(first, "original_metadata", None) or {}
-    kept = {
-        str(key): value
-        for key, value in attrs.items()
-        if isinstance(value, str | int | float) and not isinstance(value, bool) and key != "direction"
-    }
-    return xr.Dataset(variables, coords, kept)
-
-
-def _found_in(dataset: Any) -> dict[tuple[str, str], tuple[Any, Any]]:
-    """Channels of an image that have a kind, with the places of their pixels, by kind and direction."""
-    channels = list(dataset.values()) if isinstance(dataset, Mapping) else [dataset]
-    for one in channels:
-        if not hasattr(one, "quantity"):
-            raise InputError("dataset", Word(f"a {type(one).__name__}"), "a sidpy.Dataset, or a dict of them")
-    found: dict[tuple[str, str], tuple[Any, Any]] = {}
-    for one in channels:
-        called = next((str(word) for word in (one.quantity, one.title) if _kind(str(word))), "")
-        if called and getattr(one.data_type, "name", "") == "IMAGE":
-            direction = "retrace" if "retrace" in called.lower() else "trace"
-            found.setdefault((_kind(called), direction), (one, _places(one)))
-    if not found:
-        listed = ", ".join(str(one.quantity) for one in channels) or "nothing"
-        raise InputError("dataset", listed, "channels that are called height, phase or amplitude")
-    return found
-
-
-def _map_of(kind: str, channel: Any, places: tuple[Any, Any], wanted: tuple[Any, Any]) -> Any:
-    """Values of a channel over (y, x), in the unit of their kind; refused where pixels are not at the wanted places."""
-    factor, _ = _unit_of(kind, str(channel.units))
-    values = np.asarray(channel.compute(), float) * factor
-    shape = (len(wanted[1]), len(wanted[0]))
-    if values.shape != shape or not all(np.allclose(a, b, rtol=SAME_STEP) for a, b in zip(places, wanted, strict=True)):
-        raise InputError(f"pixels of {channel.quantity}", values.shape, f"those of the other channels, {shape}")
-    return values.T
-
-
-def _kind(called: str) -> str:
-    """The variable that a channel of this name is, "" if it is none."""
-    return next((kind for kind, about in KINDS.items() if about.pattern.match(called.strip())), "")
-
-
-def _unit_of(kind: str, written: str) -> tuple[float, str]:
-    """Factor to, and name of, the unit of a variable."""
-    units = KINDS[kind].units
-    if written not in units:
-        raise InputError(f"units of {kind}", written, ", ".join(units))
-    return units[written]
-
-
-def _places(one: Any) -> tuple[Any, Any]:
-    """Centres of the pixels along y and x [m]; x is the first dimension."""
-    found = []
-    for axis in (1, 0):
-        dimension = getattr(one, f"dim_{axis}")
-        factor, _ = METRES.get(str(dimension.units), (math.nan, ""))
-        values = np.asarray(dimension.values, float) * factor
-        if not np.isfinite(values).all():
-            raise InputError(f"units of dimension {dimension.name}", str(dimension.units), ", ".join(METRES))
-        step = (values[-1] - values[0]) / max(len(values) - 1, 1) or 1.0
-        centres = (np.arange(len(values)) + 0.5) * abs(step)
-        found.append(values if np.allclose(values, centres, rtol=1e-9, atol=0.0) else centres)
-    return found[0], found[1]

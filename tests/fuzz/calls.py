@@ -245,7 +245,6 @@ def _of_results() -> Iterator[Call]:
     yield Call("level", pm.level, {"image": large})
     yield Call("phase_lag", pm.phase_lag, {"phase": large.phase})
     yield Call("to_sidpy", pm.to_sidpy, {"image": image})
-    yield Call("from_sidpy", pm.from_sidpy, {"dataset": None})
     written = {"ds": large, "path": "written.gsf", "overwrite": True}
     yield Call("export to .gwy", pm.export, written | {"path": "written.gwy"})
     yield Call("export", pm.export, written | {"variable": "phase"})
@@ -267,10 +266,6 @@ def _of_results() -> Iterator[Call]:
     drawn = {"image": large, "plot": large, "contrast": mapped, "curve": curve, "comparison": pm.compare(large, large)}
     for name, ds in drawn.items():
         yield Call(f"plot.{name}", _closed(getattr(pm.plot, name)), {"ds": ds, "path": "plot.png", "overwrite": True})
-    yield Call("accessor.plot", _closed(large.phasemap.plot), {"path": "plot.png", "overwrite": True})
-    yield Call("accessor.compare", large.phasemap.compare, {"simulated": large})
-    yield Call("accessor.export", large.phasemap.export, {"path": "written.gsf", "variable": "phase",
-                                                          "overwrite": True})  # fmt: skip
 
 
 def _closed(draw: Callable[..., Any]) -> Callable[..., None]:
