@@ -101,12 +101,15 @@ class Scene:
 
     def _said(self) -> dict[str, str]:
         """What it is, in words."""
-        scope, given = self.microscope, ("control", "realism")
-        said = {"source": str(self.source)} if self.source is not None else {}
-        said |= {"surface": repr(self.surface).removeprefix("Surface(").removesuffix(")")}
-        said |= {"cantilever": in_words(scope.cantilever), "tip": in_words(scope.tip), "drive": in_words(scope.drive)}
-        said |= {"setpoint": f"{self.options['setpoint']:g}"}
-        return said | {name: text for name in given if (text := str(self.options[name]))}
+        scope = self.microscope
+        said = {
+            "source": str(self.source or ""),
+            "surface": repr(self.surface).removeprefix("Surface(").removesuffix(")"),
+            **{part: in_words(getattr(scope, part)) for part in ("cantilever", "tip", "drive")},
+            "setpoint": f"{self.options['setpoint']:g}",
+            **{name: str(self.options[name]) for name in ("control", "realism")},
+        }
+        return {name: text for name, text in said.items() if text}
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON."""
