@@ -24,9 +24,8 @@ from phasemap._shared.units import Unit
 from phasemap.cli.arguments import numbers_in, one_each
 from phasemap.experiment.arms import merged
 from phasemap.experiment.beam import hydrodynamic_function
-from phasemap.experiment.material_rows import distinct_materials, materials_of, rows_of
+from phasemap.experiment.material_rows import contact_stiffness, distinct_materials, materials_of, of_one_loss, rows_of
 from phasemap.experiment.presets import combined
-from phasemap.experiment.properties import contact_stiffness, of_one_loss
 from phasemap.experiment.seen_by_tip import tip_profile
 from phasemap.imaging.feedback.lines import mean_ground, program_of
 from phasemap.imaging.interpolation import chebyshev

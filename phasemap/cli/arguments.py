@@ -67,8 +67,8 @@ def add_options(parser: argparse.ArgumentParser, *names: str) -> None:
 
 def check_files(arguments: argparse.Namespace) -> None:
     """Refuse, before any work is done, what cannot or should not be written."""
+    from phasemap._shared.files import check_target
     from phasemap.io.netcdf import check_dataset
-    from phasemap.io.whole_files import check_target
 
     output, plot = arguments.output, arguments.plot
     if plot is not None and plot == output:

@@ -16,7 +16,7 @@ from phasemap._shared.files import reason_of
 from phasemap._shared.interrupts import ending_at_once, interrupted_once, still_busy, stopped
 from phasemap._shared.notices import once, strict_units
 from phasemap._shared.quantities import is_number
-from phasemap.cli import check, compare, explain, explore, images, invert, presets, run, sweeps, warm
+from phasemap.cli import compare, explain, explore, images, invert, presets, run, sweeps, warm
 from phasemap.cli.console import plain_warnings
 
 Command = Callable[[argparse.Namespace], int | None]
@@ -52,7 +52,7 @@ COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], s
      "sweep distance, setpoint, frequency or a parameter on one material"),
     ("contrast", sweeps.contrast, sweeps.add_contrast, sweeps.CONTRAST_EXAMPLES,
      "map the phase contrast between two materials and recommend a setpoint"),
-    ("compare", compare.compare, compare.add_arguments, compare.EXAMPLES,
+    ("compare", compare.compare, compare.add_compare, compare.COMPARE_EXAMPLES,
      "compare a measured image with a simulated one, and say how much of it the simulation explains"),
     ("invert", invert.invert, invert.add_arguments, invert.EXAMPLES,
      "find modulus, adhesion and damping from images at several setpoints or amplitudes"),
@@ -64,7 +64,7 @@ COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], s
      "make a scene file from a measured image: topography, materials and microscope"),
     ("export", images.export, images.add_export, images.EXPORT_EXAMPLES,
      "write an image for Gwyddion, as .gwy or .gsf"),
-    ("check", check.check, check.add_arguments, check.EXAMPLES,
+    ("check", compare.check, compare.add_check, compare.CHECK_EXAMPLES,
      "verify a simulated image: test what it states, and solve its pixels again"),
     ("presets", presets.presets, presets.add_arguments, presets.EXAMPLES,
      "list the presets of materials and levers, or show one with its sources"),

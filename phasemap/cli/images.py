@@ -47,8 +47,8 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
 
 def plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
+    from phasemap._shared.files import check_target
     from phasemap.io.netcdf import load
-    from phasemap.io.whole_files import check_target
     from phasemap.plot import plot as draw
     from phasemap.plot import trace
 
@@ -142,8 +142,8 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def scene(arguments: argparse.Namespace) -> None:
     """Write the scene of a measured image."""
+    from phasemap._shared.files import check_target
     from phasemap.io.read import read_image
-    from phasemap.io.whole_files import check_target
     from phasemap.scenes.measured import scene_from
 
     output = check_target(arguments.output or arguments.image.with_suffix(".toml"), arguments.overwrite)

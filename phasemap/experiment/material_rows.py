@@ -1,17 +1,23 @@
-"""Materials as rows of numbers: modulus, adhesion, loss, Poisson's ratio, and where some material has it more."""
+"""Materials as rows of numbers, and what of a row acts under a microscope: stiffness, adhesion and loss."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array, IntArray, is_uniform, read_only
+from phasemap._shared.errors import InputError
+from phasemap.experiment.arms import contact_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.prony import Prony, spectrum_of
+
+if TYPE_CHECKING:
+    from phasemap.experiment.microscope import Microscope, Tip
 
 PLAIN = 4
 """Columns of materials that have nothing more: modulus [Pa], adhesion [J/m2], damping [1] or viscosity [Pa s],
@@ -102,3 +108,108 @@ def _codes(values: NDArray[np.int64]) -> tuple[int, NDArray[np.intp]]:
         return len(distinct), np.searchsorted(distinct, values)
     del ordered
     return len(distinct), np.unique(values, return_inverse=True)[1]
+
+
+def compliance_of(tip: Tip) -> float:
+    """(1 - nu_t^2)/E_t [1/Pa] of a tip; 0 if it is rigid."""
+    return 0.0 if tip.modulus is None else (1 - tip.poisson_ratio**2) / tip.modulus
+
+
+def contact_stiffness(modulus: Array, poisson_ratio: Array, tip: Tip) -> Array:
+    """K [Pa] of sphere and plane, 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t] (theory, Eq. (model-6))."""
+    with np.errstate(all="ignore"):  # what is not finite has a status of its own
+        stiffness: Array = 4 / 3 * modulus / ((1 - poisson_ratio**2) + modulus * compliance_of(tip))
+    return stiffness
+
+
+def damping_of(viscosity: Array, scope: Microscope) -> Array:
+    """alpha1 [1] of a Kelvin-Voigt viscosity eta [Pa s]: alpha1 = eta a omega_c / (2 k).
+
+    a is the contact's radius at d = R, that is R for a sphere: theory, Eq. (model-16).
+    """
+    law, radius = scope.interaction.law, scope.tip.radius
+    if scope.interaction.damping_exponent != law.spread:
+        beside = "" if law.spread == 0.5 else f" and the contact is {law.name!r}"
+        allowed = f"{law.spread:g} where materials have a viscosity{beside}"
+        raise InputError("damping_exponent", scope.interaction.damping_exponent, allowed)
+    omega_c = 2 * np.pi * scope.cantilever.resonance_frequency
+    contact = float(law.radius_at(np.array(radius), radius))
+    return np.asarray(viscosity * (contact * omega_c / (2 * scope.cantilever.stiffness)))
+
+
+def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[str, Material]:
+    """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here.
+
+    `scope`: under which a viscosity is a damping.
+    """
+    if not any(one.damping for one in materials.values()):
+        return dict(materials)
+    return {
+        name: one if one.viscosity is None else replace(
+            one, viscosity=None, damping=float(damping_of(np.array(one.viscosity), scope))
+        )
+        for name, one in materials.items()
+    }  # fmt: skip
+
+
+def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
+    """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
+
+    `materials` (shape (n, 4) or (n, 10)): as `phasemap.experiment.material_rows` has them; `viscous` where their loss
+        is a viscosity.
+    """
+    modulus, adhesion, loss, poisson_ratio = materials.T[:4]
+    stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
+    return stiffness, adhesion, damping_of(loss, scope) if viscous else loss
+
+
+def film_of(materials: Array) -> Array | None:
+    """Poisson's ratio [1] and thickness [m] of materials that are films on a rigid base, shape (n, 2); else None."""
+    thickness = column_of(materials, "thickness")
+    return None if thickness is None else np.column_stack([materials[:, 3], thickness])
+
+
+def liquid_of(materials: Array) -> Array | None:
+    """Thickness [m] and contact angle [degree] of films of liquid, shape (n, 2), infinite if not given; else None."""
+    film, angle = column_of(materials, "liquid_film"), column_of(materials, "contact_angle")
+    if film is None and angle is None:
+        return None
+    none = np.full(len(materials), np.inf)
+    return np.column_stack([none if film is None else film, none if angle is None else angle])
+
+
+def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
+    """What relaxes under this tip, shape (n, 4), or None: tau [1/omega_c], 1 - E_inf/E_0, address of arms, stiffness.
+
+    The stiffness is that of a sudden touch, over that of the modulus. tau and the share are 0 where nothing relaxes,
+    the address where there is one time.
+    """
+    found, spectrum = _of_one_time(materials, scope), column_of(materials, "relaxation")
+    if spectrum is None:
+        return found
+    if found is None:
+        found = np.tile([0.0, 0.0, 0.0, 1.0], (len(materials), 1))
+    resonance, soft = scope.cantilever.resonance_frequency, compliance_of(scope.tip)
+    for i in np.flatnonzero(np.isfinite(spectrum)):
+        compliance = float(soft / (1 - materials[i, 3] ** 2))
+        one = contact_of(float(spectrum[i]), compliance, scope.frequency_ratio * resonance, 2 * np.pi * resonance)
+        found[i] = 2 * np.pi * resonance * one.time, one.share, one.address, one.stiffness
+    return found
+
+
+def _of_one_time(materials: Array, scope: Microscope) -> Array | None:
+    """The same of standard linear solids.
+
+    An elastic tip in series makes contacts relax sooner, by the ratio of the shares that are left, for the time in
+    which they recover does not change: theory, Eq. (memory-1).
+    """
+    time, relaxed = column_of(materials, "relaxation_time"), column_of(materials, "relaxed_modulus")
+    if time is None or relaxed is None:
+        return None
+    modulus = materials[:, 0]
+    first, last = (contact_stiffness(one, materials[:, 3], scope.tip) for one in (modulus, relaxed))
+    relaxes = np.isfinite(time) & (relaxed < modulus)
+    with np.errstate(all="ignore"):
+        tau = 2 * np.pi * scope.cantilever.resonance_frequency * time * (modulus / relaxed) * (last / first)
+        share = np.where(relaxes, 1 - last / first, 0.0)
+        return np.column_stack([np.where(relaxes, tau, 0.0), share, np.zeros(len(tau)), np.ones(len(tau))])

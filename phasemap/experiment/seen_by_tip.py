@@ -39,8 +39,8 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 from phasemap._shared.notices import unquestioned
 from phasemap.experiment.lever import lever_of
+from phasemap.experiment.material_rows import properties
 from phasemap.experiment.microscope import Microscope, Tip
-from phasemap.experiment.properties import properties
 from phasemap.experiment.surface_maps import QUANTITIES, where
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
     (3 pi/8) sqrt(2/A) K sqrt(R) D^2/(pi k) - f0 (2 sqrt(2 D/A) + tail)/(pi k), where tail is that of the attraction
     outside, and S = (omega alpha1/(4 A^2 sqrt(R))) (2 A)^(3/2) D^2 of the damping.
 
-    `materials` (shape (n, 4) or (n, 10)): as for `phasemap.experiment.properties.properties`.
+    `materials` (shape (n, 4) or (n, 10)): as for `phasemap.experiment.material_rows.properties`.
     """
     stiffness, adhesion, damping = properties(materials, viscous, scope)
     lever = lever_of(scope)

@@ -18,8 +18,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
 from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, supplied
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import rows_of
-from phasemap.experiment.properties import film_of
+from phasemap.experiment.material_rows import film_of, rows_of
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import LAG, PHASE, Found, lines_of, shown_number

@@ -19,9 +19,9 @@ from phasemap._shared.notices import gathered, strict_units
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import of_one_loss
 from phasemap.experiment.microscope import PARTS, Drive, Microscope, Mode
 from phasemap.experiment.prony import Prony, spectrum_name
-from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.explorer.limits import check_frequency

@@ -22,13 +22,12 @@ import numpy as np
 from phasemap._kernels.columns import RELEASE, ROW
 from phasemap._kernels.compilation.frozen import frozen
 from phasemap._shared.errors import FileError
+from phasemap._shared.files import replacing
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging.canvas import Canvas, joined_notes
-from phasemap.imaging.job import Job, Values
-from phasemap.imaging.plan import Stretch, fill_part, simulator_of
-from phasemap.io.whole_files import replacing
+from phasemap.imaging.job import Job, Stretch, Values, fill_part, simulator_of
 from phasemap.results.variables import provenance
 
 EVERY = 2.0  # seconds of work that may be lost

@@ -24,9 +24,8 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging.canvas import Canvas, image_of, joined_notes
-from phasemap.imaging.job import Job
+from phasemap.imaging.job import Job, Stretch, fill_part, plan_image, simulator_of
 from phasemap.imaging.materials import Place, Survey, survey
-from phasemap.imaging.plan import Stretch, fill_part, plan_image, simulator_of
 from phasemap.results.variables import FLAGS
 
 Array = np.ndarray

@@ -15,8 +15,8 @@ from phasemap._shared.arrays import Array, is_uniform
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of, of_tip
+from phasemap.experiment.material_rows import film_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation.atlas import Atlas, build
 from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, PHASE, Axes, ExactOrbits, functions_of

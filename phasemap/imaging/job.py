@@ -1,10 +1,11 @@
-"""What there is to be done for an image or a part of one, and who does it."""
+"""What there is to be done for an image or a part of one, who does it, and the plan: a survey, then part by part."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
+from importlib import import_module
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
@@ -12,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array
+from phasemap._shared.errors import InputError
 from phasemap._shared.interrupts import check_stopped
 from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.control import Control
+from phasemap.experiment.control import Control, Engage, Feedback, Raster
+from phasemap.experiment.material_rows import film_of, liquid_of, properties, relaxation_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, liquid_of, properties, relaxation_of
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, values_of
+from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.imaging.materials import Place, Survey
 from phasemap.results.quantities import needs_of
 from phasemap.results.variables import OF_ORBITS
@@ -102,7 +105,7 @@ class Job:
             self.progress(self.place.row * nx + done, ny * nx)
 
     def properties(self, materials: Array) -> tuple[Array, Array, Array]:
-        """See `phasemap.experiment.properties.properties`."""
+        """See `phasemap.experiment.material_rows.properties`."""
         return properties(materials, self.surface.viscosity is not None, self.scope)
 
     def work(self, materials: Array) -> Work:
@@ -185,3 +188,60 @@ class Simulator(NamedTuple):
     # freeze, thaw: from a state to arrays that can be kept in a file, and back
     freeze: Callable[[Any], Values] = lambda state: {}
     thaw: Callable[[Values], Any] = lambda arrays: None
+
+
+SIMULATORS: dict[type[Control], str] = {Engage: "engaged", Raster: "raster", Feedback: "feedback.simulator"}
+"""Modules that make the images of each control, imported with their kernels where they are needed."""
+
+
+class Stretch(NamedTuple):
+    """Lines that one tip scans."""
+
+    # first, last: from this line of the image to before that one
+    first: int
+    last: int
+    scope: Microscope
+    plan: Any  # what the simulator planned for them
+
+
+def simulator_of(control: Control) -> Simulator:
+    """Who makes the images of a control."""
+    if type(control) not in SIMULATORS:
+        raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
+    found: Simulator = import_module(f"phasemap.imaging.{SIMULATORS[type(control)]}").SIMULATOR
+    return found
+
+
+def plan_image(job: Job, survey: Survey) -> list[Stretch]:
+    """Plan an image for each tip that scans it.
+
+    `job`: its surface may be any part of the image's.
+    """
+    simulator, before = simulator_of(job.control), None
+    stretches = []
+    for rows, scope in scopes_by_row(job.realism, job.scope, job.place.image[0]):
+        mine = replace(job, scope=scope, place=job.place._replace(row=rows.start))
+        before = simulator.plan(mine, survey, before)
+        stretches.append(Stretch(rows.start, rows.stop, scope, before))
+    return stretches
+
+
+def fill_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = None) -> Any:
+    """Fill the canvas of a part of the image, to which the tip comes in a state, and return that in which it leaves.
+
+    Without time a changed tip is engaged anew.
+    """
+    simulator, top = simulator_of(job.control), job.place.row
+    for stretch in stretches:
+        first, last = max(stretch.first, top), min(stretch.last, top + job.surface.shape[0])
+        if first >= last:
+            continue
+        if first == stretch.first and not job.control.in_time:
+            state = None
+        rows = slice(first - top, last - top)
+        surface = job.surface if last - first == job.surface.shape[0] else job.surface.rows(rows)
+        part = replace(job, surface=surface, scope=stretch.scope, place=job.place._replace(row=first), memo=None)
+        mine = canvas.part(surface, rows)
+        state = simulator.fill(part, stretch.plan, mine, state)
+        canvas.note(mine.notes)
+    return state

@@ -29,9 +29,8 @@ from phasemap.imaging.canvas import Canvas, check_image
 from phasemap.imaging.checkpoint import Checkpoint, fill_kept
 from phasemap.imaging.dask import check_lazy, simulate_lazily
 from phasemap.imaging.imperfections import changes, drifted, finish
-from phasemap.imaging.job import Job
+from phasemap.imaging.job import Job, fill_part, plan_image, simulator_of
 from phasemap.imaging.materials import Place, survey
-from phasemap.imaging.plan import fill_part, plan_image, simulator_of
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.quantities import needs_of
 from phasemap.results.status import Status

@@ -16,11 +16,11 @@ import xarray as xr
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.files import replacing
 from phasemap._shared.pixels import coordinate_step, downwards
 from phasemap.io.gwyddion import MASKED, extra
 from phasemap.io.measured import one_scan
 from phasemap.io.metadata import CANONICAL, METRES
-from phasemap.io.whole_files import replacing
 
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
 OTHER_PALETTE = "Warm"

@@ -10,9 +10,9 @@ import xarray as xr
 
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.files import check_target, replacing
 from phasemap._shared.interrupts import EndlessError, interruptible
 from phasemap._shared.memory import check_fits
-from phasemap.io.whole_files import check_target, replacing
 
 if TYPE_CHECKING:
     import netCDF4

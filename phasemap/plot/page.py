@@ -175,7 +175,7 @@ class Page(Figure):
 
         Raises FileError if `path` cannot be written.
         """
-        from phasemap.io.whole_files import replacing
+        from phasemap._shared.files import replacing
 
         self.align_ylabels()
         if path is not None:

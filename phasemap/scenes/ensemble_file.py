@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.errors import FileError, InputError, PhasemapError
-from phasemap._shared.files import digest_of, reason_of
+from phasemap._shared.files import digest_of, reason_of, replacing
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened
-from phasemap.io.whole_files import replacing
 from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ import xarray as xr
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.files import check_target, replacing
 from phasemap._shared.notices import tell
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
@@ -27,7 +28,6 @@ from phasemap.experiment.surface import Surface
 from phasemap.io.measured import APART, level_height, one_scan, segment_height, segment_phase, separation_of
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
-from phasemap.io.whole_files import check_target, replacing
 from phasemap.scenes.objects import microscope_of
 from phasemap.scenes.placeholders import placeholder_with, placeholders, starts_of_contrast, with_own_damping
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables

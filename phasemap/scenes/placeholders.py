@@ -10,8 +10,8 @@ import numpy as np
 
 from phasemap._shared.notices import untold
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import damping_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import damping_of
 from phasemap.experiment.surface import Surface
 from phasemap.scenes.scene import Scene
 from phasemap.scenes.tables import Table

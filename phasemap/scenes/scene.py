@@ -34,8 +34,8 @@ from phasemap._shared.notices import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import of_one_loss
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import of_one_loss
 from phasemap.experiment.surface import Surface
 from phasemap.results.channels import split
 from phasemap.results.variables import describe

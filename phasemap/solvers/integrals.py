@@ -26,7 +26,7 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
     """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 16).
 
     `stiffness` (shape (n,)): k [Pa].
-    `film` (shape (n, 2)): of `phasemap.experiment.properties.film_of`.
+    `film` (shape (n, 2)): of `phasemap.experiment.material_rows.film_of`.
     """
     none = np.zeros_like(stiffness)
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)

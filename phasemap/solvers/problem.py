@@ -14,9 +14,8 @@ from phasemap._shared.notices import question
 from phasemap.experiment.arms import most_arms
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import rows_of
+from phasemap.experiment.material_rows import film_of, liquid_of, properties, relaxation_of, rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, liquid_of, properties, relaxation_of
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law, Oscillator

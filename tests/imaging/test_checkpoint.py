@@ -116,9 +116,8 @@ def test_surfaces_that_are_equal_give_equal_images_whatever_was_known_of_one() -
 def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) -> None:
     from phasemap.experiment.accuracy import Accuracy
     from phasemap.imaging.canvas import Canvas
-    from phasemap.imaging.job import Job
+    from phasemap.imaging.job import Job, fill_part, plan_image, simulator_of
     from phasemap.imaging.materials import Place, survey
-    from phasemap.imaging.plan import fill_part, plan_image, simulator_of
     from phasemap.results.variables import check_variables, variables_of
     from phasemap.solvers.solver import by_name
 

@@ -16,8 +16,8 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap._shared.errors import FileError
+from phasemap._shared.files import _host, check_target
 from phasemap.io import netcdf
-from phasemap.io.whole_files import _host, check_target
 
 DATA = Path(__file__).parents[1] / "data"
 

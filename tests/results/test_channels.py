@@ -18,8 +18,7 @@ from phasemap._kernels.orbits.kept import KEPT_COUNT
 from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE, WAVES
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
-from phasemap.experiment.material_rows import rows_of
-from phasemap.experiment.properties import properties
+from phasemap.experiment.material_rows import properties, rows_of
 from phasemap.results.quantities import CHANNELS, motion_of
 from phasemap.results.variables import FLOATS
 from phasemap.solvers.integrals import NONE, bare_rows, with_adhesion, with_forces

@@ -184,7 +184,7 @@ class Interaction(Shown):
     def remembering(self, rows: Array, relaxation: Array | None) -> bool:
         """Put what relaxes into the rows of `columns`, and say whether any of them remembers.
 
-        `relaxation` (shape (n, 4)): as `phasemap.experiment.properties.relaxation_of` has it.
+        `relaxation` (shape (n, 4)): as `phasemap.experiment.material_rows.relaxation_of` has it.
         Raises InputError if the contact law knows no memory.
         """
         if relaxation is not None:

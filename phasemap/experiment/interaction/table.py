@@ -115,8 +115,7 @@ class Table(ContactLaw):
         `depths` : sequence of float, optional
             Where it is asked [m]; by default densest at d = 0, from -100 to 20 nm.
         """
-        from phasemap.experiment.material_rows import rows_of
-        from phasemap.experiment.properties import properties
+        from phasemap.experiment.material_rows import properties, rows_of
 
         if depths is None:
             inner, outer = np.geomspace(LEAST, INNER, 300), np.geomspace(LEAST, OUTER, 300)

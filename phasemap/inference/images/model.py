@@ -16,9 +16,8 @@ from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.lever import lever_of, of_tip
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import rows_of
+from phasemap.experiment.material_rows import contact_stiffness, film_of, properties, rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import contact_stiffness, film_of, properties
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 from phasemap.inference.verdict import REACH
 

@@ -13,9 +13,8 @@ from phasemap._shared.notices import unquestioned
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import rows_of
+from phasemap.experiment.material_rows import film_of, properties, rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, properties
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.both_branches import stable_branches

@@ -14,8 +14,8 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.notices import untold
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
+from phasemap.experiment.material_rows import film_of, properties
 from phasemap.experiment.microscope import Microscope
-from phasemap.experiment.properties import film_of, properties
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import values_of
 from phasemap.imaging.imperfections import scopes_by_row

@@ -13,9 +13,8 @@ from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import LINES, Feedback
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.job import Job
+from phasemap.imaging.job import Job, Stretch, fill_part, plan_image, simulator_of
 from phasemap.imaging.materials import Place, survey
-from phasemap.imaging.plan import Stretch, fill_part, plan_image, simulator_of
 from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES
 from phasemap.solvers.solver import by_name
 from phasemap.validation.checking.picture import Picture
