@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 
 from phasemap._shared.errors import PhasemapError
 from phasemap.cli.arguments import add_files, check_files, print_files, whole
-from phasemap.cli.console import saying
 
 EXAMPLES = """examples:
   phasemap bench --quick
@@ -28,6 +30,27 @@ TABLES = {
 }
 """Modules that print a table of their own."""
 OF_THE_BOX = ("materials", "microscopes")
+
+
+@contextmanager
+def saying() -> Iterator[Callable[[str], None]]:
+    """Say on stderr what is being done: on one line that changes or, where that is not a terminal, on a line each."""
+    terminal, last = sys.stderr.isatty(), ""
+
+    def say(text: str) -> None:
+        nonlocal last
+        what = text.partition(":")[0]  # what follows counts
+        if terminal:
+            print(f"\r\x1b[K{text} ...", end="", file=sys.stderr, flush=True)
+        elif what != last:
+            print(f"{what} ...", file=sys.stderr, flush=True)
+        last = what
+
+    try:
+        yield say
+    finally:
+        if terminal:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

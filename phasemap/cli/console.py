@@ -21,11 +21,12 @@ STILL_COMPILING = "phasemap: no result yet; kernels are compiled for their first
 
 
 @contextmanager
-def patience() -> Iterator[Callable[[], None]]:
+def patience(quiet: bool = False) -> Iterator[Callable[[], None]]:
     """Say on stderr why nothing has come yet, unless the function that it gives is called in time."""
     timer = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
     timer.daemon = True
-    timer.start()
+    if not quiet:
+        timer.start()
     try:
         yield timer.cancel
     finally:
@@ -53,27 +54,6 @@ def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int]
             bar.update(done - bar.n)
 
         yield progress
-
-
-@contextmanager
-def saying() -> Iterator[Callable[[str], None]]:
-    """Say on stderr what is being done: on one line that changes or, where that is not a terminal, on a line each."""
-    terminal, last = sys.stderr.isatty(), ""
-
-    def say(text: str) -> None:
-        nonlocal last
-        what = text.partition(":")[0]  # what follows counts
-        if terminal:
-            print(f"\r\x1b[K{text} ...", end="", file=sys.stderr, flush=True)
-        elif what != last:
-            print(f"{what} ...", file=sys.stderr, flush=True)
-        last = what
-
-    try:
-        yield say
-    finally:
-        if terminal:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str]:

@@ -191,8 +191,6 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     print("\n".join(remarks(image)))
 
 
-Watched = Callable[[int, int], None]
-
 FEW = 6  # values that are listed
 
 
@@ -204,12 +202,10 @@ def run_ensemble(arguments: argparse.Namespace, ensemble: Ensemble, output: Path
         option = "--threads" if arguments.threads else "--strict"
         raise PhasemapError(f"{option} is for one image; an ensemble takes --workers, and its file counts what failed.")
     started, workers = time.perf_counter(), workers_of(arguments.workers)
+    with _counting_samples(output, arguments.quiet) as progress:
+        ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=progress)
     if arguments.quiet:
-        with _resumable(output) as watched:
-            ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
         return
-    with patience() as first_result, _counting_samples(first_result) as shown, _resumable(output, shown) as watched:
-        ensemble.simulate(output, workers=workers, overwrite=arguments.overwrite, progress=watched)
     with ending_at_once(f"the images are in {output}"):
         print_ensemble(ensemble)
         if (irregular := _count(output, "irregular")) != "none":
@@ -233,29 +229,17 @@ def print_ensemble(ensemble: Ensemble) -> None:
 
 
 @contextmanager
-def _resumable(output: Path, shown: Watched | None = None) -> Iterator[Watched]:
-    """Give a function of progress that remembers it, so that an interrupt can say what is kept."""
+def _counting_samples(output: Path, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """Give a function of progress, which draws a bar on stderr unless that is not wanted; Ctrl-C says what is kept."""
     kept = "nothing was written"
-
-    def progress(done: int, total: int) -> None:
-        nonlocal kept
-        if done:
-            kept = f"{done} of {total} samples are kept in {output}.parts; run the same command again to go on"
-        if shown is not None:
-            shown(done, total)
-
-    try:
-        yield progress
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(kept) from None
-
-
-@contextmanager
-def _counting_samples(first_result: Callable[[], None]) -> Iterator[Watched]:
-    """Give a function of progress that draws a bar on stderr if it takes more than a second."""
-    with bar_of(" samples") as bar:
+    with nullcontext() if quiet else bar_of(" samples") as bar, patience(quiet) as first_result:
 
         def progress(done: int, total: int) -> None:
+            nonlocal kept
+            if done:
+                kept = f"{done} of {total} samples are kept in {output}.parts; run the same command again to go on"
+            if bar is None:
+                return
             if bar.total is None:  # the first call says what an earlier run has done
                 bar.total, bar.initial = total, done
                 if done:
@@ -264,7 +248,10 @@ def _counting_samples(first_result: Callable[[], None]) -> Iterator[Watched]:
                 first_result()
             bar.update(done - bar.n)
 
-        yield progress
+        try:
+            yield progress
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(kept) from None
 
 
 def _count(output: Path, name: str) -> str:
