@@ -264,8 +264,8 @@ def test_surveys_of_parts_say_the_same_in_any_order() -> None:
                 cut = np.s_[top : top + 13, left : left + 17]
                 maps = {name: getattr(surface, name)[cut] for name in ("modulus", "damping")}
                 part = pm.Surface(**maps, adhesion=0.12, pixel_size=4e-9)
-                parts.append(survey.survey(part, most, Place(top, left, surface.shape)))
-        whole = survey.survey(surface, most, Place(0, 0, surface.shape))
+                parts.append(survey(part, most, Place(top, left, surface.shape)))
+        whole = survey(surface, most, Place(0, 0, surface.shape))
         for seed in range(3):
             shuffled = [parts[i] for i in np.random.default_rng(seed).permutation(len(parts))]
             joined = shuffled[0]
