@@ -17,23 +17,13 @@ from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.notices import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.beam import Eigenmode
-from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.interaction import (
-    Capillary,
-    Cone,
-    Film,
-    FlatPunch,
-    Interaction,
-    LossyDMT,
-    MaugisDugdale,
-    Neck,
-    Table,
-)  # fmt: skip
+from phasemap.experiment.control import Control
+from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.interaction.longrange import FORCES
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange, check_realism
 from phasemap.results.variables import describe
-from phasemap.scenes.objects import CONTROLS
+from phasemap.scenes.objects import CONTROLS, LAWS
 from phasemap.scenes.scene import Scene, scene_from_json
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
@@ -43,9 +33,8 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
-        Interaction, LossyDMT, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
-        TipChange,
+        *FORCES.values(), *LAWS.values(), *CONTROLS.values(), Accuracy, Cantilever, Drive, Eigenmode, Interaction,
+        Microscope, Mode, Realism, Tip, TipChange,
     )
 }  # fmt: skip
 """What `phasemap.results.variables.describe` describes."""
