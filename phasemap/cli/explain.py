@@ -191,6 +191,7 @@ def microscope_of(
 ) -> tuple[Microscope, list[str]]:
     """The microscope of files, or of a scene, with the numbers that the user says, and what is assumed of others."""
     from phasemap.inference.series.settings import scope_of
+    from phasemap.scenes.tables import value_of
 
     names = [word.partition("=")[0].strip().rpartition(".")[2] for word in words]
     scope, told = scope_of(images, scope, names)
@@ -201,11 +202,7 @@ def microscope_of(
             listed = ", ".join(f"{one}.{own}" for one, names in SETS.items() for own in names)
             hint = "It is for --free-amplitudes." if name == "free_amplitude" else ""
             raise InputError("a key of the microscope", key, listed, hint)
-        try:
-            value: Any = float(text)
-        except ValueError:
-            value = text.strip()
-        scope = replace(scope, **{part: replace(getattr(scope, part), **{name: value})})
+        scope = replace(scope, **{part: replace(getattr(scope, part), **{name: value_of(text)})})
     return scope, [one for one in told if not any(SAID.get(name, "-") in one for name in names)]
 
 

@@ -33,11 +33,6 @@ if TYPE_CHECKING:
     from phasemap.experiment.microscope import Microscope
     from phasemap.scenes.scene import Setup
 
-PARAMETERS = (
-    "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus", "relaxation_time",
-    "liquid_film", "contact_angle", "stiffness", "quality_factor", "radius", "free_amplitude", "decay_length", "bias",
-)  # fmt: skip
-AXES = ("distance", "setpoint", "frequency", *PARAMETERS)
 BEYOND = 5e-9  # farther than the free amplitude, where an approach begins [m]
 SETPOINTS = (0.98, 0.1)
 HALF_WIDTHS = 10.0  # on either side of the resonance
@@ -90,9 +85,10 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Sweep a material of a scene, write the files asked for, and print a summary."""
     from phasemap._shared.checks import check_choice
     from phasemap.scenes.scene import load_setup
+    from phasemap.solvers.continuation.path import UNITS
 
     started = time.perf_counter()
-    check_choice("AXIS", arguments.axis, AXES)
+    check_choice("AXIS", arguments.axis, dict.fromkeys(("distance", "setpoint", "frequency", *UNITS)))
     ends, points, overrides = _words(arguments.overrides, arguments.axis, arguments.points)
     setup = load_setup(arguments.scene, overrides)
     name, material = _material(setup, arguments.material)
@@ -150,7 +146,7 @@ def _axis_values(
 
     if points < 2:
         raise InputError("--points", points, "a whole number of at least 2")
-    logarithmic = arguments.log or (ends is None and arguments.axis in PARAMETERS)
+    logarithmic = arguments.log or (ends is None and arguments.axis not in ("distance", "setpoint", "frequency"))
     start, stop = ends or _usual_ends(arguments.axis, material, scope)
     if start == stop or not math.isfinite(start) or not math.isfinite(stop):
         raise InputError("START STOP", f"{start:g} {stop:g}", "two different finite numbers")
