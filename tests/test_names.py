@@ -85,5 +85,4 @@ def test_scenes_and_ensembles_show_themselves_in_a_few_lines() -> None:
     assert (
         len(said) < 900 and "setpoint 0.65" in said and "cantilever stiffness 2.8 N/m" in said and "drift 4 nm" in said
     )
-    assert "<caption>Scene</caption>" in scene._repr_html_() and "<th>tip</th>" in scene._repr_html_()
     assert repr(pm.load_ensemble("samples/ensemble.toml")).startswith("Ensemble(100 samples, varied: materials.ldpe")

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from phasemap._shared.arrays import Array, IntArray, chunks_of, is_lazy
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
-from phasemap._shared.fields import table
 from phasemap._shared.pixels import centres
 from phasemap._shared.units import say
 from phasemap.experiment.material_rows import MORE, distinct_materials
@@ -180,22 +179,15 @@ class Maps:
 
     def __repr__(self) -> str:
         """Say the size of the map and the range of each quantity."""
-        return f"Surface({', '.join(f'{name} {said}'.removeprefix('size ') for name, said in self._said().items())})"
-
-    def _repr_html_(self) -> str:
-        return table("Surface", self._said())
-
-    def _said(self) -> dict[str, str]:
-        """Size and ranges in words."""
         rows, columns = self.shape
         tall, wide = (say(side, "m") for side in self.pixel_size)
-        found = {"size": f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"}
+        found = [f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"]
         for name in QUANTITIES:
             value = getattr(self, name) if name not in ("poisson_ratio", "relaxation") else None
             if is_lazy(value):
                 blocks = chunks_of(value)
-                found[name] = f"in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels"
+                found.append(f"{name} in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels")
             elif value is not None:
                 ends = [say(float(end.reduce(value, None)), QUANTITIES[name].unit) for end in (np.fmin, np.fmax)]
-                found[name] = " to ".join(dict.fromkeys(ends))
-        return found
+                found.append(f"{name} {' to '.join(dict.fromkeys(ends))}")
+        return f"Surface({', '.join(found)})"

@@ -14,7 +14,6 @@ the lever are a number, ``modes = 2``, or tables ``[[cantilever.modes]]``. A con
 from __future__ import annotations
 
 import dataclasses
-import html
 import json
 import os
 import re
@@ -29,7 +28,7 @@ import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
-from phasemap._shared.fields import in_words, table
+from phasemap._shared.fields import in_words
 from phasemap._shared.notices import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
@@ -94,13 +93,6 @@ class Scene:
 
     def __repr__(self) -> str:
         """Say surface, lever, tip, drive and setpoint."""
-        return f"Scene({', '.join(f'{name} {said}' for name, said in self._said().items())})"
-
-    def _repr_html_(self) -> str:
-        return table("Scene", {name: html.escape(said) for name, said in self._said().items()})
-
-    def _said(self) -> dict[str, str]:
-        """What it is, in words."""
         scope = self.microscope
         said = {
             "source": str(self.source or ""),
@@ -109,7 +101,7 @@ class Scene:
             "setpoint": f"{self.options['setpoint']:g}",
             **{name: str(self.options[name]) for name in ("control", "realism")},
         }
-        return {name: text for name, text in said.items() if text}
+        return f"Scene({', '.join(f'{name} {text}' for name, text in said.items() if text)})"
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON."""

@@ -13,7 +13,6 @@ from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import SolveError
-from phasemap._shared.fields import table
 from phasemap._shared.units import say
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import of_tip
@@ -104,11 +103,6 @@ class Pixel:
         said = ", ".join(f"{name.replace('_', ' ')} {text}" for name, text in self._said(TOLD).items())
         found = f", {self.branch}, solved by {SOLVED_BY.get(self.solver, self.solver)}: {said}" if said else ""
         return f"Pixel({self.status.name.replace('_', ' ')}{found})"
-
-    def _repr_html_(self) -> str:
-        words = {"branch": self.branch, "motion": self.motion, "solver": SOLVED_BY.get(self.solver, self.solver)}
-        every = [name for name in Pixel.__annotations__ if name in FLOATS]
-        return table("Pixel", {"status": self.status.value, **words, **self._said(every)})
 
     def _said(self, names: Iterable[str]) -> dict[str, str]:
         """Numbers that are known, with their units."""

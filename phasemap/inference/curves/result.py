@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from phasemap._shared.fields import preformatted
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, Data, Setup
@@ -100,9 +99,6 @@ class Fit:
             f"{name} {shown(one, self.errors[name], self.units[name])}" for name, one in self.values.items()
         )
         return f"Fit({'good' if self.good else 'doubtful'}: {said})"
-
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
 
     def __str__(self) -> str:
         """A report with units."""

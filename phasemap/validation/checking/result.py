@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from phasemap._shared.fields import preformatted
 from phasemap.validation.checking.picture import Picture
 
 HOLDS, FAILS, OPEN = "holds", "FAILS", "not judged"
@@ -71,9 +70,6 @@ class Check:
     def __repr__(self) -> str:
         """The verdict."""
         return f"Check({self.verdict})"
-
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
 
     def __str__(self) -> str:
         """The table of claims, what was judged, and the verdict."""
