@@ -136,6 +136,17 @@ class Realism(Shown):
         check_choice("preset", name, PRESETS)
         return cls(**{**PRESETS[name], **changes})
 
+    @classmethod
+    def typical(cls, **changes: Any) -> Realism:
+        """What an instrument in an ordinary room adds: `preset` of the name "typical".
+
+        Examples
+        --------
+        >>> Realism.typical() == Realism.preset("typical")
+        True
+        """
+        return cls.preset("typical", **changes)
+
     def __str__(self) -> str:
         """What is on, with units; empty where nothing is."""
         along = ", ".join(say(one, "m") for one in self.drift)

@@ -383,7 +383,7 @@ def test_a_scene_with_typical_realism_is_scanned_in_time_with_noise_and_edges_as
     text = f'realism = "typical"\n{(SAMPLES / "step.toml").read_text()}'
     (tmp_path / "typical.toml").write_text(text)
     scene = load_scene(tmp_path / "typical.toml", ["surface.shape=[8, 48]", "realism.seed=3"])
-    assert scene.options["realism"] == pm.Realism.preset("typical", seed=3)
+    assert scene.options["realism"] == pm.Realism.typical(seed=3)
     assert scene.options["control"] == pm.Feedback(**TYPICAL_SCAN)
     bare = load_scene(SAMPLES / "step.toml", ["surface.shape=[8, 48]"])
     assert scene.surface == bare.surface.seen_by(scene.microscope, 0.7) != bare.surface
@@ -402,7 +402,7 @@ def test_what_a_scene_says_itself_holds_beside_typical_realism() -> None:
     ]
     scene = load_scene(SAMPLES / "step.toml", overrides)
     assert scene.options["control"] == pm.Raster()
-    expected = pm.Realism.preset("typical", temperature=None, detector_noise=None, line_offset=1e-9)
+    expected = pm.Realism.typical(temperature=None, detector_noise=None, line_offset=1e-9)
     assert scene.options["realism"] == expected  # for noise acts in time only
     faster = load_scene(SAMPLES / "step.toml", ["realism.preset=typical", "control.line_rate=6"])
     assert faster.options["control"] == pm.Feedback(line_rate=6.0, bandwidth=TYPICAL_SCAN["bandwidth"])
