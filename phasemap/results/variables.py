@@ -265,6 +265,9 @@ def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES)
 
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
     """Global attributes that say where a Dataset comes from."""
+    from importlib import import_module
+
+    import_module("phasemap.results.accessor")  # from now on Datasets have ``.phasemap``
     release = _release()
     scope = configuration.get("microscope")
     detected = {} if scope is None else {"detected": DETECTED[scope["drive"]["excitation"]]}

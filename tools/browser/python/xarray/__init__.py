@@ -83,3 +83,8 @@ class Dataset:
 
 
 Variable = DataArray
+
+
+def register_dataset_accessor(_):
+    """Nothing looks at a table here."""
+    return lambda accessor: accessor
