@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -75,12 +75,8 @@ def check_overrides(overrides: Iterable[str], varied: Iterable[str]) -> None:
             raise InputError("override", override, f"a key that the ensemble does not vary, not {', '.join(both)}")
 
 
-class Law(Protocol):
-    """How the values of a key are drawn."""
-
-    def draw(self, rng: np.random.Generator) -> Any:
-        """Draw one value."""
-        ...
+Draw = Callable[[np.random.Generator], Any]
+"""How a value of a key is drawn."""
 
 
 @dataclass(frozen=True)
@@ -118,15 +114,9 @@ class Range:
         return self.low + (self.high - self.low) * share
 
 
-@dataclass(frozen=True)
-class Choice:
+def _one_of(options: Sequence[Any]) -> Draw:
     """One of several values, each as likely."""
-
-    options: tuple[Any, ...]  # values that the key may have
-
-    def draw(self, rng: np.random.Generator) -> Any:
-        """Draw one value."""
-        return self.options[int(rng.integers(len(self.options)))]
+    return lambda rng: options[int(rng.integers(len(options)))]
 
 
 def _drawn(table: Table) -> tuple[Table, ...]:
@@ -134,16 +124,16 @@ def _drawn(table: Table) -> tuple[Table, ...]:
     check_keys("[ensemble]", table, ("count", "seed", "vary"), ("count", "vary"))
     count, seed = whole("[ensemble] count", table["count"], 1), whole("[ensemble] seed", table.get("seed", 0), 0)
     whole("[ensemble] count", count, 1, MOST)
-    laws = dict(laws_of(table["vary"])) if isinstance(table["vary"], dict) else {}
+    laws = dict(_laws_of(table["vary"])) if isinstance(table["vary"], dict) else {}
     if not laws:
         raise InputError("[ensemble] vary", table["vary"], "a table of keys, such as scan.setpoint = [0.5, 0.7]")
     return tuple(
-        {key: law.draw(np.random.default_rng([seed, sample, *key.encode()])) for key, law in laws.items()}
+        {key: draw(np.random.default_rng([seed, sample, *key.encode()])) for key, draw in laws.items()}
         for sample in range(count)
     )
 
 
-def laws_of(table: Table, prefix: str = "") -> Iterator[tuple[str, Law]]:
+def _laws_of(table: Table, prefix: str = "") -> Iterator[tuple[str, Draw]]:
     """The keys of ``vary``, quoted or not, and how each is drawn."""
     for name, value in table.items():
         key = f"{prefix}{name}"
@@ -151,17 +141,17 @@ def laws_of(table: Table, prefix: str = "") -> Iterator[tuple[str, Law]]:
         if isinstance(value, list):
             if not value:
                 raise InputError(shown, value, "a list of at least one value")
-            yield key, Choice(tuple(plain(shown, key, one) for one in value))
+            yield key, _one_of([plain(shown, key, one) for one in value])
         elif not isinstance(value, dict):
             raise InputError(shown, value, "a list of values, or { low = ..., high = ... }")
         elif any(not isinstance(value.get(end, []), (dict, list)) for end in ("low", "high")):
             check_keys(shown, value, ("low", "high", "scale", "whole"), ("low", "high"))
             ends = {end: plain(f"{shown} {end}", key, value[end]) for end in ("low", "high")}
-            yield key, construct(shown, {**value, **ends}, Range)
+            yield key, construct(shown, {**value, **ends}, Range).draw
         elif key.count(".") > DEEPEST:
             raise InputError("key of [ensemble.vary]", key, "table.key, such as scan.setpoint")
         else:
-            yield from laws_of(value, f"{key}.")
+            yield from _laws_of(value, f"{key}.")
 
 
 def _read(folder: Path, table: Table) -> tuple[Table, ...]:
