@@ -47,7 +47,12 @@ TURN_SIN = 11
 RIGID = 12  # amplitude [m] with which the tip moves in phase with the drive and not by a mode: of a driven base
 RINGING = 13  # periods in which motion rings down, where the surface takes part in it; 0: as the first mode does
 MODES = 14  # number of modes
-MODE = 15  # where the first begins; of each, in units of the first mode's stiffness, frequency and time:
+SECOND_FREE = 15  # free amplitude of a second mode that is driven too [m], at the tip; 0 where it is not
+SECOND_HELD = 16  # 1 where a phase-locked loop and a gain hold its resonance and its amplitude
+SECOND_FORCE = 17  # amplitude of the second drive's force at the tip over k [m], 0 but where the march has both drives
+SECOND_OMEGA = 18  # its frequency [1]
+SECOND_PHASE = 19  # its phase where a period of the first drive begins
+MODE = 20  # where the first begins; of each, in units of the first mode's stiffness, frequency and time:
 MODE_NUMBERS = 5
 FREQUENCY = 0  # w_i, its resonance [1]
 RATE = 1  # alpha_i = w_i / (2 Q_i), at which it rings down [1]

@@ -30,6 +30,8 @@ def lever_of(scope: Microscope) -> Array:
     lever = np.zeros(col.MODE + col.MODE_NUMBERS * len(modes))
     lever[[col.OMEGA, col.ALPHA0, col.STIFFNESS, col.RIGID]] = omega, first, scope.cantilever.stiffness, rigid
     lever[col.MODES] = len(modes)
+    if (second := scope.drive.second) is not None:
+        lever[[col.SECOND_FREE, col.SECOND_HELD]] = second.free_amplitude, second.detection == "fm"
     lever[col.MODE :] = np.stack([w, rate, share, pulled, weights], axis=1).reshape(-1)
     # Written so that with one mode all is a polynomial of omega, or constant, to the last bit.
     stiff = w**2 - omega**2 + 2j * rate * omega

@@ -48,6 +48,12 @@ class InTime:
         if len(chosen):
             self._march(march_rows, work, chosen, answers, periods)
 
+    def engage_with_second_drive(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
+        """March the chosen rows from far while the second mode is driven too; amplitudes are the detector's."""
+        from phasemap._kernels.rows.marched import second_drive_rows
+
+        self._march(second_drive_rows, work, chosen, answers, periods)
+
     def _march(self, rows_of: Any, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
         """Let a kernel of `rows.marched` fill the chosen rows."""
         from phasemap._kernels.lever import slowest_decay

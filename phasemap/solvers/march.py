@@ -67,6 +67,14 @@ class FromFar(March):
         self.engage(work, np.arange(first, last), answers, accuracy.periods)
 
 
+class BothDrives(FromFar):
+    """The march, engaged from far, under both drives of a lever whose second mode is driven too."""
+
+    def solve(self, work: Work, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
+        """See `phasemap.solvers.solver.Solver`."""
+        self.engage_with_second_drive(work, np.arange(first, last), answers, accuracy.periods)
+
+
 class OnlyInTime(FromFar):
     """The march for surfaces that remember or are wet, and another solver for the materials among them that are not.
 

@@ -13,7 +13,7 @@ from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.detected_setpoint import at_tip, shown
-from phasemap.solvers.march import OnlyInTime, check_marches
+from phasemap.solvers.march import BothDrives, March, OnlyInTime, check_marches
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import Solver
 
@@ -37,6 +37,8 @@ def run(
     if work.in_time and not isinstance(solver, OnlyInTime):
         check_marches(solver.name)
         solver = OnlyInTime(solver)
+    if work.lever[col.SECOND_FREE] > 0.0 and isinstance(solver, March):
+        solver = BothDrives(solver.eta)
     count = len(work)
     rows = np.full((count, col.COLUMNS if widen is None else WIDE), np.nan)
     status, used = work.refused(), np.full(count, -1, np.int8)

@@ -14,6 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.second_drive import felt_by_second_mode, hold_second_mode, pass_period, window
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
@@ -50,6 +51,9 @@ class Total:
     angle: float  # [rad], from a phasor of `LockIn`
     angle2: float  # its square
     offset: float  # tip offset [m]
+    averages: float  # of what a second mode feels
+    felt_re: float  # what the surface adds to its dynamic stiffness [1]
+    felt_im: float
 
 
 @record
@@ -114,6 +118,9 @@ def add_total(total: Total, more: Total) -> None:
     total.angle += more.angle
     total.angle2 += more.angle2
     total.offset += more.offset
+    total.averages += more.averages
+    total.felt_re += more.felt_re
+    total.felt_im += more.felt_im
 
 
 @kernel
@@ -127,7 +134,8 @@ def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers,
     lock_in.change, total.period.deepest, lock_in.least_depth = 0.0, -math.inf, math.inf
     keep = math.exp(-2.0 * math.pi * BANDWIDTH)
     acc, (way, gain, setpoint) = tip.acc, move
-    for _ in range(count):
+    second, driven = complex(0.0, 0.0), lever[col.SECOND_FORCE] > 0.0
+    for i in range(count):
         tip.u[Z0] -= way + gain * (math.hypot(lock_in.low_cos, lock_in.low_sin) - setpoint)
         tip.periods.marched += 1
         if march_period(oscillator, tip.u[Z0], step_size, tip.u, acc) < 0:
@@ -147,6 +155,13 @@ def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers,
         total.angle2 += angle * angle
         lock_in.change = max(lock_in.change, math.hypot(cosine - lock_in.last_cos, sine - lock_in.last_sin))
         lock_in.low_cos, lock_in.low_sin, lock_in.last_cos, lock_in.last_sin = x, y, cosine, sine
+        if driven:
+            second += window(i, count) / count * complex(acc.second_cos, -acc.second_sin)
+            pass_period(lever)
+    if driven:
+        felt = felt_by_second_mode(lever, second)
+        total.averages, total.felt_re, total.felt_im = 1.0, felt.real, felt.imag
+        hold_second_mode(lever, felt)
     return True
 
 

@@ -33,7 +33,8 @@ from phasemap._kernels.engagement.averages import (
 from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.excitation import seen_phasor, sees_tip
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import free_amplitude, mode_of
+from phasemap._kernels.orbits.kept import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
 from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, skip
 from phasemap._kernels.orbits.time.tip import (
     Z0,
@@ -246,6 +247,9 @@ def fill_mean(
         row[col.AMPLITUDE] = amplitude
     fill_spread(total, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = errors.lag, errors.offset
+    if total.averages > 0.0 and len(row) > KEPT_NODES:
+        felt = lever[col.STIFFNESS] / (mode_of(lever, 1).share * total.averages)
+        row[KEPT_COUNT], row[FELT_RE], row[FELT_IM] = SECOND_IN_TIME, felt * total.felt_re, felt * total.felt_im
     if controller.sticky:
         row[col.PHASE] += errors.lag_off
     else:
@@ -291,7 +295,7 @@ def hold_mean(
     while good and says == TOO_FEW and tip.periods.marched + slow.size * block <= most_periods:
         good, series = take_group(oscillator, slow, tip, lock_in, series, of)
         still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
-        if still and skip(oscillator, tolerance, amplitude, tip):
+        if still and lever[col.SECOND_FORCE] == 0.0 and skip(oscillator, tolerance, amplitude, tip):
             fill_orbit(lever, tip, row)  # it repeats itself by now
             return col.GOOD
         says = judge_groups(lever, slow, series, most_periods, of)

@@ -58,6 +58,7 @@ from phasemap._kernels.engagement.lowering import (
     too_far,
 )
 from phasemap._kernels.engagement.ringing import LONG_RINGING, engage_ringing
+from phasemap._kernels.engagement.second_drive import begin_second_drive, pass_period
 from phasemap._kernels.engagement.stuck import (
     JUMPS_FREE,
     JUMPS_TO_TAPPING,
@@ -261,6 +262,27 @@ def engage_by_march(
     return approach_by_march(
         oscillator, amplitude, z0, 0.1 * scale_of(oscillator, free) + 1e-3 * free, step_size, most_periods, row
     )
+
+
+@kernel
+def engage_with_second_drive(
+    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
+) -> int:
+    """Engage from far a lever whose second mode is driven too, as `engage_by_march`: no period is like the next."""
+    law, p, shared = oscillator
+    lever = np.empty(len(shared))
+    copy(shared, lever)
+    own, free = Oscillator(law, p, lever), free_amplitude(lever)
+    u = free_state(law, lever, free * far_start(oscillator, reach_of(law, p), free, amplitude))
+    begin_second_drive(lever, u)
+    tip, row[:] = Tip(u, PeriodResult(), PeriodMap(), Periods()), math.nan
+    if not march_tip(own, step_size, tip):
+        return col.NOT_SETTLED
+    pass_period(lever)
+    ends = move_slowly(own, amplitude, math.inf, coarse_tolerance(step_size, amplitude), most_periods, tip)
+    if ends == AMPLITUDE_SEEN:
+        return hold_mean(own, amplitude, EAGER_GAIN, step_size, most_periods, tip, row)
+    return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
 
 
 @kernel

@@ -21,6 +21,8 @@ MOST_KEPT_NODES = 40 * NODES  # of most orbits: few have more
 FAINT_DRIVE = 0.01  # of the amplitude: the largest drive
 # Columns of the row: how many nodes there are, sums of 1/|dd/dtheta| [1/m] where contacts begin and end, the nodes
 KEPT_COUNT, KEPT_BEGINS, KEPT_ENDS, KEPT_NODES = range(col.COLUMNS, col.COLUMNS + 4)
+# In place of the count, where two drives were marched: what the second mode felt [N/m] stands in the next two columns.
+SECOND_IN_TIME, FELT_RE, FELT_IM = -1.0, KEPT_BEGINS, KEPT_ENDS
 KEEPING = KEPT_NODES + 6 * MOST_KEPT_NODES
 
 

@@ -9,9 +9,10 @@ from phasemap._kernels.engagement.orbit_of_row import Again, nodes_of, room_agai
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.around import OrbitNodes, moves
 from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, room_for_loads
+from phasemap._kernels.orbits.kept import FELT_IM, FELT_RE, KEPT_COUNT, SECOND_IN_TIME
 from phasemap._kernels.orbits.response.orbit import Room
 from phasemap._kernels.rows.answers import Pixels, oscillator_of
-from phasemap._kernels.wide import SolvedRows
+from phasemap._kernels.wide import DRAG, GRADIENT, SIDEBANDS, SolvedRows
 
 
 @kernel
@@ -28,7 +29,10 @@ def force_rows(pixels: Pixels, tables: np.ndarray, second: int, solved: SolvedRo
     again = room_again(pixels.lever, tables, at, Room())
     for i in range(len(solved.rows)):
         oscillator = oscillator_of(pixels, i)
-        if _finds_nodes(oscillator, solved, i, again):
+        if solved.kept.shape[1] > 0 and solved.kept[i, KEPT_COUNT] == SECOND_IN_TIME:
+            row, kept = solved.rows[i], solved.kept[i]
+            row[GRADIENT], row[DRAG], row[SIDEBANDS], row[SIDEBANDS + 1] = kept[FELT_RE], 0.0, 0.0, -kept[FELT_IM]
+        elif _finds_nodes(oscillator, solved, i, again):
             fill_force_integrals(oscillator, at, second, room, solved.rows[i])
 
 

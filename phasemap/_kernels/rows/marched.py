@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import sure_orbit
 from phasemap._kernels.engagement.holding import settle, settle_remembering
-from phasemap._kernels.engagement.in_time import engage_by_march
+from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.relaxing import ContactMemory
@@ -31,6 +31,16 @@ def march_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndar
             status[i] = settle(oscillator, amplitude, step_size, most_periods, out[i])
         else:
             status[i] = engage_by_march(oscillator, amplitude, step_size, most_periods, out[i])
+        if status[i] != col.GOOD:
+            out[i] = math.nan
+
+
+@kernel
+def second_drive_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndarray, status: np.ndarray) -> None:
+    """Motion that holds each amplitude in time while a second mode is driven too, engaged from far."""
+    for i in range(len(out)):
+        oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
+        status[i] = engage_with_second_drive(oscillator, amplitude, step_size, most_periods, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
 

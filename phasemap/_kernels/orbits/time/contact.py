@@ -49,7 +49,10 @@ class Moved:
     mean_z: float  # of z [m]
     loss: float  # of the energy into the surface, over stiffness [m2]
     virial: float  # of -F z/k, with the damping force [m2]
-    air: float  # of v^2 [m2]; of several modes the sum of that, each times its `Modes.loss`
+    # of v^2 [m2]; of several modes the sum of that, each times its `Modes.loss`, less what a second drive gives
+    air: float
+    second_cos: float  # of the second mode's displacement, with the phase of a second drive [m]
+    second_sin: float
 
 
 @record

@@ -30,6 +30,9 @@ class Modes:
     drive_re: np.ndarray = column(col.MOST_MODES)  # D_i [m]
     drive_im: np.ndarray = column(col.MOST_MODES)
     loss: np.ndarray = column(col.MOST_MODES)  # what its damping takes, over what that of the first does [1]
+    second: float  # amplitude of the force of a second drive over k [m], 0 without one
+    second_omega: float  # its frequency [1]
+    second_phase: float  # its phase where the period begins
 
 
 @kernel
@@ -48,6 +51,8 @@ def fill_modes(lever: np.ndarray, modes: Modes) -> None:
     if modes.count < 2:
         return
     modes.share = 0.0
+    modes.second, modes.second_omega = lever[col.SECOND_FORCE], lever[col.SECOND_OMEGA]
+    modes.second_phase = lever[col.SECOND_PHASE]
     for i in range(modes.count):
         mode, drive = mode_of(lever, i), drive_of_mode(lever, i)
         modes.square[i], modes.damping[i], modes.shares[i] = mode.square, 2.0 * mode.rate, mode.share

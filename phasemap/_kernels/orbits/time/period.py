@@ -192,6 +192,8 @@ def _move_on(here: Here, motion: Motion) -> None:
     sums.loss += end.loss
     sums.virial += end.virial
     sums.air += end.air
+    sums.second_cos += end.second_cos
+    sums.second_sin += end.second_sin
     c, s = turn(angle) if angle < SMALL_TURN else (math.cos(angle), math.sin(angle))
     motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
     motion.time += end.passed
@@ -247,6 +249,7 @@ def end_period(lever: np.ndarray, here: Here, motion: Motion, depth: float, y: n
     for j in range(2 * here.beam.modes.count - 2):
         y[PLAIN_STATE + j] = motion.here.at.modes[j]
     acc.cos, acc.sin = sums.cos * omega / math.pi, sums.sin * omega / math.pi
+    acc.second_cos, acc.second_sin = sums.second_cos * omega / math.pi, sums.second_sin * omega / math.pi
     acc.mean_z = sums.mean_z * omega / (2 * math.pi)
     acc.loss = sums.loss * stiffness
     acc.virial = sums.virial * stiffness * omega / (2 * math.pi)

@@ -8,6 +8,7 @@ numbers of a lever with one mode have a length that LLVM knows: they are written
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numba
@@ -32,6 +33,7 @@ from phasemap._kernels.records import numbers_of, record
 
 ONE_MODE = PLACE_OF_X + 3  # numbers that a step moves, with one mode; each other one has two more
 INTEGRALS = ONE_MODE + 2 * col.MOST_MODES - 2  # where those begin that a step adds up
+ONE_DRIVE = INTEGRALS + 6  # where those begin that a second drive has
 
 Numbers = tuple[float, ...]
 
@@ -138,17 +140,23 @@ def _fill_slopes(
         a = beam.drive * c - z - push.force - (2 * beam.alpha0 + push.drag) * v
         air = v * v
     else:
-        first, first_speed, a, air = z, v, 0.0, 0.0
+        first, first_speed, a, air, pull = z, v, 0.0, 0.0, whole
+        if modes.second > 0.0:
+            angle = modes.second_phase + modes.second_omega * (start.time + y.passed)
+            c2, s2 = math.cos(angle), math.sin(angle)
+            pull -= modes.second * c2
+            air -= 0.5 / beam.alpha0 * modes.second * c2 * v
+            k.second_cos, k.second_sin = w * y.modes[0] * c2, w * y.modes[0] * s2
         for i in range(1, modes.count):
             own, speed = y.modes[2 * i - 2], y.modes[2 * i - 1]
-            rise = modes.drive_re[i] * c - modes.drive_im[i] * s - modes.shares[i] * whole
+            rise = modes.drive_re[i] * c - modes.drive_im[i] * s - modes.shares[i] * pull
             rise -= modes.square[i] * own + modes.damping[i] * speed
             k.modes[2 * i - 2], k.modes[2 * i - 1] = w * speed, w * rise
             a += rise
             air += modes.loss[i] * speed * speed
             first -= own
             first_speed -= speed
-        a += modes.drive_re[0] * c - modes.drive_im[0] * s - modes.shares[0] * whole
+        a += modes.drive_re[0] * c - modes.drive_im[0] * s - modes.shares[0] * pull
         a -= modes.square[0] * first + modes.damping[0] * first_speed
         air += modes.loss[0] * first_speed * first_speed
     k.v, k.passed = w * a, w
@@ -209,7 +217,7 @@ def _step(here: Here, start: Instant, off: bool, many: bool, point: Point, h: fl
     _fill_slopes(here, start, off, many, m.now, m.k12, True)
     for j in range(first, count):
         out[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
-    for j in range(INTEGRALS, len(out)):
+    for j in range(INTEGRALS, len(out) if many else ONE_DRIVE):
         out[j] = along(0.0, h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
 
 

@@ -23,8 +23,9 @@ HIGHER_WEIGHT = 0.4
 
 @kernel(inline=True)
 def flies_freely(contact: Any, beam: Beam) -> bool:
-    """Whether a lever with several modes feels nothing out of contact: its flight is one exact step."""
-    return beam.modes.count > 1 and contact.p[col.LONGRANGE] == 0.0 and contact.law.lossy == 0
+    """Whether a lever with several modes and one drive feels nothing out of contact: its flight is one exact step."""
+    alone = contact.p[col.LONGRANGE] == 0.0 and contact.law.lossy == 0
+    return beam.modes.count > 1 and alone and beam.modes.second == 0.0
 
 
 @kernel

@@ -40,6 +40,8 @@ class PeriodResult:
     virial: float  # -<F z> [J]
     air: float  # energy into the lever's own damping [J]
     deepest: float  # largest depth [m]
+    second_cos: float  # cosine and sine part of the second mode's displacement with the phase of a second drive [m]
+    second_sin: float
 
 
 @record

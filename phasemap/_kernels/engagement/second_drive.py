@@ -1,0 +1,70 @@
+"""A second mode that is driven at its own frequency, marched together with the first.
+
+    y2'' + 2 alpha2 y2' + w2^2 y2 = share2 (U2 cos(psi) - F/k),    psi' = omega2
+
+What the surface adds to the second mode is the force's part at omega2 over its motion: with Y2 the complex amplitude
+that a lock-in shows at omega2,
+
+    kappa2 = share2 U2 / Y2 - (w2^2 - omega2^2 + 2 i alpha2 omega2)    [1]
+
+A phase-locked loop makes omega2^2 = w2^2 + Re(kappa2), where the mode lags by 90 degrees, and a gain holds |Y2|.
+Theory, Eqs. (bimodal-1) to (bimodal-3).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.lever import mode_of
+from phasemap._kernels.orbits.time.tip import PLAIN_STATE
+
+LOOP_GAIN = 0.7  # of both loops: share of what an average asks for, by which they go
+LEAST_SQUARE = 0.25  # of w2^2, to which the square of the frequency may fall
+
+
+@kernel
+def begin_second_drive(lever: np.ndarray, u: np.ndarray) -> None:
+    """Drive the second mode as where it is free, and let it swing so in a state at which a period begins."""
+    mode, size = mode_of(lever, 1), lever[col.SECOND_FREE]
+    omega = math.sqrt(mode.square)
+    lever[col.SECOND_FORCE] = 2.0 * mode.rate * omega * size / mode.share
+    lever[col.SECOND_OMEGA], lever[col.SECOND_PHASE] = omega, 0.0
+    u[PLAIN_STATE + 1] += omega * size  # of the lag of 90 degrees: y2 = A2 sin(psi)
+
+
+@kernel
+def pass_period(lever: np.ndarray) -> None:
+    """Let the second drive's phase be where the next period of the first begins."""
+    turn = 2.0 * math.pi
+    phase = lever[col.SECOND_PHASE] + lever[col.SECOND_OMEGA] * turn / lever[col.OMEGA]
+    lever[col.SECOND_PHASE] = phase - turn * math.floor(phase / turn)
+
+
+@kernel
+def window(i: int, count: int) -> float:
+    """Weight of period i of `count`, of mean 1: Hann's window, in which harmonics of the first drive leave nothing."""
+    return 1.0 - math.cos(2.0 * math.pi * (i + 0.5) / count)
+
+
+@kernel
+def felt_by_second_mode(lever: np.ndarray, phasor: complex) -> complex:
+    """What the surface adds to the dynamic stiffness of the second mode [1], by its complex amplitude [m]."""
+    mode, omega = mode_of(lever, 1), lever[col.SECOND_OMEGA]
+    own = complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
+    return mode.share * lever[col.SECOND_FORCE] / phasor - own
+
+
+@kernel
+def hold_second_mode(lever: np.ndarray, felt: complex) -> None:
+    """Move frequency and force of the second drive towards resonance and amplitude, where loops hold these."""
+    if lever[col.SECOND_HELD] == 0.0:
+        return
+    mode = mode_of(lever, 1)
+    omega = math.sqrt(mode.square * max(1.0 + felt.real / mode.square, LEAST_SQUARE))
+    force = abs(2.0 * mode.rate * omega + felt.imag) * lever[col.SECOND_FREE] / mode.share
+    lever[col.SECOND_OMEGA] += LOOP_GAIN * (omega - lever[col.SECOND_OMEGA])
+    lever[col.SECOND_FORCE] += LOOP_GAIN * (force - lever[col.SECOND_FORCE])
