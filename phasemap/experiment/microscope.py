@@ -50,7 +50,7 @@ class Tip(Shown):
 @known_as(A="free_amplitude")
 @dataclass(frozen=True, repr=False)
 class Mode(Shown):
-    """The second mode of the lever, driven together with the first, and so little that it only feels its way.
+    """The second mode of the lever, driven together with the first; mostly so little that it only feels its way.
 
     Parameters
     ----------
@@ -95,7 +95,8 @@ class Drive(Shown):
         is 0 for the free lever at resonance. The difference is of the order 1/Q.
     second : Mode, optional
         Drives the lever's second mode at its own frequency too, by a force on the tip. It is taken to move by much less
-        than the indentation, so that the orbit is as without: `phasemap.channels` says what it shows.
+        than the indentation, so that the orbit is as without: `phasemap.channels` says what it shows. The solver
+        "march" integrates both drives at once, whatever the amplitudes.
 
     Examples
     --------

@@ -86,7 +86,8 @@ def channels(
           Hertz contact, ``bimodal_modulus`` E* [Pa] and ``bimodal_indentation`` [m]. The second mode is taken to move
           much less than the tip indents, ``mode2_over_depth`` [1] is how much it does, and the tap to be gentle:
           ``bimodal_modulus_bound`` [1] is how far the modulus may be from that of two modes integrated in time. The
-          second mode counts as a small one where that is at most 0.01.
+          second mode counts as a small one where that is at most 0.01. Images by the solver "march" have both drives
+          integrated: there ``mean_gradient`` and ``sideband_loss`` are what the second mode felt.
 
         The first four are the orbit's own where the image has ``dissipation`` and ``virial``, and else follow from
         amplitude and phase (of the first harmonic alone); the attribute ``derived_from`` of each says which. With

@@ -45,13 +45,14 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
                 "Raise the setpoint, lower the free amplitude, or give a larger radius."
             )
     yield from _of_films(ds, configuration, what)
-    if "bimodal_modulus_bound" in ds:
+    if "bimodal_modulus_bound" in ds and configuration.get("solver") != "march":
         bound = ds["bimodal_modulus_bound"].values
         if (rough := bound > SMALL_SECOND).any():
             yield (
                 f"{_of(rough, what)}: the second mode moves too much, or the tap is too hard, to know the bimodal "
                 f"modulus to 5 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
-                "free_amplitude to a twentieth of the indentation, or raise the setpoint."
+                "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march', "
+                "which integrates both drives."
             )
     if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):
         inside = ds["tip_offset"].values < ds["mean_deflection"].values

@@ -11,6 +11,7 @@ import pytest
 from cases import Case, load
 
 import phasemap as pm
+from phasemap.results.validity import describe_validity
 
 CASES = load("bimodal")
 SMALL, LARGE = CASES[:4], CASES[4:7]  # A2 of 0.1 nm; the first case over with 0.5, 1 and 2 nm
@@ -78,6 +79,34 @@ def test_the_modulus_is_that_of_two_modes_in_time_within_its_bound(case: Case) -
     away = abs(off(case))
     # To first order: more than it says where the second mode moves by nearly half the depth and more.
     assert away < image["bimodal_modulus_bound"] * (1 if image["mode2_over_depth"] < 0.3 else 1.5)
+
+
+IN_TIME = (CASES[1], LARGE[0], LARGE[2], CASES[14], CASES[16])  # two cantilevers, elastic and viscous, up to 2 nm
+
+
+@pytest.mark.parametrize("case", IN_TIME, ids=range(len(IN_TIME)))
+def test_both_drives_in_time_are_those_of_another_code(case: Case) -> None:
+    scope = scope_of({**case, "second_free_amplitude": case["second_amplitude"]})  # which a loop holds here
+    image = pm.simulate(surface_of(case), scope, case["setpoint"], "march")
+    assert image.status.item() == 0
+    # That code drives each mode alone and shows the first alone: the other's answer at the first drive, k/k2 of the
+    # force, turns the phase by up to 0.01 degree. It holds the setpoint to 0.1 pm in the amplitude of the first mode,
+    # of which the second's part is some pm, and resonance to 2e-6 of the answer: 2 Hz.
+    assert image.phase.item() == pytest.approx(case["phase"], abs=0.012)
+    assert image.tip_offset.item() == pytest.approx(case["tip_offset"], abs=7e-12)
+    assert image.indentation.item() == pytest.approx(case["indentation"], abs=2e-13)
+    assert image.mode2_frequency_shift.item() == pytest.approx(case["frequency_shift"], abs=2)
+    assert not describe_validity(image)
+
+
+def test_with_a_fixed_second_drive_a_small_mode_answers_in_time_as_the_quadrature_says() -> None:
+    case = SMALL[1]
+    told = found(case, "am")
+    marched = pm.simulate(surface_of(case), scope_of(case, "am"), case["setpoint"], "march")
+    # As for the frequency shift above.
+    assert marched.mode2_amplitude.item() == pytest.approx(told["mode2_amplitude"], rel=4e-3)
+    assert marched.mode2_phase.item() == pytest.approx(told["mode2_phase"], abs=0.3)
+    assert pm.check(marched, surface_of(case)).holds
 
 
 def test_no_bound_is_stated_where_the_second_mode_is_pumped() -> None:

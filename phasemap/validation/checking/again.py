@@ -109,9 +109,12 @@ def after(progress: Progress | None, done: int, total: int) -> Progress | None:
 def _parts(picture: Picture, surface: Surface, pixels: Pixels) -> list[_Part]:
     """Pixels by the tip that scans them."""
     claims, size = picture.claims, surface.shape[0] * surface.shape[1]
+    microscope = claims.microscope
+    if claims.solver != "march":  # which alone has both drives at once: elsewhere the orbit is that of the first
+        microscope = replace(microscope, drive=replace(microscope.drive, second=None))
     line = pixels % size // surface.shape[1]
     parts = []
-    for rows, scope in scopes_by_row(claims.realism, claims.microscope, surface.shape[0]):
+    for rows, scope in scopes_by_row(claims.realism, microscope, surface.shape[0]):
         some = np.flatnonzero((line >= rows.start) & (line < rows.stop))
         if len(some):
             parts.append(_Part(some, *_work(surface, pixels[some] % size, scope, claims.amplitude)))

@@ -145,8 +145,9 @@ def check(
     drawn = sample(picture, pixels, seed)
     acts = claims.microscope.interaction
     only_in_time = surface.relaxes or acts.withdrawal != "linear" or acts.law.in_time
-    # What remembers or is wet has no orbits that stand for its march.
-    solve = _by_orbits if claims.solver == "march" and not only_in_time else _as_made
+    # What remembers or is wet, or marched under two drives, has no orbits that stand for its march.
+    two_drives = claims.microscope.drive.second is not None
+    solve = _by_orbits if claims.solver == "march" and not (only_in_time or two_drives) else _as_made
     found, sampled, judged = solve(picture, surface, drawn, threads, progress)
     return Check((*everywhere, *found), sampled, judged, unseen)
 
