@@ -166,6 +166,7 @@ def test_the_process_that_compiles_gives_the_bits_of_those_that_load(kind: str) 
     assert bits(kinds_of_work.KINDS[kind]()) == first[kind]
 
 
+@pytest.mark.slow
 def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path) -> None:
     exec(IMAGE, here := {})  # so that all that it needs is on disk
     kept = disk_cache.folder()

@@ -66,7 +66,7 @@ def both(name: str, thorough: bool) -> list[tuple[np.ndarray, ...]]:
     """Of each microscope: rows, statuses, solvers used; rows and statuses of collocation. Two tests ask for them."""
     return [
         (*run(Orbit(), work, pm.Accuracy()), *run(Orbit(complete=True), work, pm.Accuracy())[:2])
-        for work in drawn(REGIMES[name], 10, 50, seed=7, every=1 if thorough else 2)
+        for work in drawn(REGIMES[name], 10, 50, seed=7, every=1 if thorough else 4)
     ]
 
 

@@ -53,7 +53,7 @@ COMPILED: list[dict[str, float]] = []
 def measured() -> xr.Dataset:
     """A small run over all regimes, with the peers that are installed."""
     said: list[str] = []
-    plan = Plan(batches=2, timed=16, references=1, seed=3, budget=0.05, rounds=2, cold=False)
+    plan = Plan(batches=2, timed=8, references=1, seed=3, budget=0.02, rounds=1, cold=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measuring, "of_solvers", lambda empty: COMPILED.append(of_solvers(empty)) or COMPILED[-1])
         ds = measure(plan, *installed(), said.append)
@@ -287,6 +287,7 @@ def test_the_table_says_times_errors_failures_and_what_was_left_out() -> None:
     assert "it bounds the true one on 1 of 2 pixels" in said
 
 
+@pytest.mark.slow
 def test_the_table_has_what_more_than_an_image_costs(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, size in (("QUICK_SIZE", 32), ("SOLVED", 8), ("QUICK_TURNS", 1)):
         monkeypatch.setattr(extras, name, size)

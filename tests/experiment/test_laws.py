@@ -673,8 +673,8 @@ def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
     interaction, damping = MARCHED["jkr, bias"]
     problem = Oscillator(interaction.token(), row_of(interaction, damping=damping), LEVER)
     y, acc = np.array([0.5e-9, 14.7e-9, 0.0]), PeriodResult()
-    compiled, acc_compiled = marched(problem, 14e-9, y, 0.5, 1)
-    assert elastic.march_elastic.py_func(problem, 14e-9, 0.5, y, acc) > 0
+    compiled, acc_compiled = marched(problem, 14e-9, y, 1.5, 1)  # few steps: Python takes milliseconds for each
+    assert elastic.march_elastic.py_func(problem, 14e-9, 1.5, y, acc) > 0
     np.testing.assert_allclose(y, compiled, rtol=1e-10, atol=0)
     np.testing.assert_allclose(acc.tolist(), acc_compiled.tolist(), rtol=1e-10)
 

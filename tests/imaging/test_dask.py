@@ -380,6 +380,7 @@ def test_maps_that_are_kept_on_the_cluster(client: Client, images: dict[str, xr.
     assert_same(simulate(lazy), images["engage"])
 
 
+@pytest.mark.slow
 def test_killed_worker_changes_nothing(client: Client, images: dict[str, xr.Dataset]) -> None:
     name = "raster image"  # whose parts need the state that others end with; those of "engage" need none
     surface = few()

@@ -69,7 +69,10 @@ def is_right(fit: pm.Fit, material: pm.Material = FILM) -> bool:
     return fit.good and bool((abs(pulls(fit, material)) < 3).all()) and 0.6 < fit.chi2 / fit.degrees < 1.4
 
 
-@pytest.mark.parametrize(("direction", "factors"), [("up", (1.4, 0.6, 0.4)), ("down", (0.6, 1.6, 0.4))])
+@pytest.mark.parametrize(
+    ("direction", "factors"),
+    [("up", (1.4, 0.6, 0.4)), pytest.param("down", (0.6, 1.6, 0.4), marks=pytest.mark.slow)],
+)
 def test_a_frequency_response_gives_back_what_made_it(direction: str, factors: tuple[float, ...]) -> None:
     start = pm.Material(*(f * v for f, v in zip(factors, (0.89e9, 0.37, 0.014), strict=True)))
     assert is_right(pm.fit_frequency(FREQUENCIES, **response(FILM, direction, 1), start=start))
@@ -81,6 +84,7 @@ def test_a_distance_curve_gives_back_what_made_it(direction: str, factors: tuple
     assert is_right(pm.fit_distance(OFFSETS, **distance(FILM, direction, 2), start=start))
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_many_measurements() -> None:
     offsets = np.linspace(146e-9, 128e-9, 9)
     sweep, found = pm.sweep_distance(FILM, SCOPE, offsets), []
@@ -132,6 +136,7 @@ def integrated(frequencies: np.ndarray, scope: pm.Microscope, height: float) -> 
     return np.abs(first), 90 + np.degrees(np.angle(first))
 
 
+@pytest.mark.slow
 def test_a_response_that_was_integrated_in_time_is_fitted_as_well() -> None:
     scope = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 50.0), pm.Tip(30e-9), pm.Drive(50e-9))
     frequencies = np.array([146, 146.5, 147, 147.3, 147.6, 148, 148.4, 149.5, 150, 150.5, 151]) * 1e3
@@ -254,9 +259,9 @@ def test_other_starts_lie_within_what_is_searched(few_looks: None) -> None:
     scope = replace(SCOPE, interaction=pm.Interaction("dmt", 0.3e-9))
     fit = pm.fit_distance(
         OFFSETS[::8], scope=scope, start=FILM, parameters=("adhesion", "decay_length", "offset"),
-        amplitude=np.linspace(100e-9, 10e-9, 6), amplitude_error=1e-11, starts=3,
+        amplitude=np.linspace(100e-9, 10e-9, 6), amplitude_error=1e-11, starts=2,
     )  # fmt: skip
-    assert not fit.good and fit.starts == 3
+    assert not fit.good and fit.starts == 2
 
 
 @pytest.mark.parametrize(
@@ -296,7 +301,7 @@ def test_as_many_parameters_as_data_are_refused() -> None:
         pm.fit_distance(OFFSETS[:3], scope=SCOPE, start=FILM, phase=np.zeros(3), phase_error=1.0)
 
 
-@pytest.mark.parametrize("law", ["jkr", pm.interaction.Neck(2e-9)], ids=["jkr", "neck"])
+@pytest.mark.parametrize("law", ["jkr", pytest.param(pm.interaction.Neck(2e-9), id="neck", marks=pytest.mark.slow)])
 def test_a_curve_of_a_law_with_a_neck_gives_back_what_made_it(law: Any) -> None:
     # Without an attraction from afar the orbits that touch lie on a piece apart from the curve from far.
     scope = replace(SCOPE, interaction=pm.Interaction(law, decay_length=None))

@@ -168,6 +168,7 @@ def test_a_tune_that_contradicts_the_others_is_named(found):
     assert not _of_tunes(found.assign(file_misfit=("file", [1.0, 2.0, 3.0])), problem)
 
 
+@pytest.mark.slow
 def test_the_truth_of_series_with_two_tunes_is_within_the_errors_as_often_as_they_say():
     said = [one for seed in range(3) for one in covered(seed)]
     assert len(said) >= 16 and np.mean(said) > 0.8  # of 24: 95 +- 4.5 %, and truths of one series go together

@@ -245,6 +245,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_and_writes_the_same_bytes(tmp_path: Path) -> None:
     count = 12
     scene, path, parts = written(tmp_path), tmp_path / "out.nc", tmp_path / "out.nc.parts"

@@ -25,6 +25,7 @@ def parameters(case: Case) -> Case:
     return {key: value for key, value in case.items() if key in GIVEN}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WET[::12], ids=lambda case: f"{case['phase']:.2f}")
 def test_a_tip_lowered_from_far_finds_the_recorded_orbit(case: Case) -> None:
     again = record(parameters(case), *lower(parameters(case))[0], from_far=True)

@@ -98,6 +98,7 @@ def test_kernels_see_what_arrays_see(scope: pm.Microscope) -> None:
     assert rate == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_spread_is_that_of_the_deflection_behind_a_lock_in() -> None:
     # Taps that come in some periods only. Taken for those of z and turned to the deflection, spreads are 2 % off.
     scope = pm.Microscope(

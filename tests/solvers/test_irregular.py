@@ -99,6 +99,7 @@ def image_of(control: pm.Engage | pm.Raster | pm.Feedback) -> np.ndarray:
     return np.atleast_2d(image.phase.values.reshape(-1, 10))
 
 
+@pytest.mark.slow
 def test_an_image_and_a_scan_in_time_agree_with_it_there_and_back() -> None:
     at_rest = image_of(pm.Engage())
     np.testing.assert_allclose(at_rest[0, :5], HELD["phase"], atol=PHASE)

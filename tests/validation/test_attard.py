@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 from attard import MATERIALS, Sample, harmonics, settle, taps_on
 from cases import Case
 
+pytestmark = pytest.mark.slow  # what stands behind a page of theory, and is no part of the package
 KNOWN = json.loads((Path(__file__).parents[1] / "data" / "attard.json").read_text())
 RADIUS, WORK, PERIOD = 10.0, 0.05, 1e5  # nm, J/m^2; ns, slow against all times of the sample
 
