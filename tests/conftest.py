@@ -1,6 +1,7 @@
-"""The order in which files of tests are begun: the longest first, so that both workers end together.
+"""The order in which files of tests are begun: those that need few kernels, while the others are compiled.
 
-Files of the exact orbits and of scans in time alternate. What one worker compiles, the other later finds on disk.
+Then come the longest, so that both workers end together. Files of the exact orbits and of scans in time alternate. What
+one worker compiles, the other later finds on disk.
 """
 
 from __future__ import annotations
@@ -11,14 +12,32 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
-FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computed while it compiled
+FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computes while it compiles
+RESULTS, ENDED = "results.json", "ended"  # files there
+BEFORE_KERNELS = (  # files that need few kernels or none, which a process of its own compiles meanwhile
+    "test_compilation",
+    "test_ensemble",
+    "test_compare",
+    "test_fuzz",
+    "test_scene",
+    "test_scene_measured",
+    "test_read",
+    "test_generate",
+    "test_package",
+    "test_quantities",
+    "test_netcdf",
+    "test_measured",
+    "test_house",
+    "test_names",
+)
 FIRST = (
     "test_examples",
-    "test_compilation",
     "test_bench",
     "test_detuned",
     "test_fit",
@@ -31,7 +50,6 @@ FIRST = (
     "test_irregular",
     "test_dask",
     "test_checkpoint",
-    "test_ensemble",
     "test_plot",
 )
 
@@ -55,20 +73,35 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile what most tests need, in processes of its own, so that all test processes load it."""
+    """Begin to compile what most tests need, in a process of its own, so that all test processes load it."""
     config = session.config
     if hasattr(config, "workerinput") or config.option.collectonly or not config.option.numprocesses:
         return
-    script, folder = Path(__file__).with_name("warm_up.py"), Path(tempfile.mkdtemp(prefix="phasemap-first-"))
-    config.add_cleanup(lambda: shutil.rmtree(folder))
-    parts = [subprocess.Popen([sys.executable, script, part, folder / f"{part}.json"]) for part in ("0", "1")]
-    codes = [part.wait() for part in parts]
-    if any(codes):
-        pytest.exit("tests/warm_up.py failed", returncode=1)
+    folder = Path(tempfile.mkdtemp(prefix="phasemap-first-"))
+    script = Path(__file__).with_name("warm_up.py")
+    process = subprocess.Popen([sys.executable, script, folder / RESULTS])
+
+    def ended() -> None:
+        process.wait()
+        (folder / ENDED).touch()
+
+    waiting = threading.Thread(target=ended)
+    waiting.start()
+    config.add_cleanup(lambda: (process.kill(), waiting.join(), shutil.rmtree(folder)))
     os.environ[FIRST_RESULTS] = str(folder)  # the test processes inherit it
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Wait for the kernels, but before tests that need few."""
+    if item.path.stem not in BEFORE_KERNELS and FIRST_RESULTS in os.environ:
+        folder = Path(os.environ[FIRST_RESULTS])
+        while not (folder / ENDED).exists():
+            time.sleep(0.1)
+        assert (folder / RESULTS).exists(), "tests/warm_up.py failed"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with these files; the others keep their order."""
-    order = {name: place for place, name in enumerate(FIRST)}
-    items.sort(key=lambda item: order.get(item.path.stem, len(FIRST)))
+    order = {name: place for place, name in enumerate(BEFORE_KERNELS + FIRST)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(order)))

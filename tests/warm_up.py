@@ -1,8 +1,8 @@
-"""Compiles what most tests need, before any of them: `python tests/warm_up.py 0 FILE` and `... 1 FILE`, side by side.
+"""Compiles what most tests need, beside the first of them: `python tests/warm_up.py FILE`.
 
-What is compiled here, all test processes load. No kernel may be compiled twice for arguments that differ in nothing but
-how they were written. What was computed meanwhile goes into the file, bit by bit: tests/_kernels/test_compilation.py
-asks whether a process that loads finds the same.
+It is one process, for two would type many functions twice. What is compiled here, all test processes load. No kernel
+may be compiled twice for arguments that differ in nothing but how they were written. What was computed meanwhile goes
+into the file, bit by bit: tests/_kernels/test_first_results.py asks whether a process that loads finds the same.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pathlib import Path
 from bits import bits
 
 from phasemap._kernels.compilation import compiled_more_than_once
-from phasemap.cli.kinds_of_work import ALL, KINDS
+from phasemap.cli.kinds_of_work import KINDS
 
 if __name__ == "__main__":
-    found = {kind: bits(KINDS[kind]()) for kind in ALL[int(sys.argv[1])]}
+    found = {kind: bits(work()) for kind, work in KINDS.items()}
     if several := compiled_more_than_once():
         sys.exit(f"kernels that are compiled more than once: {several}")
-    Path(sys.argv[2]).write_text(json.dumps(found))
+    Path(sys.argv[1]).write_text(json.dumps(found))

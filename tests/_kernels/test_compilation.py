@@ -156,16 +156,6 @@ print(digest)
 """
 
 
-@pytest.mark.parametrize("kind", kinds_of_work.KINDS)
-def test_the_process_that_compiles_gives_the_bits_of_those_that_load(kind: str) -> None:
-    # In an empty cache, as of a fresh clone, tests/warm_up.py has compiled what this process loads.
-    if "PHASEMAP_FIRST_RESULTS" not in os.environ:
-        pytest.skip("tests/warm_up.py runs before test processes, with -n")
-    files = Path(os.environ["PHASEMAP_FIRST_RESULTS"]).glob("*.json")
-    first = {name: word for file in files for name, word in json.loads(file.read_text()).items()}
-    assert bits(kinds_of_work.KINDS[kind]()) == first[kind]
-
-
 @pytest.mark.slow
 def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path) -> None:
     exec(IMAGE, here := {})  # so that all that it needs is on disk
@@ -279,16 +269,6 @@ def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch
     assert capsys.readouterr().err == expected + "\n"  # once a process
     use._bar = True
     assert "[#########...............]" in use.line()
-
-
-def test_every_kind_of_work_is_compiled_ahead() -> None:
-    assert {kind for group in kinds_of_work.ALL for kind in group} == set(kinds_of_work.KINDS)
-    assert {kind for group in kinds_of_work.USUAL for kind in group} <= set(kinds_of_work.KINDS)
-    costs: list[kinds_of_work.Cost] = []
-    kinds_of_work.in_processes([["bias"], ["punch"]], costs.append)
-    assert {cost.kind for cost in costs} == {"bias", "punch"}
-    kinds_of_work.in_processes([["bias"]], costs.append)
-    assert costs[-1].functions == 0 and costs[-1].size == 0 and costs[-1].seconds > 0  # found on disk by now
 
 
 def test_a_kind_of_work_that_fails_is_said_to_fail() -> None:
