@@ -19,10 +19,8 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.results.status import Status
-from phasemap.solvers.march import March
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import by_name
+from phasemap.solvers.solver import March, Orbit, by_name
 
 Array = np.ndarray
 Range = tuple[float, float]

@@ -18,9 +18,9 @@ from phasemap.experiment.generate import roughness
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.simulation import simulate
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import make_work
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap._shared.notices import PlausibilityWarning, ResultWarning, strict_units
-    from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
     from phasemap.experiment import generate, interaction
@@ -29,8 +28,8 @@ if TYPE_CHECKING:
     from phasemap.explorer.explore import explore
     from phasemap.imaging.simulation import simulate
     from phasemap.inference.curves.fit import Fit, fit_distance, fit_frequency
-    from phasemap.inference.images.images import invert
-    from phasemap.inference.images.region_fit import fit_regions
+    from phasemap.inference.images.invert import invert
+    from phasemap.inference.images.regions import fit_regions
     from phasemap.inference.images.sensitivities import sensitivity
     from phasemap.inference.series.series import series
     from phasemap.io.curves import read_curve
@@ -44,16 +43,20 @@ if TYPE_CHECKING:
     from phasemap.scenes.scene import load_scene
     from phasemap.solvers.pixel import Pixel, solve_pixel
     from phasemap.sweeps.contrasts.contrast_map import contrast
-    from phasemap.sweeps.force_curve import force_curve
-    from phasemap.sweeps.orbits import orbits
-    from phasemap.sweeps.sweep import sweep_distance, sweep_frequency, sweep_parameter, sweep_setpoint
-    from phasemap.validation.checking.check import check
-    from phasemap.validation.checking.result import Check
+    from phasemap.sweeps.sweep import (
+        force_curve,
+        orbits,
+        sweep_distance,
+        sweep_frequency,
+        sweep_parameter,
+        sweep_setpoint,
+    )
+    from phasemap.validation.check import check
+    from phasemap.validation.picture import Check
 
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "_shared.notices": ("PlausibilityWarning", "ResultWarning", "strict_units"),
-    "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
     "experiment.accuracy": ("Accuracy",),
@@ -69,8 +72,8 @@ _NAMES = {
     "explorer.explore": ("explore",),
     "imaging.simulation": ("simulate",),
     "inference.curves.fit": ("Fit", "fit_distance", "fit_frequency"),
-    "inference.images.images": ("invert",),
-    "inference.images.region_fit": ("fit_regions",),
+    "inference.images.invert": ("invert",),
+    "inference.images.regions": ("fit_regions",),
     "inference.images.sensitivities": ("sensitivity",),
     "inference.series.series": ("series",),
     "io.export": ("export", "to_sidpy"),
@@ -84,11 +87,16 @@ _NAMES = {
     "scenes.scene": ("load_scene",),
     "solvers.pixel": ("Pixel", "solve_pixel"),
     "sweeps.contrasts.contrast_map": ("contrast",),
-    "sweeps.force_curve": ("force_curve",),
-    "sweeps.orbits": ("orbits",),
-    "sweeps.sweep": ("sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
-    "validation.checking.check": ("check",),
-    "validation.checking.result": ("Check",),
+    "sweeps.sweep": (
+        "force_curve",
+        "orbits",
+        "sweep_distance",
+        "sweep_frequency",
+        "sweep_parameter",
+        "sweep_setpoint",
+    ),
+    "validation.check": ("check",),
+    "validation.picture": ("Check",),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"generate": "experiment.generate", "interaction": "experiment.interaction", "plot": "plot"}
@@ -98,7 +106,7 @@ __all__ = [
     "InputError", "Interaction", "Material", "Microscope", "Mode", "PhasemapError", "Pixel", "PlausibilityWarning",
     "Prony", "Raster", "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip",
     "TipChange", "Variation", "channels", "check", "compare", "contrast", "explore", "export", "fit_distance",
-    "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert", "level",
+    "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert",
     "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register", "scene_from",
     "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency",
     "sweep_parameter", "sweep_setpoint", "to_sidpy",

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 from benchmarks.accuracy.peers import Peer
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.solvers.march import March
-from phasemap.solvers.solver import Solver, by_name
+from phasemap.solvers.solver import March, Solver, by_name
 
 PHASES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
 """Accuracies asked of "auto" [degree]; the height's goes along, 1 pm at 0.01 degree as by default."""

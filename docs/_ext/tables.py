@@ -82,13 +82,13 @@ def write(app: Sphinx) -> None:
     """Write all tables into docs/generated."""
     from phasemap.results.quantities import CHANNELS
     from phasemap.results.status import Status
-    from phasemap.results.variables import DESCRIPTIONS, FLAGS, FLOATS, IMAGE_VARIABLES, IN_TIME, SCAN_VARIABLES
+    from phasemap.results.variables import FLAGS, FLOATS, IMAGE_VARIABLES, IN_TIME, SCAN_VARIABLES
 
     def variables(names: Iterable[str]) -> str:
         rows = []
         for name in names:
             if name in FLOATS:
-                more = f"; {DESCRIPTIONS[name]}" if name in DESCRIPTIONS else ""
+                more = f"; {FLOATS[name].description}" if name in FLOATS and FLOATS[name].description else ""
                 rows.append((f"`{name}`", FLOATS[name].units, FLOATS[name].long_name + more))
             else:
                 rows.append((f"`{name}`", "flag", FLAGS[name][0]))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from phasemap.experiment.surface import Surface
-    from phasemap.validation.checking.result import Check
+    from phasemap.validation.picture import Check
 
 COMPARE_EXAMPLES = """examples:
   phasemap compare measured.nid simulated.nc --plot page.png
@@ -169,7 +169,7 @@ def _surface(arguments: argparse.Namespace) -> Surface | None:
 
 def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Namespace) -> Check:
     """Check, with a bar on stderr."""
-    from phasemap.validation.checking.check import check as check_image
+    from phasemap.validation.check import check as check_image
 
     with progress_bar("", arguments.quiet) as progress:
         return check_image(
@@ -180,7 +180,7 @@ def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Nam
 
 def _header(image: xr.Dataset) -> list[str]:
     """Lines about the image that is checked."""
-    from phasemap.validation.checking.claims import claims_of
+    from phasemap.validation.claims import claims_of
 
     claims = claims_of(image)
     control = " ".join(filter(None, (str(claims.control), str(claims.realism) and f"with {claims.realism}")))

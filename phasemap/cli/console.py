@@ -71,8 +71,7 @@ def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str
 
 def remarks(found: xr.Dataset, what: str = "pixels") -> list[str]:
     """What is said below a summary: of motion, of the limits of the model, and of failures."""
-    from phasemap.results.validity import describe_validity
-    from phasemap.results.words import describe_failures, describe_irregular
+    from phasemap.results.words import describe_failures, describe_irregular, describe_validity
 
     said = {
         "motion": describe_irregular(found, what),

@@ -179,7 +179,7 @@ def _invert(
 
 def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namespace) -> tuple[xr.Dataset, list[str]]:
     """Maps, and what to know about them."""
-    from phasemap.inference.images.images import invert as invert_pixels
+    from phasemap.inference.images.invert import invert as invert_pixels
 
     if isinstance(options.get("phase_zero"), str) or (
         "phase_zero" not in options and not all("phase_zero" in image.attrs for image in given.images)
@@ -202,7 +202,7 @@ def _by_regions(
     text: str, given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
 ) -> xr.Dataset:
     """One material a region."""
-    from phasemap.inference.images.region_fit import fit_regions
+    from phasemap.inference.images.regions import fit_regions
 
     labels = _labels(text, given.images[0])
     known = _known(setup, arguments.known)

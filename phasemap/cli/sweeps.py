@@ -217,7 +217,7 @@ def said_of_sweep(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap._shared.units import readable
-    from phasemap.results.titles import titles
+    from phasemap.results.words import titles
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs

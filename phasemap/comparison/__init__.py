@@ -1,6 +1,5 @@
 """Images beside each other: levelled, registered, brought to one grid, and scored.
 
-`levelling` takes out tilt, offsets of rows and failed lines; `registration` finds how far two images are shifted, and
-`pair` brings them to one grid. `scores` are numbers of how much alike they are; `result` is `phasemap.compare`, which
-puts all this together, and `words` says what it found.
+`registration` finds how far two images are shifted, and `pair` brings them to one grid. `scores` are numbers of how
+much alike they are; `result` is `phasemap.compare`, which puts all this together, and `words` says what it found.
 """

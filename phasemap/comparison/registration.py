@@ -12,10 +12,9 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import say
-from phasemap.comparison.levelling import level_map
-from phasemap.comparison.library import skimage
 from phasemap.comparison.pair import common_grid, pair_of, pitch_of
-from phasemap.comparison.scores import correlation_of
+from phasemap.comparison.scores import correlation_of, skimage
+from phasemap.io.measured import level_rows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -137,7 +136,7 @@ def register(
 def levelled(image: xr.Dataset) -> xr.Dataset:
     """The image with its height levelled."""
     height = image["height"]
-    return image.assign(height=height.copy(data=level_map(height.values, np.zeros(height.shape, bool))))
+    return image.assign(height=height.copy(data=level_rows(height.values, np.isfinite(height.values))))
 
 
 def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) -> Registration:

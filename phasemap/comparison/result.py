@@ -14,10 +14,15 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
-from phasemap.comparison.levelling import outlier_lines
 from phasemap.comparison.pair import common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
-from phasemap.comparison.scores import correlation_of, distance_of, is_varied, share_explained, similarity_of
+from phasemap.comparison.scores import (
+    correlation_of,
+    is_varied,
+    outlier_lines,
+    share_explained,
+    similarity_of,
+)
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import provenance
 
@@ -243,6 +248,7 @@ def _record(
 ) -> xr.Dataset:
     """All maps and numbers but the frame."""
     import xarray as xr
+    from scipy.stats import wasserstein_distance
 
     maps = {name: np.where(known, values, np.nan) for name, values in maps.items()}
     maps["residual"] = maps["measured"] - maps["simulated"]
@@ -277,7 +283,9 @@ def _record(
             1 - residual.var() / spread if varies else math.nan, "share of the measured variance explained"
         ),
         "ssim": one(similarity_of(maps["measured"], maps["simulated"], known), "structural similarity"),
-        "wasserstein": one(distance_of(measured, simulated), "Wasserstein distance of the histograms", "degree"),
+        "wasserstein": one(
+            wasserstein_distance(measured, simulated), "Wasserstein distance of the histograms", "degree"
+        ),
         "region_share": ("region", shares, {"long_name": "share of the pixels", "units": "1"}),
         "region_mean": (("map", "region"), means, {"long_name": "mean phase", **DEGREE}),
         "region_median": (("map", "region"), medians, {"long_name": "median phase", **DEGREE}),

@@ -1,18 +1,22 @@
-"""Numbers that say how much two maps are alike, and how much of a map is crosstalk."""
+"""Numbers that say how much two maps are alike, how much of a map is crosstalk, and which of its lines failed."""
 
 from __future__ import annotations
 
 import math
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
-from phasemap.comparison.library import skimage
+from phasemap._shared.errors import PhasemapError
 
 Array = np.ndarray
 
 WINDOW = 7  # pixels, of the structural similarity
 ROUNDING = 1e-12  # relative difference of values that are the same
 RANGE = (0.5, 99.5)  # percentiles that its dynamic range spans
+STRIKING = 8.0  # times the usual spread of lines, above which a line is an outlier ...
+VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spread
 
 
 def is_varied(values: Array) -> bool:
@@ -36,7 +40,7 @@ def correlation_of(first: Array, second: Array) -> float:
 
     Examples
     --------
-    >>> correlation_of(np.array([1.0, 2.0, np.nan]), np.array([4.0, 2.0, 9.0]))
+    >>> round(correlation_of(np.array([1.0, 2.0, np.nan]), np.array([4.0, 2.0, 9.0])), 12)
     -1.0
     """
     known = np.isfinite(first) & np.isfinite(second)
@@ -44,8 +48,7 @@ def correlation_of(first: Array, second: Array) -> float:
         return math.nan
     if not (is_varied(first[known]) and is_varied(second[known])):
         return math.nan
-    a, b = (values[known] - values[known].mean() for values in (first, second))
-    return float(np.clip((a @ b) / math.sqrt((a @ a) * (b @ b)), -1, 1))
+    return float(np.corrcoef(first[known], second[known])[0, 1])
 
 
 def similarity_of(first: Array, second: Array, known: Array) -> float:
@@ -70,22 +73,6 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
     return float(each[whole].mean())
 
 
-def distance_of(first: Array, second: Array) -> float:
-    """Wasserstein distance of two histograms: how far values must be moved, on average.
-
-    `first`, `second` (shape (n,)): finite.
-    Returns: in the unit of the values.
-
-    Examples
-    --------
-    >>> distance_of(np.array([0.0, 1.0]), np.array([3.0, 0.0]))
-    1.0
-    """
-    from scipy.stats import wasserstein_distance
-
-    return float(wasserstein_distance(first, second))
-
-
 def share_explained(values: Array, causes: list[Array]) -> float:
     """R² of a linear regression.
 
@@ -108,3 +95,35 @@ def share_explained(values: Array, causes: list[Array]) -> float:
         return math.nan
     left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
     return float(np.clip(1 - (left @ left) / (y @ y), 0, 1))
+
+
+def outlier_lines(values: Array) -> Array:
+    """Find single lines that lie above, or below, both their neighbours by far more than lines do.
+
+    A step between two lines, as a change of the tip leaves it, does not count.
+
+    `values` (shape (rows, columns)).
+    Returns an array of shape (rows,).
+    """
+    above, below = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    stands_out = np.where(above * below > 0, np.minimum(np.abs(above), np.abs(below)), 0.0)
+    score = stands_out.mean(axis=1)
+    usual = np.median(score)
+    spread = 1.4826 * np.median(np.abs(score - usual))  # of a normal distribution
+    low, high = np.nanpercentile(values, [16, 84])
+    found = np.zeros(len(values), bool)
+    found[1:-1] = (score > usual + STRIKING * spread) & (score > VISIBLE * (high - low) / 2)
+    return found
+
+
+def skimage(module: str, purpose: str) -> Any:
+    """Import a module of scikit-image.
+
+    `module`: below ``skimage``.
+    `purpose`: what needs it, as the beginning of a sentence.
+    Raises PhasemapError if it is not installed.
+    """
+    try:
+        return import_module(f"skimage.{module}")
+    except ImportError as error:
+        raise PhasemapError(f'{purpose} needs scikit-image: run pip install "afm-phasemap[compare]".') from error

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
+from phasemap.experiment.described import describe
 from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, supplied
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, rows_of
@@ -24,9 +25,8 @@ from phasemap.explorer.setting import Setting
 from phasemap.explorer.words import LAG, PHASE, Found, lines_of, shown_number
 from phasemap.results.quantities import CHANNELS, OF_SECOND, Motion
 from phasemap.results.status import Status
-from phasemap.results.validity import FORCES, describe_validity
-from phasemap.results.variables import FLAGS, FLOATS, branch_of, describe, motion_of
-from phasemap.results.words import describe_failures
+from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
+from phasemap.results.words import FORCES, describe_failures, describe_validity
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
 from phasemap.solvers.continuation.path import Question

@@ -17,6 +17,7 @@ from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import gathered, strict_units
 from phasemap.experiment.control import Control, Engage
+from phasemap.experiment.described import describe
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import of_one_loss
@@ -26,7 +27,6 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
-from phasemap.results.variables import describe
 from phasemap.scenes.objects import LAWS, control_of, microscope_tables
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.continuation.path import Question

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinates
-from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, needs_of
-from phasemap.results.quantities import motion_of as motion_seen
+from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, motion_seen, needs_of
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 if TYPE_CHECKING:

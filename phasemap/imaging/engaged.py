@@ -22,9 +22,9 @@ from phasemap.imaging.interpolation.atlas import Atlas, build
 from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, PHASE, Axes, ExactOrbits, functions_of
 from phasemap.imaging.job import Job, Simulator, Values
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
-from phasemap.results.quantities import OF_SECOND, answer_of, motion_of
+from phasemap.results.quantities import OF_SECOND, motion_seen
 from phasemap.results.variables import OF_ORBITS
-from phasemap.solvers.energy import close
+from phasemap.solvers.detected_setpoint import close
 
 Numbers = Callable[[slice], NDArray[np.int32]]
 """Which distinct material each pixel of a range is made of."""
@@ -281,7 +281,8 @@ def _of_answer(job: Job, exact: ExactOrbits, known: Array) -> dict[int, float]:
         return {}
     values = dict(zip(exact.functions, known.T, strict=True))
     orbit = dict(zip(OF_SECOND, (values[column] for column in COLUMNS), strict=True))
-    answer = answer_of(motion_of(scope, np.full(len(known), job.amplitude), np.degrees(known[:, PHASE]), orbit))
+    motion = motion_seen(scope, np.full(len(known), job.amplitude), np.degrees(known[:, PHASE]), orbit)
+    answer = motion.second_answer
     usual = float(np.mean(abs(answer.real if mode.detection == "fm" else answer)))
     stiffness = OF_ANSWER * mode.stiffness * max(usual, TINY)
     drag = stiffness * scope.cantilever.resonance_frequency / (scope.cantilever.stiffness * mode.frequency)

@@ -20,6 +20,7 @@ from phasemap._shared.quantities import Scalar
 from phasemap._shared.threads import Progress, bounds_of, found_in, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Raster
+from phasemap.experiment.described import describe
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material_rows import MORE, PLAIN
 from phasemap.experiment.microscope import Microscope
@@ -34,12 +35,10 @@ from phasemap.imaging.materials import Place, survey
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.quantities import needs_of
 from phasemap.results.status import Status
-from phasemap.results.validity import FORCES, describe_validity
-from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, describe, provenance
-from phasemap.results.words import describe_failures
-from phasemap.solvers.march import check_integrals, check_marches
+from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, provenance
+from phasemap.results.words import FORCES, describe_failures, describe_validity
 from phasemap.solvers.problem import Work, check_marched, check_setpoint, forces_of, make_work
-from phasemap.solvers.solver import by_name
+from phasemap.solvers.solver import by_name, check_integrals, check_marches
 
 if TYPE_CHECKING:
     import xarray as xr

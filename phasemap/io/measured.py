@@ -47,6 +47,15 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return flat
 
 
+def level_plane(height: np.ndarray) -> np.ndarray:
+    """Take a fitted plane out of a map that may hold NaN; the median becomes 0."""
+    counts = np.isfinite(height)
+    plane = np.stack([np.ones(height.shape), *np.indices(height.shape, float)], axis=-1)
+    flat: np.ndarray = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
+    flat -= np.median(flat[counts])
+    return flat
+
+
 def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Median of what counts in each row, as a column; rows without any take it from their neighbours."""
     rows = np.flatnonzero(counts.any(axis=1))

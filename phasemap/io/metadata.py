@@ -17,8 +17,8 @@ from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.pixels import coordinate_step
 from phasemap._shared.units import say
-from phasemap.experiment.beam import Eigenmode
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+from phasemap.experiment.described import made
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 
 LARGEST = 1e-3  # m, of a pixel and of a height: some ten times what scanners reach
 
@@ -126,35 +126,23 @@ class ScanData:
 
 
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
-    """The canonical values of an image that phasemap simulated.
-
-    It is empty for other images, and without the zero of a phase that was levelled.
-    """
+    """The canonical values of an image that phasemap simulated; empty for other images."""
     try:
         told = json.loads(attrs["configuration"])
         scope = microscope_of(told["microscope"])
-        return _of_microscope(scope, told["setpoint"], told["control"], "levelled" in attrs)
+        return _of_microscope(scope, told["setpoint"], told["control"])
     except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return {}  # the attribute may be there and be somebody else's
 
 
 @unquestioned()  # who made the image was told then
 def microscope_of(told: Mapping[str, Any]) -> Microscope:
-    """Lever, radius, drive and detector of what `phasemap.results.variables.describe` gave; any other error is its."""
-    lever, drive = _arguments(told["cantilever"]), _arguments(told["drive"])
-    if isinstance(lever.get("modes"), list):
-        lever["modes"] = [Eigenmode(**_arguments(mode)) for mode in lever["modes"]]
-    if drive.get("second") is not None:
-        drive["second"] = Mode(**_arguments(drive["second"]))
-    tip = Tip(told["tip"]["radius"])
-    return Microscope(Cantilever(**lever), tip, Drive(**drive), detector=told.get("detector", "slope"))
+    """Lever, radius, drive and detector of what `describe` gave, whatever its interaction; any other error is its."""
+    lever, drive, tip = made(told["cantilever"], Cantilever), made(told["drive"], Drive), Tip(told["tip"]["radius"])
+    return Microscope(lever, tip, drive, detector=told.get("detector", "slope"))
 
 
-def _arguments(table: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in table.items() if name != "kind"}
-
-
-def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any], levelled: bool) -> dict[str, float]:
+def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any]) -> dict[str, float]:
     """The canonical values of a configuration."""
     lever = scope.cantilever
     scan = ScanData()
@@ -170,8 +158,6 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any],
         integral_gain=control.get("integral_gain"),
         phase_zero=scope.free_phase,
     )
-    if levelled:
-        del scan.values["phase_zero"]
     return scan.values
 
 

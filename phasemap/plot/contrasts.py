@@ -31,8 +31,7 @@ from phasemap.plot.contrast_map import (
     ticks_of,
 )
 from phasemap.plot.page import Page, shortened
-from phasemap.results.titles import titles
-from phasemap.results.words import describe_failures, describe_irregular
+from phasemap.results.words import describe_failures, describe_irregular, titles
 
 COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4

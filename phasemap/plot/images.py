@@ -23,10 +23,14 @@ from phasemap.plot.page import Page, draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
-from phasemap.results.titles import microscope_in_words
-from phasemap.results.validity import describe_validity
 from phasemap.results.variables import phase_lag
-from phasemap.results.words import describe_failures, describe_irregular, describe_solvers
+from phasemap.results.words import (
+    describe_failures,
+    describe_irregular,
+    describe_solvers,
+    describe_validity,
+    microscope_in_words,
+)
 
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
@@ -206,13 +210,12 @@ def _rows(ds: xr.Dataset) -> Iterator[tuple[list[str], xr.Dataset]]:
 
 def _levelled(ds: xr.Dataset) -> xr.Dataset:
     """A measured image without its tilt; any other as it is."""
-    if "channels" not in ds.attrs or "levelled" in ds.attrs or "height" not in ds:
+    if "channels" not in ds.attrs or "height" not in ds:
         return ds
-    from phasemap.comparison.levelling import level_map
+    from phasemap.io.measured import level_plane
 
     maps = ds["height"].values.reshape(-1, ds.sizes["y"], ds.sizes["x"])
-    none = np.zeros(maps.shape[1:], bool)
-    flat = [level_map(one, none, rows=False) if np.isfinite(one).sum() > 2 else one for one in maps]
+    flat = [level_plane(one) if np.isfinite(one).sum() > 2 else one for one in maps]
     height = ds["height"].copy(data=np.reshape(flat, ds["height"].shape)).assign_attrs(levelled="by a plane")
     return ds.assign(height=height)
 

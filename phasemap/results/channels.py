@@ -18,11 +18,12 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.control import Control
+from phasemap.experiment.described import describe
 from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.io.metadata import microscope_of, of_simulation
-from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_of
-from phasemap.results.variables import MODAL, all_variables_of, check_variables, describe, provenance, variables_of
+from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_seen
+from phasemap.results.variables import MODAL, all_variables_of, check_variables, provenance, variables_of
 
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
 UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_factor": "1", "free_amplitude": "m"}
@@ -240,7 +241,7 @@ def _apply(
     """A channel of arrays that may be lazy."""
 
     def value(size: Array, angle: Array, *integrals: Array) -> Array:
-        return np.asarray(channel.value(motion_of(scope, size, angle, dict(zip(orbit, integrals, strict=True)))))
+        return np.asarray(channel.value(motion_seen(scope, size, angle, dict(zip(orbit, integrals, strict=True)))))
 
     found: xr.DataArray = xr.apply_ufunc(
         value, amplitude, phase, *orbit.values(), dask="parallelized", output_dtypes=[np.float64]

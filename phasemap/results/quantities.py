@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from operator import attrgetter
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from phasemap._shared.units import ELECTRONVOLT
 from phasemap.experiment.lever import drive_energy, lever_of, lost_in_air, modal_motion, of_tip, supplied, virial_of
 from phasemap.experiment.microscope import Microscope, SecondMode
 from phasemap.results.variables import FLOATS
-
-T = TypeVar("T")
 
 SIDEBANDS_BEYOND = 0.3  # share of the modulus over the largest force over k A, by sidebands beyond second order
 FAINT = 1e-3  # of the largest virial that the drive holds: a contact that stores less is none to divide by
@@ -37,7 +35,6 @@ class Motion:
     phase: Array
     # Variables of an image, of the same pixels, that were integrated over the orbit; may be empty
     orbit: Mapping[str, Array] = field(default_factory=dict)
-    kept: dict[Callable[..., Any], Any] = field(default_factory=dict)  # what several channels take
 
     @property
     def frequency(self) -> float:
@@ -54,6 +51,145 @@ class Motion:
     def virial(self) -> Array:
         """Virial of the surface's force, as amplitude and phase tell it, positive for attraction [J]."""
         return virial_of(self.lever, self.amplitude, self.phase)
+
+    @property
+    def orbit_dissipation(self) -> Array:
+        """The same energy, by the orbit where that is known."""
+        known = self.orbit.get("dissipation")
+        return self.dissipation if known is None else known
+
+    @property
+    def orbit_virial(self) -> Array:
+        """The same virial, by the orbit where that is known."""
+        known = self.orbit.get("virial")
+        return self.virial if known is None else known
+
+    @property
+    def loss_tangent(self) -> Array:
+        """The instrument's formula [1]."""
+        with np.errstate(all="ignore"):
+            tangent: Array = -self.dissipation / (2 * np.pi * self.virial)
+        return tangent
+
+    @property
+    def corrected_loss_tangent(self) -> Array:
+        """By the energy that the contact stores, and without that of necks [1]."""
+        loss, storage = self.orbit_dissipation - self.orbit["adhesion_loss"], self.orbit["contact_storage"]
+        most = 0.5 * self.lever[col.STIFFNESS] * self.lever[col.DRIVE] * self.amplitude
+        with np.errstate(all="ignore"):
+            return np.where(storage > FAINT * most, loss / (2 * np.pi * storage), np.nan)
+
+    def deflection(self, i: int) -> Array:
+        """Deflection of mode i, counted from 0, in the first harmonic: complex, of the detector's phase [m]."""
+        scope = self.scope
+        moved, _ = modal_motion(self.lever, self.amplitude, self.phase)
+        mode, resonant = scope.cantilever.eigenmodes[i], scope.free_signal(1.0) / 1j
+        base = scope.base_amplitude * float(mode.participation or 0.0) if scope.drive.excitation == "base" else 0.0
+        found: Array = (moved[i] - base) * abs(resonant) / resonant
+        return found
+
+    @cached_property
+    def second(self) -> SecondMode:
+        """The second mode that is driven."""
+        assert self.scope.second_mode is not None
+        return self.scope.second_mode
+
+    @cached_property
+    def felt(self) -> Array:
+        """What the surface adds to the second mode's stiffness over k2, and to its 1/Q2 (complex)."""
+        first = 2 * np.pi * self.scope.cantilever.resonance_frequency
+        drag = self.orbit["mean_damping"] * self.lever[col.STIFFNESS] / first  # [kg/s]
+        gradient = self.orbit["mean_gradient"] - self.orbit["sideband_stiffness"]
+        loss = drag * 2 * np.pi * self.second.frequency - self.orbit["sideband_loss"]
+        return np.asarray((gradient + 1j * loss) / self.second.stiffness)
+
+    @cached_property
+    def second_shift(self) -> Array:
+        """Shift of the second mode's resonance [Hz]."""
+        return np.asarray(self.second.frequency * (np.sqrt(1 + self.felt.real) - 1))
+
+    @cached_property
+    def second_answer(self) -> Array:
+        """Drive over answer of the second mode at its free resonance, 1/Q2 without a surface (complex)."""
+        return np.asarray(self.felt + 1j / self.second.quality_factor)
+
+    @cached_property
+    def second_amplitude(self) -> Array:
+        """Amplitude of the second mode [m]; with frequency modulation a loop holds it."""
+        if self.second.detection == "fm":
+            return np.where(np.isfinite(self.felt.imag), self.second.free_amplitude, np.nan)
+        return np.asarray(self.second.free_amplitude / self.second.quality_factor / np.abs(self.second_answer))
+
+    @property
+    def second_phase(self) -> Array:
+        """Phase of the second mode [degree]."""
+        if self.second.detection == "fm":
+            return np.where(np.isfinite(self.felt.imag), 0.0, np.nan)
+        return np.degrees(np.pi / 2 - np.angle(self.second_answer))
+
+    @cached_property
+    def stiffness_1(self) -> Array:
+        """<k>1 [N/m] as the instrument has it of what the first mode shows."""
+        return -2 * self.virial / self.amplitude**2
+
+    @cached_property
+    def stiffness_2(self) -> Array:
+        """<k>2 [N/m] as the instrument has it of what the second mode shows."""
+        if self.second.detection == "fm":
+            return 2 * self.second.stiffness * self.second_shift / self.second.frequency
+        return self.second.stiffness * self.felt.real  # (k2/Q2)(A02/A2) sin(phase), the real part of the answer
+
+    @property
+    def bimodal_modulus(self) -> Array:
+        """Of a paraboloid on Hertz contact [Pa]."""
+        with np.errstate(all="ignore"):
+            root = np.sqrt(self.scope.tip.radius * self.amplitude)
+            return self._where_stiffer(np.sqrt(2) * self.stiffness_2**2 / (self.stiffness_1 * root))
+
+    @property
+    def bimodal_indentation(self) -> Array:
+        """Of the same [m]."""
+        with np.errstate(all="ignore"):
+            return self._where_stiffer(self.amplitude * self.stiffness_1 / self.stiffness_2)
+
+    def _where_stiffer(self, values: Array) -> Array:
+        """Values where the surface makes both modes stiffer."""
+        return np.where((self.stiffness_1 > 0) & (self.stiffness_2 > 0), values, np.nan)
+
+    @cached_property
+    def second_over_depth(self) -> Array:
+        """Amplitude of the second mode over the indentation [1]."""
+        with np.errstate(all="ignore"):
+            share: Array = self.second_amplitude / np.maximum(self.orbit["indentation"], 0.0)
+        return share
+
+    @property
+    def modulus_bound(self) -> Array:
+        """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-6).
+
+        A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
+        proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
+        modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and
+        0.3 of that covers all that was found in time.
+
+        For a short tap, d = D - A theta^2/2, that force is F2 = 4 sqrt(2)/3 <k>2 sqrt(A D) by the mean slope and
+        F1 = 4 sqrt(2)/3 <k>1 A sqrt(A/D) by the virial. An attraction F0 that lasts through contact takes 16/(3 pi) F0
+        from F1, and its rise to F0 outside 4/(3 pi) F0 from F2; outside it takes more from F1. So at most (F2 - F1)/3
+        is to be added to F2.
+
+        Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the
+        surface: the sideband that mirrors the mode is at its resonance there, and pumps it.
+        """
+        stiffer = self.felt.real
+        with np.errstate(all="ignore"):
+            share = np.sqrt(np.maximum(self.orbit["indentation"], 0.0) / self.amplitude)
+            scale = 4 * np.sqrt(2) / 3 / self.lever[col.STIFFNESS]
+            by_slope, by_virial = scale * np.abs(self.stiffness_2) * share, scale * self.stiffness_1 / share
+            lacking = np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0)
+            rest: Array = 0.5 * self.second_over_depth**2 + SIDEBANDS_BEYOND * (by_slope + lacking / 3)
+            turns = 2 * self.second.frequency / self.frequency
+            crossed = np.floor(turns * np.sqrt(1 + stiffer)) != np.floor(turns)
+        return np.where((share > 0.0) & crossed & np.isfinite(stiffer), np.inf, rest)
 
 
 @dataclass(frozen=True)
@@ -72,7 +208,7 @@ class Channel:
     mode: int = 0  # of the lever, that it is of; 0 of none
 
 
-def motion_of(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None) -> Motion:
+def motion_seen(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None) -> Motion:
     """The motion of the tip, from the amplitude [m] and phase [degree] that the detector shows."""
     lever = lever_of(scope)
     size, angle = of_tip(lever, amplitude, np.radians(phase))
@@ -105,155 +241,6 @@ def channel_attributes(channel: Channel, from_orbit: bool) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _once(value: Callable[[Motion], T]) -> Callable[[Motion], T]:
-    """The function, called once for a motion."""
-
-    def kept(motion: Motion) -> T:
-        if value not in motion.kept:
-            motion.kept[value] = value(motion)
-        found: T = motion.kept[value]
-        return found
-
-    return kept
-
-
-def _dissipation(motion: Motion) -> Array:
-    known = motion.orbit.get("dissipation")
-    return motion.dissipation if known is None else known
-
-
-def _virial(motion: Motion) -> Array:
-    known = motion.orbit.get("virial")
-    return motion.virial if known is None else known
-
-
-def _loss_tangent(motion: Motion) -> Array:
-    with np.errstate(all="ignore"):
-        tangent: Array = -motion.dissipation / (2 * np.pi * motion.virial)
-    return tangent
-
-
-def _corrected(motion: Motion) -> Array:
-    loss, storage = _dissipation(motion) - motion.orbit["adhesion_loss"], motion.orbit["contact_storage"]
-    most = 0.5 * motion.lever[col.STIFFNESS] * motion.lever[col.DRIVE] * motion.amplitude
-    with np.errstate(all="ignore"):
-        return np.where(storage > FAINT * most, loss / (2 * np.pi * storage), np.nan)
-
-
-def _deflection(motion: Motion, i: int) -> Array:
-    """Deflection of mode i, counted from 0, in the first harmonic: complex, of the detector's phase [m]."""
-    scope = motion.scope
-    moved, _ = modal_motion(motion.lever, motion.amplitude, motion.phase)
-    mode, resonant = scope.cantilever.eigenmodes[i], scope.free_signal(1.0) / 1j
-    base = scope.base_amplitude * float(mode.participation or 0.0) if scope.drive.excitation == "base" else 0.0
-    found: Array = (moved[i] - base) * abs(resonant) / resonant
-    return found
-
-
-@_once
-def _second(motion: Motion) -> tuple[SecondMode, Array, Array]:
-    """The second mode, and what the surface adds to its stiffness over k2, and to its 1/Q2."""
-    mode, lever = motion.scope.second_mode, motion.lever
-    assert mode is not None
-    first = 2 * np.pi * motion.scope.cantilever.resonance_frequency
-    drag = motion.orbit["mean_damping"] * lever[col.STIFFNESS] / first  # [kg/s]
-    gradient = motion.orbit["mean_gradient"]
-    felt = gradient - motion.orbit["sideband_stiffness"] - 1j * motion.orbit["sideband_loss"]
-    lossy = (drag * 2 * np.pi * mode.frequency + felt.imag) / mode.stiffness
-    return mode, felt.real / mode.stiffness, lossy
-
-
-@_once
-def _mode2_shift(motion: Motion) -> Array:
-    mode, stiffer, _ = _second(motion)
-    shift: Array = mode.frequency * (np.sqrt(1 + stiffer) - 1)
-    return shift
-
-
-@_once
-def answer_of(motion: Motion) -> Array:
-    """Drive over answer of the second mode at its free resonance, 1/Q2 without a surface (complex)."""
-    mode, stiffer, lossy = _second(motion)
-    return np.asarray(stiffer + 1j * (1 / mode.quality_factor + lossy))
-
-
-@_once
-def _mode2_amplitude(motion: Motion) -> Array:
-    mode, _, lossy = _second(motion)
-    if mode.detection == "fm":  # a loop holds it
-        return np.where(np.isfinite(lossy), mode.free_amplitude, np.nan)
-    return np.asarray(mode.free_amplitude / mode.quality_factor / np.abs(answer_of(motion)))
-
-
-def _mode2_phase(motion: Motion) -> Array:
-    mode, _, lossy = _second(motion)
-    if mode.detection == "fm":
-        return np.where(np.isfinite(lossy), 0.0, np.nan)
-    return np.degrees(np.pi / 2 - np.angle(answer_of(motion)))
-
-
-@_once
-def _stiffness_2(motion: Motion) -> Array:
-    """<k>2 [N/m] as the instrument has it of what the second mode shows."""
-    mode, stiffer, _ = _second(motion)
-    if mode.detection == "fm":
-        return 2 * mode.stiffness * _mode2_shift(motion) / mode.frequency
-    return mode.stiffness * stiffer  # (k2/Q2)(A02/A2) sin(phase), the real part of the answer
-
-
-@_once
-def _stiffness_1(motion: Motion) -> Array:
-    return -2 * motion.virial / motion.amplitude**2
-
-
-def _modulus(motion: Motion) -> Array:
-    radius = motion.scope.tip.radius
-    with np.errstate(all="ignore"):
-        found = np.sqrt(2) * _stiffness_2(motion) ** 2 / (_stiffness_1(motion) * np.sqrt(radius * motion.amplitude))
-    return np.where((_stiffness_1(motion) > 0) & (_stiffness_2(motion) > 0), found, np.nan)
-
-
-def _depth(motion: Motion) -> Array:
-    with np.errstate(all="ignore"):
-        found = motion.amplitude * _stiffness_1(motion) / _stiffness_2(motion)
-    return np.where((_stiffness_1(motion) > 0) & (_stiffness_2(motion) > 0), found, np.nan)
-
-
-@_once
-def _too_large(motion: Motion) -> Array:
-    with np.errstate(all="ignore"):
-        share: Array = _mode2_amplitude(motion) / np.maximum(motion.orbit["indentation"], 0.0)
-    return share
-
-
-def _disturbed(motion: Motion) -> Array:
-    """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-6).
-
-    A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
-    proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
-    modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and
-    0.3 of that covers all that was found in time.
-
-    For a short tap, d = D - A theta^2/2, that force is F2 = 4 sqrt(2)/3 <k>2 sqrt(A D) by the mean slope and
-    F1 = 4 sqrt(2)/3 <k>1 A sqrt(A/D) by the virial. An attraction F0 that lasts through contact takes 16/(3 pi) F0 from
-    F1, and its rise to F0 outside 4/(3 pi) F0 from F2; outside it takes more from F1. So at most (F2 - F1)/3 is to be
-    added to F2.
-
-    Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the surface:
-    the sideband that mirrors the mode is at its resonance there, and pumps it.
-    """
-    mode, stiffer, _ = _second(motion)
-    with np.errstate(all="ignore"):
-        share = np.sqrt(np.maximum(motion.orbit["indentation"], 0.0) / motion.amplitude)
-        scale = 4 * np.sqrt(2) / 3 / motion.lever[col.STIFFNESS]
-        by_slope, by_virial = scale * np.abs(_stiffness_2(motion)) * share, scale * _stiffness_1(motion) / share
-        lacking = np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0)
-        rest: Array = 0.5 * _too_large(motion) ** 2 + SIDEBANDS_BEYOND * (by_slope + lacking / 3)
-        turns = 2 * mode.frequency / motion.frequency
-        crossed = np.floor(turns * np.sqrt(1 + stiffer)) != np.floor(turns)
-    return np.where((share > 0.0) & crossed & np.isfinite(stiffer), np.inf, rest)
-
-
 MELCHER = "Melcher et al., PNAS 106, 13655 (2009)"
 LABUDA = "Labuda et al., Beilstein J. Nanotechnol. 7, 970 (2016)"
 OF_SECOND = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss")
@@ -267,40 +254,47 @@ def _of_mode(i: int) -> tuple[Channel, Channel]:
     return (
         Channel(
             f"modal_amplitude_{i + 1}", f"amplitude at the tip {about}", "m",
-            lambda motion: np.abs(_deflection(motion, i)), MELCHER, mode=i + 1,
+            lambda motion: np.abs(motion.deflection(i)), MELCHER, mode=i + 1,
         ),
         Channel(
             f"modal_phase_{i + 1}", f"phase {about}, counted as the detector's", "degree",
-            lambda motion: np.angle(_deflection(motion, i), deg=True), MELCHER, mode=i + 1,
+            lambda motion: np.angle(motion.deflection(i), deg=True), MELCHER, mode=i + 1,
         ),
     )  # fmt: skip
+
+
+def _bimodal(
+    name: str, long_name: str, units: str, value: str, source: str = LABUDA, needs: tuple[str, ...] = OF_SECOND
+) -> Channel:
+    """A channel of a second mode that is driven; `value` is a property of `Motion`."""
+    return Channel(name, long_name, units, attrgetter(value), source, needs, bimodal=True)
 
 
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
         Channel(
-            "dissipation", "energy dissipated in the surface per cycle", "J", _dissipation, CLEVELAND,
-            of_orbit="dissipation",
+            "dissipation", "energy dissipated in the surface per cycle", "J", attrgetter("orbit_dissipation"),
+            CLEVELAND, of_orbit="dissipation",
         ),
         Channel(
             "dissipation_ev", "energy dissipated in the surface per cycle", "eV",
-            lambda motion: _dissipation(motion) / ELECTRONVOLT, CLEVELAND, of_orbit="dissipation",
+            lambda motion: motion.orbit_dissipation / ELECTRONVOLT, CLEVELAND, of_orbit="dissipation",
         ),
         Channel(
             "dissipated_power", "power dissipated in the surface", "W",
-            lambda motion: _dissipation(motion) * motion.frequency, CLEVELAND, of_orbit="dissipation",
+            lambda motion: motion.orbit_dissipation * motion.frequency, CLEVELAND, of_orbit="dissipation",
         ),
         Channel(
-            "virial", "virial of the tip-surface force, positive attractive", "J", _virial,
+            "virial", "virial of the tip-surface force, positive attractive", "J", attrgetter("orbit_virial"),
             "San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001)", of_orbit="virial",
         ),
         Channel(
-            "loss_tangent", "loss tangent by the instrument's formula", "1", _loss_tangent,
+            "loss_tangent", "loss tangent by the instrument's formula", "1", attrgetter("loss_tangent"),
             f"{PROKSCH}: energy dissipated over 2 pi times the virial, negative where the force attracts",
         ),
         Channel(
-            "loss_tangent_corrected", "loss tangent corrected for adhesion", "1", _corrected,
+            "loss_tangent_corrected", "loss tangent corrected for adhesion", "1", attrgetter("corrected_loss_tangent"),
             f"{PROKSCH}, with the energy that the contact stores for the virial, and less the energy of necks",
             needs=("contact_storage", "adhesion_loss"), of_orbit="dissipation",
         ),
@@ -309,40 +303,29 @@ CHANNELS: dict[str, Channel] = {
             lambda motion: drive_energy(motion.lever, motion.amplitude, motion.phase), MELCHER,
         ),
         *(channel for i in range(col.MOST_MODES) for channel in _of_mode(i)),
-        Channel(
-            "mode2_frequency_shift", "shift of the second mode's resonance", "Hz", _mode2_shift, LABUDA, OF_SECOND,
-            bimodal=True,
+        _bimodal("mode2_frequency_shift", "shift of the second mode's resonance", "Hz", "second_shift"),
+        _bimodal("mode2_amplitude", "amplitude of the second mode", "m", "second_amplitude"),
+        _bimodal("mode2_phase", "phase of the second mode, 0 where free", "degree", "second_phase"),
+        _bimodal(
+            "effective_stiffness_1", "effective stiffness of the surface, of the first mode", "N m-1", "stiffness_1",
+            needs=(),
         ),
-        Channel(
-            "mode2_amplitude", "amplitude of the second mode", "m", _mode2_amplitude, LABUDA, OF_SECOND, bimodal=True,
+        _bimodal(
+            "effective_stiffness_2", "effective stiffness of the surface, of the second mode", "N m-1", "stiffness_2"
         ),
-        Channel(
-            "mode2_phase", "phase of the second mode, 0 where free", "degree", _mode2_phase, LABUDA, OF_SECOND,
-            bimodal=True,
-        ),
-        Channel(
-            "effective_stiffness_1", "effective stiffness of the surface, of the first mode", "N m-1", _stiffness_1,
-            LABUDA, bimodal=True,
-        ),
-        Channel(
-            "effective_stiffness_2", "effective stiffness of the surface, of the second mode", "N m-1", _stiffness_2,
-            LABUDA, OF_SECOND, bimodal=True,
-        ),
-        Channel(
+        _bimodal(
             "bimodal_modulus", "plane-strain modulus by the bimodal formula for a paraboloid on Hertz contact", "Pa",
-            _modulus, LABUDA, OF_SECOND, bimodal=True,
+            "bimodal_modulus",
         ),
-        Channel(
-            "bimodal_indentation", "indentation by the bimodal formula", "m", _depth, LABUDA, OF_SECOND, bimodal=True,
+        _bimodal("bimodal_indentation", "indentation by the bimodal formula", "m", "bimodal_indentation"),
+        _bimodal(
+            "mode2_over_depth", "amplitude of the second mode over the indentation", "1", "second_over_depth",
+            "the others of the second mode hold where this is small", (*OF_SECOND, "indentation"),
         ),
-        Channel(
-            "mode2_over_depth", "amplitude of the second mode over the indentation", "1", _too_large,
-            "the others of the second mode hold where this is small", (*OF_SECOND, "indentation"), bimodal=True,
-        ),
-        Channel(
+        _bimodal(
             "bimodal_modulus_bound", "largest share by which the bimodal modulus differs from two modes in time", "1",
-            _disturbed, "half the square of mode2_over_depth, and 0.3 times the largest force of contact over k A",
-            (*OF_SECOND, "indentation"), bimodal=True,
+            "modulus_bound", "half the square of mode2_over_depth, and 0.3 times the largest force of contact over k A",
+            (*OF_SECOND, "indentation"),
         ),
     )
 }  # fmt: skip

@@ -29,20 +29,34 @@ STABILITY = ("unstable", "stable")  # likewise
 
 
 class Variable(NamedTuple):
-    """A float variable of a result: how it comes from the kernel's columns, its long name and its unit."""
+    """A float variable of a result."""
 
     long_name: str
     units: str
     value: Callable[[Array], Array]  # of result rows, shape (..., COLUMNS)
+    description: str = ""
+    wide: tuple[int, ...] = ()  # columns of wide rows that it takes: a number, or real and imaginary part of one
 
 
-def _column(index: int, scale: float = 1.0) -> Callable[[Array], Array]:
-    return lambda rows: rows[..., index] * scale if scale != 1.0 else rows[..., index]
+def _column(long_name: str, units: str, index: int, description: str = "") -> Variable:
+    """A variable that is a column; angles are in radians there."""
+    if units == "degree":
+        return Variable(long_name, units, lambda rows: rows[..., index] * (180 / np.pi), description)
+    return Variable(long_name, units, lambda rows: rows[..., index], description)
 
 
-def _spread(index: int, scale: float = 1.0) -> Callable[[Array], Array]:
+def _wide(long_name: str, units: str, index: int, description: str = "") -> Variable:
+    """A variable that is a column of wide rows."""
+    return _column(long_name, units, index, description)._replace(wide=(index,))
+
+
+def _spread(long_name: str, units: str, index: int) -> Variable:
     """A spread, which no solver of periodic orbits fills in: 0 there, NaN where there is no motion."""
-    return lambda rows: np.where(np.isnan(rows[..., col.AMPLITUDE]), np.nan, np.nan_to_num(rows[..., index]) * scale)
+    one = _column(long_name, units, index, LOCK_IN)
+    value = one.value
+    return one._replace(
+        value=lambda rows: np.where(np.isnan(rows[..., col.AMPLITUDE]), np.nan, np.nan_to_num(value(rows)))
+    )
 
 
 def _multiplier(rows: Array) -> Array:
@@ -53,94 +67,84 @@ def _multiplier(rows: Array) -> Array:
     return larger
 
 
-def _wave(n: int) -> Callable[[Array], Array]:
-    """The complex amplitude of a harmonic, of wide rows."""
-    return lambda rows: rows[..., WAVES + 2 * (n - 2)] + 1j * rows[..., WAVES + 2 * (n - 2) + 1]
-
-
 def _harmonic(n: int) -> dict[str, Variable]:
     """Amplitude and phase of a harmonic."""
-    wave = _wave(n)
-    return {
-        f"amplitude_{n}": Variable(f"amplitude of harmonic {n}", "m", lambda rows: np.abs(wave(rows))),
-        f"phase_{n}": Variable(
-            f"phase of harmonic {n} against that of the first", "degree", lambda rows: np.degrees(np.angle(wave(rows)))
-        ),
-    }
+    real, imaginary = both = (WAVES + 2 * (n - 2), WAVES + 2 * (n - 2) + 1)
+
+    def wave(rows: Array) -> Array:
+        return rows[..., real] + 1j * rows[..., imaginary]
+
+    size = Variable(f"amplitude of harmonic {n}", "m", lambda rows: np.abs(wave(rows)), wide=both)
+    phase = Variable(
+        f"phase of harmonic {n} against that of the first", "degree", lambda rows: np.degrees(np.angle(wave(rows))),
+        f"phi of z = A cos(theta) + A_{n} cos({n} theta + phi), A and theta of the first harmonic", both,
+    )  # fmt: skip
+    return {f"amplitude_{n}": size, f"phase_{n}": phase}
 
 
+LOCK_IN = (
+    "0 for a periodic orbit; else of a lock-in with a first-order low-pass at a hundredth of the drive frequency, "
+    "of which amplitude and phase are the mean"
+)
+AGAINST = "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none"
 FLOATS: dict[str, Variable] = {
     "height": Variable(
         "height (topography + tip offset - setpoint amplitude)", "m",
         lambda rows: rows[..., col.TIP_OFFSET] - rows[..., col.AMPLITUDE],
     ),
-    "phase": Variable("phase, 0 at free resonance, positive repulsive", "degree", _column(col.PHASE, 180 / np.pi)),
-    "amplitude": Variable("amplitude of the first harmonic", "m", _column(col.AMPLITUDE)),
-    "amplitude_error": Variable("amplitude minus setpoint amplitude", "m", _column(col.AMPLITUDE_ERROR)),
-    "tip_offset": Variable("tip offset (rest position of the tip above the surface)", "m", _column(col.TIP_OFFSET)),
-    "amplitude_spread": Variable(
-        "standard deviation of the amplitude behind the lock-in", "m", _spread(col.SPREAD_AMPLITUDE)
+    "phase": _column("phase, 0 at free resonance, positive repulsive", "degree", col.PHASE),
+    "amplitude": _column("amplitude of the first harmonic", "m", col.AMPLITUDE),
+    "amplitude_error": _column("amplitude minus setpoint amplitude", "m", col.AMPLITUDE_ERROR),
+    "tip_offset": _column("tip offset (rest position of the tip above the surface)", "m", col.TIP_OFFSET),
+    "amplitude_spread": _spread("standard deviation of the amplitude behind the lock-in", "m", col.SPREAD_AMPLITUDE),
+    "phase_spread": _spread("standard deviation of the phase behind the lock-in", "degree", col.SPREAD_PHASE),
+    "mean_deflection": _column("mean deflection, positive towards the surface", "m", col.MEAN),
+    "indentation": _column("largest indentation, negative without contact", "m", col.INDENTATION),
+    "dissipation": _column("energy dissipated in the surface per cycle", "J", col.DISSIPATION),
+    "virial": _column("virial of the tip-surface force, positive attractive", "J", col.VIRIAL),
+    "adhesion_virial": _wide(
+        "virial of the attraction alone, in the first harmonic, positive attractive", "J", ADHESION_VIRIAL,
+        "of the force less that of the same contact without adhesion and bias; of periodic orbits",
     ),
-    "phase_spread": Variable(
-        "standard deviation of the phase behind the lock-in", "degree", _spread(col.SPREAD_PHASE, 180 / np.pi)
+    "adhesion_loss": _wide("energy that necks of the contact take per cycle", "J", ADHESION_LOSS),
+    "contact_storage": _wide(
+        "energy that the contact stores, without its adhesion", "J", STORAGE,
+        "mean of F' (dd/dtheta)^2 over the cycle, F' the slope of the force with depth without adhesion and bias; "
+        "where the tip moves as a sine, the virial of repulsion",
     ),
-    "mean_deflection": Variable("mean deflection, positive towards the surface", "m", _column(col.MEAN)),
-    "indentation": Variable("largest indentation, negative without contact", "m", _column(col.INDENTATION)),
-    "dissipation": Variable("energy dissipated in the surface per cycle", "J", _column(col.DISSIPATION)),
-    "virial": Variable("virial of the tip-surface force, positive attractive", "J", _column(col.VIRIAL)),
-    "adhesion_virial": Variable(
-        "virial of the attraction alone, in the first harmonic, positive attractive", "J", _column(ADHESION_VIRIAL)
+    "error_phase": _column("estimated error of the phase", "degree", col.ERROR_PHASE, AGAINST),
+    "error_height": _column("estimated error of the height", "m", col.ERROR_HEIGHT, AGAINST),
+    "energy_closure": _column(
+        "energy in minus energy out, over energy in", "1", col.CLOSURE,
+        "of the first harmonic alone where the solver is averaging or interpolated",
     ),
-    "adhesion_loss": Variable("energy that necks of the contact take per cycle", "J", _column(ADHESION_LOSS)),
-    "contact_storage": Variable("energy that the contact stores, without its adhesion", "J", _column(STORAGE)),
-    "error_phase": Variable("estimated error of the phase", "degree", _column(col.ERROR_PHASE, 180 / np.pi)),
-    "error_height": Variable("estimated error of the height", "m", _column(col.ERROR_HEIGHT)),
-    "energy_closure": Variable("energy in minus energy out, over energy in", "1", _column(col.CLOSURE)),
-    "floquet": Variable("largest modulus of the Floquet multipliers", "1", _column(col.FLOQUET)),
-    "feedback_slope": Variable("change of amplitude with tip offset", "1", _column(col.SLOPE)),
-    "mean_force": Variable("mean force of the surface on the tip, positive repulsive", "N", _column(col.MEAN_FORCE)),
-    "peak_force": Variable("largest force of the surface on the tip", "N", _column(col.PEAK_FORCE)),
-    "least_force": Variable("smallest force of the surface on the tip", "N", _column(col.LEAST_FORCE)),
-    "contact_time": Variable("share of the period in contact, necks included", "1", _column(col.CONTACT_TIME)),
+    "floquet": _column("largest modulus of the Floquet multipliers", "1", col.FLOQUET),
+    "feedback_slope": _column("change of amplitude with tip offset", "1", col.SLOPE),
+    "mean_force": _column("mean force of the surface on the tip, positive repulsive", "N", col.MEAN_FORCE),
+    "peak_force": _column("largest force of the surface on the tip", "N", col.PEAK_FORCE),
+    "least_force": _column("smallest force of the surface on the tip", "N", col.LEAST_FORCE),
+    "contact_time": _column("share of the period in contact, necks included", "1", col.CONTACT_TIME),
     "multiplier_real": Variable("real part of the larger Floquet multiplier", "1", lambda rows: _multiplier(rows).real),
     "multiplier_imag": Variable("its imaginary part", "1", lambda rows: _multiplier(rows).imag),
-    "mean_gradient": Variable("mean slope of the surface's force with depth over a period", "N m-1", _column(GRADIENT)),
-    "mean_damping": Variable("mean damping coefficient 2 alpha of the surface over a period", "1", _column(DRAG)),
-    "sideband_stiffness": Variable(
-        "what the second mode finds softer because modes yield at its sidebands", "N m-1", _column(SIDEBANDS)
-    ),
-    "sideband_loss": Variable(
-        "what the second mode loses for that reason, over its amplitude", "N m-1", _column(SIDEBANDS + 1)
-    ),
+    "mean_gradient": _wide("mean slope of the surface's force with depth over a period", "N m-1", GRADIENT),
+    "mean_damping": _wide("mean damping coefficient 2 alpha of the surface over a period", "1", DRAG),
+    "sideband_stiffness": _wide(
+        "what the second mode finds softer because modes yield at its sidebands", "N m-1", SIDEBANDS
+    )._replace(wide=(SIDEBANDS, SIDEBANDS + 1)),
+    "sideband_loss": _wide(
+        "what the second mode loses for that reason, over its amplitude", "N m-1", SIDEBANDS + 1
+    )._replace(wide=(SIDEBANDS, SIDEBANDS + 1)),
     **{name: one for n in range(2, 2 + col.HARMONICS) for name, one in _harmonic(n).items()},
     **{
-        f"modal_dissipation_{i + 1}": Variable(
-            f"energy dissipated by the damping of mode {i + 1} per cycle", "J", _column(LOSSES + i)
+        f"modal_dissipation_{i + 1}": _wide(
+            f"energy dissipated by the damping of mode {i + 1} per cycle", "J", LOSSES + i
         )
         for i in range(col.MOST_MODES)
     },
 }  # fmt: skip
-LOCK_IN = (
-    "0 for a periodic orbit; else of a lock-in with a first-order low-pass at a hundredth of the drive frequency, "
-    "of which amplitude and phase are the mean"
-)
-DESCRIPTIONS = {
-    "amplitude_spread": LOCK_IN,
-    "phase_spread": LOCK_IN,
-    "error_phase": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
-    "error_height": "against the exact periodic orbit; NaN where first-order averaging was asked for, which knows none",
-    "adhesion_virial": "of the force less that of the same contact without adhesion and bias; of periodic orbits",
-    "contact_storage": "mean of F' (dd/dtheta)^2 over the cycle, F' the slope of the force with depth without adhesion "
-    "and bias; where the tip moves as a sine, the virial of repulsion",
-    **{
-        f"phase_{n}": f"phi of z = A cos(theta) + A_{n} cos({n} theta + phi), A and theta of the first harmonic"
-        for n in range(2, 2 + col.HARMONICS)
-    },
-    "energy_closure": "of the first harmonic alone where the solver is averaging or interpolated",
-}
 IN_TIME = {
     "estimated_error": "none: in time there is no exact orbit to differ from, and what differs from the image at rest "
-    "is the scan's doing; phasemap check scans lines again, with the other engine too",
+    "is the scan's doing; phasemap check scans lines again",
     "energy_balance": "none: the energy of the oscillation changes with what passes under the tip",
 }
 """What an image in time says instead of error_phase, error_height and energy_closure."""
@@ -162,17 +166,8 @@ HARMONICS = tuple(name for n in range(2, 2 + col.HARMONICS) for name in (f"ampli
 MODAL = tuple(f"modal_dissipation_{i + 1}" for i in range(col.MOST_MODES))
 OF_FORCES = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss", *HARMONICS, *MODAL)
 """What `phasemap.solvers.integrals.with_forces` knows."""
-OF_ORBITS = {
-    "adhesion_virial": (ADHESION_VIRIAL,), "adhesion_loss": (ADHESION_LOSS,), "contact_storage": (STORAGE,),
-    "mean_gradient": (GRADIENT,), "mean_damping": (DRAG,),
-    **dict.fromkeys(("sideband_stiffness", "sideband_loss"), (SIDEBANDS, SIDEBANDS + 1)),
-    **{
-        f"{of}_{n}": (WAVES + 2 * (n - 2), WAVES + 2 * (n - 2) + 1)
-        for n in range(2, 2 + col.HARMONICS) for of in ("amplitude", "phase")
-    },
-    **{name: (LOSSES + i,) for i, name in enumerate(MODAL)},
-}  # fmt: skip
-"""Columns of wide rows that each of these takes: one number, or real and imaginary part of one."""
+OF_ORBITS = {name: one.wide for name, one in FLOATS.items() if one.wide}
+"""Columns of wide rows that each of these takes."""
 WHERE_ASKED = (*OF_ADHESION, *OF_FORCES)
 """Variables of an image at rest that it has only where they are asked for: each costs an integral over every orbit."""
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
@@ -225,8 +220,9 @@ def coded(long_name: str, *meanings: str, first: int = 0) -> dict[str, Any]:
 
 def float_attributes(name: str) -> dict[str, str]:
     """Long name and units of a float variable, and what else there is to say."""
-    more = {"description": DESCRIPTIONS[name]} if name in DESCRIPTIONS else {}
-    return {"long_name": FLOATS[name].long_name, "units": FLOATS[name].units, **more}
+    about = FLOATS[name]
+    more = {"description": about.description} if about.description else {}
+    return {"long_name": about.long_name, "units": about.units, **more}
 
 
 def branch_of(rows: Array) -> Array:
@@ -291,15 +287,3 @@ def _release() -> str:
         return version("afm-phasemap")
     except PackageNotFoundError:
         return "not installed"
-
-
-def describe(thing: Any) -> Any:
-    """A configuration object as plain JSON values."""
-    import dataclasses
-
-    if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
-        fields = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
-        return {"kind": type(thing).__name__.lower(), **fields}
-    if isinstance(thing, tuple):
-        return [describe(one) for one in thing]
-    return thing if thing is None or isinstance(thing, (bool, int, float, str)) else getattr(thing, "name", str(thing))

@@ -1,13 +1,20 @@
-"""Results in words: how many pixels failed, and why; how many move irregularly; which flags occur."""
+"""Results in words: what failed, what is irregular or outside the model, which flags occur, and what a result is of.
+
+The model is a rigid tip on a half-space, or on a film on a rigid base, and the modes of the lever. It solves what lies
+outside too, and such an image looks like any other: so it is counted, with what cures it.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 from collections import Counter
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from phasemap._shared.asked import asked_as
 from phasemap._shared.units import counted, say
 from phasemap.results.status import Status
 
@@ -21,8 +28,16 @@ SOLVED_BY = {
 """What summaries and titles call the solvers of `phasemap.results.variables.SOLVER_NAMES`."""
 NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phase image
 
+FORCES = ("adhesion_force", "lever_force")
+"""Attributes of an image: the largest adhesion between tip and sample, and stiffness times free amplitude [N]."""
+LOW_Q = 20.0  # below this, first-order averaging is off by degrees
+DETUNED = 0.15  # 1 - omega^2 from which it is: with Q 60 to 600, 0.6 to 3 degree and 2 to 20 nm in one case of ten
+FREE = 1.2  # times the adhesion: force at which a lever comes free; 1.1 did wherever it was tried
+WIDE, DEEP = 2.0, 0.3  # contact radius, and depth, over a film's thickness that its law is good for
+SMALL_SECOND = 0.05  # bimodal_modulus_bound up to which the second mode counts as small
+AVERAGING = 0  # among the flags of `solver`
 
-@asked_as()
+
 def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Say how many pixels have no solution, why, and what helps: a line for each way a pixel failed."""
     if "status" not in ds:
@@ -74,7 +89,6 @@ def describe_solvers(solver: xr.DataArray) -> str:
     return _shares(solver, meanings)
 
 
-@asked_as()
 def describe_flags(flags: xr.DataArray) -> str:
     """Say which flags of a CF variable occur and how often, most frequent first."""
     return _shares(flags, flags.attrs["flag_meanings"].split())
@@ -89,3 +103,149 @@ def _shares(flags: xr.DataArray, meanings: list[str]) -> str:
     if len(shares) == 1:
         return next(iter(shares))
     return ", ".join(f"{name} {100 * count / flags.size:.3g} %" for name, count in shares.most_common())
+
+
+def titles(ds: xr.Dataset) -> list[str]:
+    """Title, material and microscope of a sweep, a line each; what is swept is left out.
+
+    `ds`: of a sweep, with its ``configuration``.
+    """
+    about = json.loads(ds.attrs.get("configuration", "{}"))
+    swept = about.get("sweep", "")
+    material = about.get("material", {})
+    scope = about.get("microscope", {})
+    lines = [
+        [ds.attrs["title"]] if "title" in ds.attrs else [],
+        [
+            *_said(material, swept, modulus=("modulus {}", "Pa"), adhesion=("adhesion {}", "J m-2")),
+            *_said(material, swept, **_loss(material)),
+            *_said(about, swept, setpoint=("setpoint held at {}", "1"), tip_offset=("tip offset held at {}", "m")),
+        ],
+        microscope_in_words(scope, swept),
+    ]  # fmt: skip
+    return [", ".join(line) for line in lines if line]
+
+
+def microscope_in_words(scope: dict[str, Any], swept: str = "") -> list[str]:
+    """Lever, tip and drive of a ``configuration`` in words, as far as they are known, without what is swept."""
+    lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
+    return [
+        *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),
+        *_said(lever, swept, quality_factor=("Q {}", "1")),
+        *_said(tip, swept, radius=("tip radius {}", "m")),
+        *_said(drive, swept, free_amplitude=("free amplitude {}", "m"), frequency=("driven at {}", "Hz")),
+    ]
+
+
+def _loss(material: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    """What a material loses energy by."""
+    if material.get("relaxation_time") is not None:
+        return {"relaxed_modulus": ("relaxed {}", "Pa"), "relaxation_time": ("in {}", "s")}
+    if material.get("viscosity") is not None:
+        return {"viscosity": ("viscosity {}", "Pa s")}
+    return {"damping": ("damping {}", "1")}
+
+
+def _said(table: dict[str, Any], swept: str, **words: tuple[str, str]) -> list[str]:
+    """The values of a table that are given and not swept, in words."""
+    return [
+        phrase.format(say(table[name], units, 5))
+        for name, (phrase, units) in words.items()
+        if table.get(name) is not None and name != swept
+    ]
+
+
+def of_file(ds: xr.Dataset, name: str, i: int, scale: float = 1.0) -> str:
+    """The setpoint or free amplitude of a file as recorded, else from where to where it may be."""
+    recorded = scale * float(ds[f"recorded_{name}"][i])
+    if math.isfinite(recorded):
+        return f"{recorded:.3g}"
+    ends = [scale * float(ds[f"{name}_{end}"][i]) for end in ("low", "high")]
+    return " to ".join(f"{end:.0f}" if end >= 100 else f"{end:.2g}" for end in ends)
+
+
+def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
+    """Say how many results are outside the validity of the model, and what cures them, in a line for each cause."""
+    configuration = json.loads(ds.attrs.get("configuration", "{}"))
+    if "microscope" not in configuration:
+        return []
+    return list(_lines(ds, configuration, what))
+
+
+def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+    lever, tip = configuration["microscope"]["cantilever"], configuration["microscope"]["tip"]
+    if "indentation" in ds:
+        depths = ds["indentation"].values
+        deep = depths > tip["radius"]
+        if deep.any():
+            most = f"{say(float(np.nanmax(depths)), 'm', 3)} into it, {say(tip['radius'], 'm', 3)}"
+            yield (
+                f"{_of(deep, what)}: the tip sinks in deeper than its radius ({most}), where it is no longer a sphere. "
+                "Raise the setpoint, lower the free amplitude, or give a larger radius."
+            )
+    yield from _of_films(ds, configuration, what)
+    if "bimodal_modulus_bound" in ds and configuration.get("solver") != "march":
+        bound = ds["bimodal_modulus_bound"].values
+        if (rough := bound > SMALL_SECOND).any():
+            yield (
+                f"{_of(rough, what)}: the second mode moves too much, or the tap is too hard, to know the bimodal "
+                f"modulus to 5 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
+                "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march', "
+                "which integrates both drives."
+            )
+    if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):
+        inside = ds["tip_offset"].values < ds["mean_deflection"].values
+        if inside.any():
+            yield (
+                f"{_of(inside, what)}: the tip is in contact for more than half of each period, where a lever bends "
+                "otherwise than when it is free. Raise the setpoint or the free amplitude, or take a stiffer lever."
+            )
+    failed = ds["status"].values != 0 if "status" in ds else np.zeros(1, bool)
+    holds, pulls = (ds.attrs.get(name, 0.0) for name in FORCES)
+    if failed.any() and holds > pulls:
+        yield (
+            f"{_of(failed, what)} failed, and the tip may stick: adhesion holds it with up to "
+            f"{say(holds, 'N', 3)}, the lever pulls with {say(pulls, 'N', 3)} at its free amplitude. Take a free "
+            f"amplitude above {say(FREE * holds / lever['stiffness'], 'm', 2)}, a stiffer lever, or the smaller "
+            "adhesion that there is in liquid."
+        )
+    if configuration.get("solver") == "averaging" and "solver" in ds:
+        averaged = ds["solver"].values == AVERAGING
+        if averaged.any() and (where := _off_by_averaging(configuration["microscope"])):
+            yield f"{_of(averaged, what)}: first-order averaging is off by {where}. Take the solver 'auto' or 'orbit'."
+
+
+def _off_by_averaging(microscope: dict[str, Any]) -> str:
+    """By how much averaging is off, and where that is so; empty if it is not by much."""
+    lever, driven = microscope["cantilever"], microscope.get("drive", {}).get("frequency")
+    if lever["quality_factor"] < LOW_Q:
+        return f"degrees at Q = {lever['quality_factor']:g}"
+    ratio = driven / lever["resonance_frequency"] if driven else 1.0
+    return f"up to some degrees and nanometres at {ratio:.3g} of the resonance" if abs(1 - ratio**2) > DETUNED else ""
+
+
+def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+    """Lines for films that are too thin for their law."""
+    material = configuration.get("material", {})
+    thickness = ds["thickness"] if "thickness" in ds.variables else material.get("thickness")
+    if thickness is None or "indentation" not in ds:
+        return
+    depth = ds["indentation"].clip(min=0)
+    width = (np.sqrt(configuration["microscope"]["tip"]["radius"] * depth) / thickness).values
+    share = (depth / thickness).values
+    cure = "Raise the setpoint or lower the free amplitude"
+    if (wide := width > WIDE).any():
+        yield (
+            f"{_of(wide, what)}: the contact's radius is up to {np.nanmax(width):.3g} times the film's thickness; the "
+            f"law of the film is good to 1 % up to {WIDE:g} times. {cure}, or take a smaller tip radius."
+        )
+    if (deep := share > DEEP).any():
+        yield (
+            f"{_of(deep, what)}: the tip sinks in by up to {np.nanmax(share):.2g} of the film's thickness; above "
+            f"{DEEP:g} of it strains are too large for linear elasticity. {cure}."
+        )
+
+
+def _of(which: np.ndarray, what: str) -> str:
+    """How many of how many."""
+    return counted(int(np.count_nonzero(which)), which.size, what)

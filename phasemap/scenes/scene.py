@@ -32,12 +32,12 @@ from phasemap._shared.fields import in_words
 from phasemap._shared.notices import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
+from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import of_one_loss
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.results.channels import split
-from phasemap.results.variables import describe
 from phasemap.scenes.objects import (
     control_of,
     materials_of,

@@ -15,15 +15,11 @@ from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import of_tip, sees_tip
-from phasemap.solvers.continuation.complete import orbits_of_amplitude
-from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, hold
-from phasemap.solvers.energy import close
+from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, close, hold
 from phasemap.solvers.in_time import ETA
-from phasemap.solvers.march import March
-from phasemap.solvers.orbit import LENGTH, PHASE
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import Solver
+from phasemap.solvers.solver import LENGTH, PHASE, March, Solver
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -40,6 +36,18 @@ class Branches(NamedTuple):
     solver: Codes
     # shape (2, n); highest tip offset [m] from which a tip comes to each branch; infinite where it does from any
     reach: Array
+
+    @classmethod
+    def unknown(cls, work: Work) -> Branches:
+        """Nothing yet; status codes say what is refused."""
+        count = len(work)
+        rows, reach = np.full((SLOTS, count, col.COLUMNS), np.nan), np.full((ENGAGED, count), np.inf)
+        return cls(rows, np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8), reach)
+
+    @property
+    def answers(self) -> Answers:
+        """Rows and codes as solvers fill them."""
+        return Answers(self.rows, self.status, self.solver)
 
     @property
     def orbits(self) -> Orbits:
@@ -59,7 +67,7 @@ class Branches(NamedTuple):
         side = self.rows[ENGAGED, :, col.STIFFENING] > 0
         return np.where(self.status[ENGAGED] == col.GOOD, side, NOWHERE).astype(np.int8)
 
-    def put(self, at: NDArray[np.intp], found: Branches) -> None:
+    def put(self, at: NDArray[np.intp] | slice, found: Branches) -> None:
         """Take over what was found of some materials."""
         self.rows[:, at], self.status[:, at], self.solver[:, at], self.reach[:, at] = found
 
@@ -96,46 +104,40 @@ def stable_branches(
     """
     if not sees_tip(work.lever):
         return _seen_branches(work, solver, accuracy, workers, progress, engaged)
-    count = len(work)
-    rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
-    status, used = np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8)
-    reach = np.full((ENGAGED, count), np.inf)
-    valid = np.flatnonzero(status[ENGAGED] == col.GOOD)
+    found, count = Branches.unknown(work), len(work)
+    valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
     if len(valid) < count:
-        found = stable_branches(work.part(valid), solver, accuracy, workers, progress)
-        rows[:, valid], status[:, valid], used[:, valid], reach[:, valid] = found
-        return Branches(rows, status, used, reach)
-
-    answers = Answers(rows, status, used)
-    if engaged is not None:
-        rows[ENGAGED], status[ENGAGED], used[ENGAGED] = engaged
+        found.put(valid, stable_branches(work.part(valid), solver, accuracy, workers, progress))
+        return found
 
     def solve(first: int, last: int) -> None:
+        some = slice(first, last)
+        part = work.part(some)
+        own = Branches.unknown(part)
         if engaged is None:
-            solver.solve(work, accuracy, first, last, answers.of(ENGAGED))
-        _others(work, solver, accuracy, first, last, answers)
-        _limit(work, accuracy.periods, first, last, rows, status, reach)
+            solver.solve(part, accuracy, own.answers.of(ENGAGED))
+        else:
+            own.rows[ENGAGED], own.status[ENGAGED], own.solver[ENGAGED] = (one[some] for one in engaged)
+        _others(part, solver, accuracy, own.answers)
+        _limit(part, accuracy.periods, own)
+        found.put(some, own)
 
     spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
-    close(rows, work.lever)
-    return Branches(rows, status, used, reach)
+    close(found.rows, work.lever)
+    return found
 
 
 def _seen_branches(
     work: Work, solver: Solver, accuracy: Accuracy, workers: int, progress: Progress | None, engaged: Found | None
 ) -> Branches:
     """The same where the detector does not see the tip: by secants on the branch that engagement does not find."""
-    found = Branches(
-        np.full((SLOTS, len(work), col.COLUMNS), np.nan),
-        np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, len(work)), -1, np.int8),
-        np.full((ENGAGED, len(work)), np.inf),
-    )  # fmt: skip
+    found = Branches.unknown(work)
     valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
 
     if engaged is None:
         engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
     found.rows[ENGAGED, valid], found.status[ENGAGED, valid], found.solver[ENGAGED, valid] = engaged
-    answers = Answers(found.rows, found.status, found.solver)
+    answers = found.answers
     for slot, side in ((ATTRACTING, ATTRACTIVE), (REPELLING, REPULSIVE)):
         here, others = np.flatnonzero(found.engaged == slot), valid[found.engaged[valid] != slot]
 
@@ -146,12 +148,12 @@ def _seen_branches(
         held = Answers(*hold(work.part(others), solve, side))
         answers.of(slot).put(others, held)
         answers.of(slot).put(here, answers.of(ENGAGED).of(here))
-    _limit(work, accuracy.periods, 0, len(work), found.rows, found.status, found.reach)
+    _limit(work, accuracy.periods, found)
     return found
 
 
-def _others(work: Work, solver: Solver, accuracy: Accuracy, first: int, last: int, answers: Answers) -> None:
-    """Fill both branches of the materials in [first, last), what engagement finds being there."""
+def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
+    """Fill both branches, what engagement finds being there."""
     from phasemap._kernels.rows.fast import other_rows
 
     phase, height = accuracy.phase, accuracy.height
@@ -159,26 +161,26 @@ def _others(work: Work, solver: Solver, accuracy: Accuracy, first: int, last: in
         phase, height = min(phase, PHASE), min(height, LENGTH)
     limits = np.array([math.radians(phase), height])
     allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
-    if other_rows(work.pixels, limits, allowed, first, last, answers):
+    if other_rows(work.pixels, limits, allowed, 0, len(work), answers):
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.exact import exact_near_rows
 
-        if exact_near_rows(work.pixels, TABLES, first, last, answers):
-            _search(work, first, last, answers)
+        if exact_near_rows(work.pixels, TABLES, 0, len(work), answers):
+            _search(work, answers)
     if solver.name == "averaging":
-        _average(work, first, last, answers)
+        _average(work, answers)
     elif isinstance(solver, March):
-        _march(work, solver, accuracy.periods, first, last, answers)
+        _march(work, solver, accuracy.periods, answers)
 
 
-def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Codes, reach: Array) -> None:
+def _limit(work: Work, most: int, found: Branches) -> None:
     """Where a tip that comes from far taps irregularly, find up to which tip offset the repulsive branch is there.
 
     A tip that comes on that branch, but higher, from a stiffer material, falls off it.
     """
-    irregular = col.irregular(rows[ENGAGED, first:last])
-    attractive = ~(rows[ENGAGED, first:last, col.STIFFENING] > 0)
-    chosen = first + np.flatnonzero(irregular & attractive & (status[REPELLING, first:last] == col.GOOD))
+    rows = found.rows
+    attractive = ~(rows[ENGAGED, :, col.STIFFENING] > 0)
+    chosen = np.flatnonzero(col.irregular(rows[ENGAGED]) & attractive & (found.status[REPELLING] == col.GOOD))
     if len(chosen):
         from phasemap._kernels.scanning.reach import reach_rows
 
@@ -188,41 +190,42 @@ def _limit(work: Work, most: int, first: int, last: int, rows: Array, status: Co
             work.lever, orbits[:, col.AMPLITUDE], orbits[:, col.PHASE]
         )
         reach_rows(part.law, part.rows, part.lever, ETA, most, orbits, limits)
-        reach[REPELLING, chosen] = limits
+        found.reach[REPELLING, chosen] = limits
 
 
-def _search(work: Work, first: int, last: int, answers: Answers) -> None:
+def _search(work: Work, answers: Answers) -> None:
     """Decide what is still PENDING by all the exact orbits that there are."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
+    from phasemap.solvers.continuation.curves import orbits_of_amplitude
 
     rows, status, used = answers
-    waiting = status[:ENGAGED, first:last] == col.PENDING
-    for i in first + np.flatnonzero(waiting.any(axis=0)):
+    waiting = status[:ENGAGED] == col.PENDING
+    for i in np.flatnonzero(waiting.any(axis=0)):
         path = fixed_path(work.oscillator(int(i)))
         found = orbits_of_amplitude(path, work.amplitudes[i])[0][:, : col.COLUMNS]
         found = found[(found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)]
-        for slot in np.flatnonzero(waiting[:, i - first]):
+        for slot in np.flatnonzero(waiting[:, i]):
             on = found[(found[:, col.STIFFENING] > 0) == (slot == REPELLING)]
             status[slot, i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT
             if len(on):
                 rows[slot, i], used[slot, i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
 
 
-def _average(work: Work, first: int, last: int, answers: Answers) -> None:
+def _average(work: Work, answers: Answers) -> None:
     """Averaged orbits in the place of exact ones, without what is known of their errors."""
     from phasemap._kernels.rows.fast import averaged_near_rows
 
     for slot in (ATTRACTING, REPELLING):
-        averaged_near_rows(work.pixels, first, last, answers.of(slot))
-    answers.rows[:ENGAGED, first:last, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
+        averaged_near_rows(work.pixels, 0, len(work), answers.of(slot))
+    answers.rows[:ENGAGED, :, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 
-def _march(work: Work, solver: March, periods: int, first: int, last: int, answers: Answers) -> None:
+def _march(work: Work, solver: March, periods: int, answers: Answers) -> None:
     """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
     rows, status, _ = answers
     for slot in (ATTRACTING, REPELLING):
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
-        other = first + np.flatnonzero((status[slot] == col.GOOD)[first:last] & ~known[first:last])
+        other = np.flatnonzero((status[slot] == col.GOOD) & ~known)
         found = answers.of(slot).of(other)
         some, done, _ = found
         solver.settle(work.part(other), np.arange(len(other)), found, periods)

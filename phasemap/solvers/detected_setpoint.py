@@ -17,13 +17,14 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.lever import (
     amplitude_at,
     in_proportion,
+    lost_in_air,
     offset_and_factor,
     seen,
     show,
+    supplied,
     tip_amplitudes,
     tip_seen,
 )
-from phasemap.solvers.energy import close
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
@@ -41,20 +42,19 @@ JUMP, STEEP = 1e-3, 30.0  # of A, and slope of the amplitude seen: what changes 
 A, MISS, PHASE, OFFSET, SIDE, LAST = 0, 1, 2, 3, 4, 5  # what is known of the last orbit
 
 
-def engage(work: Work, limits: Array, first: int, last: int, answers: Answers) -> None:
-    """Orbits of the tip in [first, last) that curves of orbits give after engagement.
+def engage(work: Work, limits: Array, answers: Answers) -> None:
+    """Orbits of the tip that curves of orbits give after engagement.
 
     `limits` (shape (2,)): largest errors of passes [rad, m].
     """
     from phasemap._kernels.quadrature import TABLES
     from phasemap._kernels.rows.seen import seen_rows
 
-    rows, slopes = answers.rows[first:last], np.full((last - first, 3), np.nan)
-    some = Answers(rows, answers.status[first:last], answers.solver[first:last])
-    seen_rows(work.part(slice(first, last)).pixels, TABLES, limits, some, slopes)
-    good = some.status == col.GOOD
-    orbits, seen_with = rows[good, : col.COLUMNS], work.amplitudes[first:last][good]
-    rows[good, : col.COLUMNS] = _at_seen(orbits, slopes[good], work.lever, seen_with)
+    rows, slopes = answers.rows, np.full((len(work), 3), np.nan)
+    seen_rows(work.pixels, TABLES, limits, answers, slopes)
+    good = answers.status == col.GOOD
+    orbits = rows[good, : col.COLUMNS]
+    rows[good, : col.COLUMNS] = _at_seen(orbits, slopes[good], work.lever, work.amplitudes[good])
 
 
 def at_tip(work: Work) -> Work:
@@ -62,6 +62,30 @@ def at_tip(work: Work) -> Work:
     if not in_proportion(work.lever):
         return work
     return replace(work, lever=tip_seen(work.lever), amplitudes=work.amplitudes / abs(offset_and_factor(work.lever)[1]))
+
+
+def close(rows: Array, lever: Array) -> None:
+    """Fill in the energy closure of orbits whose solver knows the first harmonic only: averaged and interpolated ones.
+
+    `rows` (shape (..., COLUMNS)): result rows; those that have a closure keep it.
+    `lever` (shape (n,)): as in `phasemap.solvers.problem.Work`.
+
+    Examples
+    --------
+    >>> from phasemap.experiment.lever import one_mode
+    >>> lever, rows = one_mode(1.0, 1e-3, 40.0, 4e-11), np.full((2, col.COLUMNS), np.nan)
+    >>> rows[0, [col.AMPLITUDE, col.PHASE, col.DISSIPATION]] = 2e-8, 0.0, 0.0  # the free lever: u0 / (2 alpha0)
+    >>> close(rows, lever)
+    >>> np.abs(rows[:, col.CLOSURE]).round(12).tolist()
+    [0.0, nan]
+    """
+    lacking = np.isnan(rows[..., col.CLOSURE])
+    if not lacking.any():
+        return
+    amplitude, phase = rows[..., col.AMPLITUDE], rows[..., col.PHASE]
+    given = supplied(lever, amplitude, phase)
+    left = (given - rows[..., col.DISSIPATION] - lost_in_air(lever, amplitude)) / given
+    rows[..., col.CLOSURE] = np.where(lacking, left, rows[..., col.CLOSURE])
 
 
 def shown(rows: Array, work: Work) -> Array:

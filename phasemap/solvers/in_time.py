@@ -25,11 +25,8 @@ class InTime:
     Only motion that time leads to is found, so that an orbit that settles is stable. Motion that does not repeat itself
     is held on the amplitude that a slow lock-in shows.
 
-    Parameters
-    ----------
-    eta : float
-        Size of the steps up to Q = 500, shorter above; the error goes with its 8th power and is below 5e-5 degree and
-        0.01 pm at the default. That is what a row states; smaller steps state no less, for the orbit is followed
+    `eta`: size of the steps up to Q = 500, shorter above; the error goes with its 8th power and is below 5e-5 degree
+        and 0.01 pm at the default. That is what a row states; smaller steps state no less, for the orbit is followed
         until it repeats itself to about as much.
     """
 

@@ -46,10 +46,10 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
     """
     from phasemap._kernels.rows.integrals import adhesion_rows
 
-    wide = _of_tip(rows, work)
-    for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        adhesion_rows(work.pixels, TABLES, bare, SolvedRows(some, codes == col.AVERAGING, kept))
-    return _as_seen(wide, rows)
+    def fill(solved: SolvedRows) -> None:
+        adhesion_rows(work.pixels, TABLES, bare, solved)
+
+    return _along(rows, work, used, kept, fill)
 
 
 def with_forces(
@@ -73,11 +73,10 @@ def with_forces(
     """
     from phasemap._kernels.rows.integrals import force_rows
 
-    wide = _of_tip(rows, work)
-    for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        solved = SolvedRows(some, codes == col.AVERAGING, kept)
+    def fill(solved: SolvedRows) -> None:
         force_rows(work.pixels, TABLES, second, solved, harmonics)
-    return _as_seen(wide, rows)
+
+    return _along(rows, work, used, kept, fill)
 
 
 def widened(
@@ -104,16 +103,13 @@ def widened(
     return rows
 
 
-def _of_tip(rows: Array, work: Work) -> Array:
-    """Wide rows with amplitude and phase of the tip."""
+def _along(rows: Array, work: Work, used: NDArray[np.int8], kept: Array, fill: Callable[[SolvedRows], None]) -> Array:
+    """Wide rows that a kernel fills where amplitude and phase are the tip's, and then are as the detector has them."""
     wide = np.full((*rows.shape[:-1], WIDE), np.nan)
     wide[..., : rows.shape[-1]] = rows
     wide[..., col.AMPLITUDE], wide[..., col.PHASE] = of_tip(work.lever, rows[..., col.AMPLITUDE], rows[..., col.PHASE])
-    return wide
-
-
-def _as_seen(wide: Array, rows: Array) -> Array:
-    """Wide rows with amplitude and phase as the detector has them in the result rows."""
+    for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
+        fill(SolvedRows(some, codes == col.AVERAGING, kept))
     for column in (col.AMPLITUDE, col.PHASE):
         wide[..., column] = rows[..., column]
     return wide

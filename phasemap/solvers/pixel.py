@@ -4,37 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import whole
 from phasemap._shared.errors import SolveError
 from phasemap._shared.units import say
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.lever import of_tip
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
 from phasemap.results.words import SOLVED_BY
-from phasemap.solvers.continuation.path import Question, fixed_path
-from phasemap.solvers.continuation.pieces import Curves
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import check_setpoint, work_of_material
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import by_name
+from phasemap.solvers.solver import Orbit, by_name
 
 if TYPE_CHECKING:
-    import xarray as xr
+    pass
 
-MOST_SAMPLES = 65536
-NEAR = 0.02  # of the amplitude: how far the curve is followed to either side of an orbit
-BESIDE = 1e-7  # of the amplitude: a curve marks what it passes, and not where it begins
-SAME = 0.02  # rad, between the phase of averaging and of the exact orbit
 TOLD = ("phase", "height", "tip_offset", "indentation", "dissipation")
 
 
@@ -71,9 +59,6 @@ class Pixel:
         where there was nothing to solve.
     status : Status
         Its value is a sentence of advice.
-    period : xarray.Dataset or None
-        Where samples were asked for: deflection [m] of the tip, positive to the surface, and force [N] of the surface
-        on it, over "drive_phase" [degree]; NaN where no exact periodic orbit is near the one found.
     """
 
     tip_offset: float
@@ -96,7 +81,6 @@ class Pixel:
     motion: str
     solver: str
     status: Status
-    period: xr.Dataset | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         """What a microscopist asks first."""
@@ -119,7 +103,6 @@ def solve_pixel(
     accuracy: Accuracy | None = None,
     *,
     strict: bool = False,
-    samples: int = 0,
 ) -> Pixel:
     """Find the orbit on which the controller holds the setpoint, after engaging from far.
 
@@ -135,8 +118,6 @@ def solve_pixel(
         As in `phasemap.simulate`.
     strict : bool
         Raise if there is no solution.
-    samples : int
-        Points of one period of deflection and force, such as 256; 0 for none.
 
     Returns
     -------
@@ -157,7 +138,6 @@ def solve_pixel(
     >>> round(pixel.phase, 2), pixel.branch
     (45.57, 'repulsive')
     """
-    whole("samples", samples, 0, MOST_SAMPLES)
     amplitude = check_setpoint(setpoint) * scope.driven_amplitude
     work = work_of_material(material, scope, amplitude, marched=True)
     method = by_name(solver)
@@ -171,38 +151,4 @@ def solve_pixel(
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
     motion = FLAGS["motion"][2][int(motion_of(rows)[0]) + 1]
     by = FLAGS["solver"][2][int(used[0]) + 1]
-    period = _period(material, scope, rows[0], samples) if samples else None
-    return Pixel(
-        **numbers, stable=state is Status.good, branch=branch, motion=motion, solver=by, status=state, period=period
-    )
-
-
-def _period(material: Material, scope: Microscope, row: np.ndarray, samples: int) -> xr.Dataset:
-    """One period of the exact orbit that a result row is of, or next to."""
-    import xarray as xr
-
-    from phasemap._kernels.continuation.path import ENTRY_A
-
-    traces = np.full((2, samples), np.nan)
-    path = fixed_path(Question(material, scope))
-    row = row.copy()
-    row[col.AMPLITUDE], row[col.PHASE] = of_tip(path.lever, row[col.AMPLITUDE], row[col.PHASE])
-    if np.isfinite(row[: col.FLOQUET]).all():
-        offset, amplitude = row[col.TIP_OFFSET], row[col.AMPLITUDE]
-        box = offset - NEAR * amplitude, offset + NEAR * amplitude, 0.0
-        curves = Curves(path, ENTRY_A, np.array([amplitude * (1 + BESIDE)]), box, samples)
-        curves.from_orbit(row, 0.0, of_amplitude=True)
-        for piece in curves.pieces:
-            here = (piece.rows[:, col.KIND] == col.WANTED) & (np.abs(piece.rows[:, col.PHASE] - row[col.PHASE]) < SAME)
-            if here.any():
-                traces = piece.traces[np.argmax(here)]
-    units = {"deflection": "m", "force": "N"}
-    about = {"deflection": "deflection of the tip to the surface", "force": "force of the surface on the tip"}
-    data = {
-        name: ("drive_phase", trace, {"long_name": about[name], "units": units[name]})
-        for name, trace in zip(units, traces, strict=True)
-    }
-    phase = np.arange(samples) / samples * 360
-    return xr.Dataset(
-        data, {"drive_phase": ("drive_phase", phase, {"long_name": "phase of the drive", "units": "degree"})}
-    )
+    return Pixel(**numbers, stable=state is Status.good, branch=branch, motion=motion, solver=by, status=state)

@@ -13,9 +13,8 @@ from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.detected_setpoint import at_tip, shown
-from phasemap.solvers.march import BothDrives, March, OnlyInTime, check_marches
 from phasemap.solvers.problem import Work
-from phasemap.solvers.solver import Solver
+from phasemap.solvers.solver import BothDrives, March, OnlyInTime, Solver, check_marches
 
 Array = np.ndarray
 
@@ -53,17 +52,18 @@ def run(
     rooms: list[Array] = []  # for rows with nodes, each used again by the next chunk: fresh memory is slow
 
     def solve(first: int, last: int) -> None:
+        some = slice(first, last)
+        part = tip.part(some)
         if widen is None:
-            solver.solve(tip, accuracy, first, last, Answers(rows, status, used))
-            rows[first:last] = shown(rows[first:last], work)
+            solver.solve(part, accuracy, Answers(rows[some], status[some], used[some]))
+            rows[some] = shown(rows[some], work)
             return
-        at = np.arange(first, last)
         room = rooms.pop() if rooms else np.empty((chunk, KEEPING))
-        part, some = tip.part(at), Answers(room[: len(at)], status[first:last], used[first:last])
-        some.rows[:, : col.COLUMNS] = np.nan
-        some.rows[:, KEPT_COUNT] = 0
-        solver.solve(part, accuracy, 0, len(at), some)
-        rows[at] = widen(work.part(at), shown(some.rows, work), some.solver, at)
+        wide = room[: len(part)]
+        wide[:, : col.COLUMNS] = np.nan
+        wide[:, KEPT_COUNT] = 0
+        solver.solve(part, accuracy, Answers(wide, status[some], used[some]))
+        rows[some] = widen(work.part(some), shown(wide, work), used[some], np.arange(first, last))
         rooms.append(room)
 
     spread(solve, bounds_of(count, chunk), workers, progress)

@@ -1,100 +1,238 @@
-"""Sweeps from the objects of the user to a Dataset."""
+"""Sweeps from the objects of the user to a Dataset: along curves of orbits, or in time where none can be followed.
+
+The Dataset has the variables in both directions, the curves behind them, folds and jumps.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import ENTRY_M, ENTRY_Z0
+from phasemap._kernels.engagement.in_time import free_state
+from phasemap._kernels.law import Oscillator, parameters
+from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.collocation.path import fixed_path as fixed_path_of
 from phasemap._shared.errors import InputError
-from phasemap.experiment.material import Material
+from phasemap.experiment.described import describe
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
-from phasemap.solvers.continuation.complete import (
-    FAINT,
-    complete,
-    held_curves,
-    mend,
-    orbits_of_amplitude,
-    orbits_of_offset,
+from phasemap.results.variables import (
+    FLOATS,
+    STABILITY,
+    branch_of,
+    coded,
+    flag_attributes,
+    float_attributes,
+    motion_of,
+    provenance,
 )
-from phasemap.solvers.continuation.off_orbit import OffOrbit
-from phasemap.solvers.continuation.path import BEYOND, UNITS, Question, Scale, fixed_path, swept_path
-from phasemap.solvers.continuation.pieces import Curves
-from phasemap.solvers.continuation.slow_feedback import Place, SlowFeedback
-from phasemap.solvers.continuation.visit import Jump, Segment, Visit, like, segments, walk
-from phasemap.sweeps import in_time
-from phasemap.sweeps.dataset import Axis, dataset
+from phasemap.solvers.continuation.curves import Curves, distance_curves, held_curves, mend, swept_curves
+from phasemap.solvers.continuation.path import UNITS, Question, Scale, fixed_path, swept_path
+from phasemap.solvers.continuation.visit import (
+    Jump,
+    OffOrbit,
+    Place,
+    Segment,
+    SlowFeedback,
+    Visit,
+    like,
+    move_in_time,
+    segments,
+    stable,
+    walk,
+)
+from phasemap.solvers.problem import Work
 
-STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin the curve from
+NAMES = (
+    "amplitude", "phase", "height", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
+    "mean_force", "peak_force", "least_force", "contact_time", "floquet", "multiplier_real", "multiplier_imag",
+    "feedback_slope", "energy_closure", "amplitude_spread", "phase_spread",
+)  # fmt: skip
+Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
+HARMONICS = np.arange(2, 2 + col.HARMONICS)
+
+At = Callable[[int], tuple[Work, float]]
+"""Work, and tip offset or amplitude [m], of a value by its number."""
 
 
-def distance(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """What is swept: name, values in the order asked for, unit, long name, directions, column of the full rows.
+
+    With `held` a feedback holds the amplitude, and must be stable too. `fold` is the kind of row at which the axis
+    turns, and `value` makes values of the axis from its column.
+    """
+
+    name: str
+    values: np.ndarray
+    units: str
+    long_name: str
+    directions: tuple[str, str]
+    column: int = col.TIP_OFFSET
+    held: bool = False
+    fold: int = col.FOLD
+    value: Callable[[np.ndarray], np.ndarray] = lambda x: x
+
+
+def dataset(
+    curves: Curves, axis: Axis, visits: list[Visit], question: Question, held: dict[str, Any] | None = None
+) -> xr.Dataset:
+    """Make the Dataset of a sweep; what is `held` is for the provenance."""
+    order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order
+    rows = curves.seen(np.stack([visit.rows[order] for visit in visits]))
+    dims = ("direction", axis.name)
+    data = _variables("", rows, dims, axis.name)
+    status = np.stack([visit.status[order] for visit in visits]).astype(np.int8)
+    data["status"] = (dims, status, flag_attributes("status"))
+    data |= _curve(curves, axis)
+    data |= _jumps(curves, [jump for visit in visits for jump in visit.jumps], axis)
+    coordinates: Variables = {
+        "direction": ("direction", list(axis.directions), {"long_name": "direction of the sweep"}),
+        axis.name: (axis.name, axis.values, {"long_name": axis.long_name, "units": axis.units}),
+        "harmonic": ("harmonic", HARMONICS, {"long_name": "number of the harmonic", "units": "1"}),
+    }
+    if curves.samples:
+        data |= _traces(np.stack([visit.traces[order] for visit in visits]), dims)
+        steps = np.arange(curves.samples) / curves.samples * 360
+        coordinates["drive_phase"] = ("drive_phase", steps, {"long_name": "phase of the drive", "units": "degree"})
+    about = {"material": describe(question.material), "microscope": describe(question.scope)}
+    configuration = {**about, "sweep": axis.name, **(held or {})}
+    return xr.Dataset(data, coordinates, provenance(configuration, f"{axis.long_name} swept"))
+
+
+def _variables(prefix: str, rows: np.ndarray, dims: tuple[str, ...], axis: str) -> Variables:
+    """Every float variable of full rows, and their branch."""
+    data: Variables = {
+        prefix + name: (dims, FLOATS[name].value(rows), float_attributes(name))
+        for name in NAMES
+        if prefix or name != axis
+    }
+    amplitudes = rows[..., col.HARMONIC : col.HARMONIC + col.HARMONICS]
+    attributes = {"long_name": "amplitude of a harmonic of the deflection", "units": "m"}
+    data[prefix + "harmonics"] = ((*dims, "harmonic"), amplitudes, attributes)
+    data[prefix + "branch"] = (dims, branch_of(rows), flag_attributes("branch"))
+    data[prefix + "motion"] = (dims, motion_of(rows), flag_attributes("motion"))
+    return data
+
+
+def _traces(traces: np.ndarray, dims: tuple[str, ...]) -> Variables:
+    """Deflection and force over a period of the drive."""
+    words = (("trace_deflection", "deflection over a period", "m"), ("trace_force", "surface force over a period", "N"))
+    return {
+        name: ((*dims, "drive_phase"), traces[..., i, :], {"long_name": long_name, "units": units})
+        for i, (name, long_name, units) in enumerate(words)
+    }
+
+
+def _curve(curves: Curves, axis: Axis) -> Variables:
+    """The complete curve and its folds."""
+    pieces, data = curves.pieces, Variables()
+    rows = curves.seen(np.concatenate([piece.rows for piece in pieces]) if pieces else np.zeros((0, col.FULL)))
+    number = np.repeat(np.arange(len(pieces), dtype=np.int32), [len(piece.rows) for piece in pieces])
+    for prefix, dim, part in (("curve_", "point", slice(None)), ("fold_", "fold", rows[:, col.KIND] == axis.fold)):
+        some = rows[part]
+        data |= _variables(prefix, some, (dim,), axis.name)
+        if axis.name not in NAMES:
+            attributes = {"long_name": axis.long_name, "units": axis.units}
+            data[prefix + axis.name] = (dim, axis.value(some[:, axis.column]), attributes)
+        data[prefix + "piece"] = (dim, number[part], {"long_name": "number of the connected piece"})
+    flags = stable(rows, axis.held) | (rows[:, col.KIND] == axis.fold)
+    data["curve_stable"] = ("point", flags.astype(np.int8), coded("stability of the orbit", *STABILITY))
+    return data
+
+
+def _jumps(curves: Curves, jumps: list[Jump], axis: Axis) -> Variables:
+    """Where sweeps jumped, from which orbit to which."""
+    nothing = np.full(col.FULL, np.nan)
+    ends = [jump.before for jump in jumps], [nothing if jump.after is None else jump.after for jump in jumps]
+    before, after = (curves.seen(np.array(some).reshape(len(jumps), col.FULL)) for some in ends)
+    attributes = {"long_name": axis.long_name + " at the jump", "units": axis.units}
+    codes = np.array([jump.direction for jump in jumps], np.int8)
+    data: Variables = {
+        "jump_" + axis.name: ("jump", axis.value(before[:, axis.column]), attributes),
+        "jump_direction": ("jump", codes, coded("direction of the sweep that jumps", *axis.directions)),
+    }
+    for word, some in (("from", before), ("to", after)):
+        for name in ("amplitude", "phase", "tip_offset"):
+            data[f"jump_{word}_{name}"] = ("jump", FLOATS[name].value(some), float_attributes(name))
+    return data
+
+
+def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_distance`."""
-    if Question(material, scope).only_in_time:
-        return in_time.distance(Question(material, scope), axis, samples)
-    path = fixed_path(Question(material, scope))
-    wanted = np.sort(axis)
-    curves = Curves(path, ENTRY_Z0, wanted, (wanted[0], np.inf, FAINT * scope.driven_amplitude), samples)
-    curves.from_far(wanted[-1] + 1e-3 * abs(wanted[-1]) + 1e-10)
-    complete(curves, wanted[0])
+    about, wanted = Axis("tip_offset", axis, "m", "tip offset", ("approach", "retract")), np.sort(axis)
+    if question.only_in_time:
+        _check_no_samples(samples)
+        work = question.work(marched=True)
+        return _dataset_in_time(question, work, about, there_and_back(work, wanted))
+    curves = distance_curves(fixed_path(question), wanted, samples)
     parts = segments(curves.pieces, col.TIP_OFFSET)
     approach = walk(curves, col.TIP_OFFSET, _at(parts, wanted[-1]), parts, True, 0)
     retract = walk(curves, col.TIP_OFFSET, _last(parts, approach, wanted[0]), parts, False, 1)
-    about = Axis("tip_offset", axis, "m", "tip offset", ("approach", "retract"))
-    return dataset(curves, about, lambda x: x, [approach, retract], material, scope, {})
+    return dataset(curves, about, [approach, retract], question)
 
 
-def setpoint(material: Material, scope: Microscope, axis: np.ndarray, samples: int) -> xr.Dataset:
+def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     """`phasemap.sweep_setpoint`."""
-    if Question(material, scope).only_in_time:
-        return in_time.setpoint(Question(material, scope), axis, samples)
-    free = scope.driven_amplitude
-    feedback = SlowFeedback(held_curves(fixed_path(Question(material, scope)), np.sort(axis) * free, samples))
-    n = len(axis)
-    down, place = _hold(feedback, feedback.far(), range(n - 1, -1, -1), 0)
+    free, n = question.scope.driven_amplitude, len(axis)
+    wanted, falling = np.sort(axis) * free, range(n - 1, -1, -1)
+    about = Axis("setpoint", axis, "1", "setpoint", ("down", "up"), col.AMPLITUDE, True, col.TURN, lambda x: x / free)
+    if question.only_in_time:
+        _check_no_samples(samples)
+        work = question.work(marched=True)
+        state = _far_state(work, 0.0)
+        visits = [_visit_in_time(state, order, lambda k: (work, wanted[k]), True, n) for order in (falling, range(n))]
+        return _dataset_in_time(question, work, about, visits)
+    feedback = SlowFeedback(held_curves(fixed_path(question), wanted, samples))
+    down, place = _hold(feedback, feedback.far(), falling, 0)
     up, _ = _hold(feedback, place, range(n), 1)
-    about = Axis("setpoint", axis, "1", "setpoint", ("down", "up"), col.AMPLITUDE, True, col.TURN)
-    return dataset(feedback.curves, about, lambda x: x / free, [down, up], material, scope, {})
+    return dataset(feedback.curves, about, [down, up], question)
 
 
 def parameter(
-    material: Material, scope: Microscope, name: str, axis: np.ndarray, ratio: float | None, height: float | None,
-    samples: int,
-) -> xr.Dataset:  # fmt: skip
-    """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`."""
-    if ratio is not None and scope.drive.excitation != "direct":
+    question: Question, name: str, axis: np.ndarray, ratio: float | None, height: float, samples: int
+) -> xr.Dataset:
+    """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`: with this setpoint held, or else this tip offset."""
+    if ratio is not None and question.scope.drive.excitation != "direct":
         hint = "A feedback on the deflection is not followed along other parameters; solve the values one by one."
-        raise InputError("excitation", scope.drive.excitation, "'direct' for a sweep with a setpoint held", hint)
-
-    question, scale = Question(material, scope), Scale.over(axis)
-    for value in (scale.low, scale.high):
-        question.with_parameter(name, value)
-    if question.only_in_time:
-        return in_time.parameter(question, name, UNITS[name], axis, ratio, height, samples)
+        raise InputError(
+            "excitation", question.scope.drive.excitation, "'direct' for a sweep with a setpoint held", hint
+        )
 
     def held_under(changed: Microscope) -> float:
-        return ratio * changed.driven_amplitude if ratio is not None else (height or 0.0)
+        return height if ratio is None else ratio * changed.driven_amplitude
 
-    path = swept_path(question, name, scale, held_under, ratio is not None)
-    order = np.argsort(axis)
-    wanted = scale.m(axis[order])
-    starts = np.array(STARTS)
-    every = np.sort(np.concatenate([wanted, starts]))
-    curves = Curves(path, ENTRY_M, every, (-BEYOND, BEYOND, 0.0), samples)
-    for m in starts:
-        begin(curves, float(m), ratio is not None)
+    scale, of_amplitude = Scale.over(axis), ratio is not None
+    for value in (scale.low, scale.high):
+        question.with_parameter(name, value)
+    directions, words = ("up", "down"), name.replace("_", " ")
+    about = Axis(name, axis, UNITS[name], words, directions, col.PARAMETER, of_amplitude, value=scale.value)
+    held: dict[str, float | None] = {"setpoint": ratio} if of_amplitude else {"tip_offset": height}
+    if question.only_in_time:
+        _check_no_samples(samples)
+        every = [question.with_parameter(name, float(value)) for value in np.sort(axis)]
+        works, n = [one.work(marched=True) for one in every], len(axis)
+        visits = [  # each direction is begun far above the surface
+            _visit_in_time(
+                _far_state(works[order[0]], height), order,
+                lambda k: (works[k], held_under(every[k].scope)), of_amplitude, n,
+            )
+            for order in (range(n), range(n - 1, -1, -1))
+        ]  # fmt: skip
+        return _dataset_in_time(question, works[0], about, visits, held)
+    wanted = np.sort(scale.m(axis))
+    curves = swept_curves(swept_path(question, name, scale, held_under, of_amplitude), wanted, of_amplitude, samples)
     if ratio is None:
-        mend(curves, scope.drive.free_amplitude)
+        mend(curves, question.scope.drive.free_amplitude)
     curves.choose(wanted)
-    if ratio is None:
-        up, down = _both(curves)
-    else:
-        up, down = _both_held(curves, question, name, scale, ratio)
-    held = {"setpoint": ratio} if ratio is not None else {"tip_offset": height}
-    about = Axis(name, axis, UNITS[name], name.replace("_", " "), ("up", "down"), col.PARAMETER, ratio is not None)
-    return dataset(curves, about, scale.value, [up, down], material, scope, held)
+    visits = _both(curves) if ratio is None else _both_held(curves, question, name, scale, ratio)
+    return dataset(curves, about, visits, question, held)
 
 
 def _at(parts: list[Segment], x: float) -> Segment | None:
@@ -130,25 +268,7 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
     return Visit(rows, traces, status, jumps), place
 
 
-def begin(curves: Curves, m: float, of_amplitude: bool) -> None:
-    """Follow the curve from every orbit at m that is not known yet."""
-    from phasemap._kernels.lever import free_amplitude
-    from phasemap._kernels.orbits.collocation.path import fixed_path, held_value
-
-    oscillator = curves.standing(m)
-    value, path = held_value(curves.path, m), fixed_path(oscillator)
-    rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value, False)
-    for row in rows:
-        if not curves.knows(row, m):
-            curves.from_orbit(row, m, of_amplitude)
-    if not of_amplitude:
-        # Where nothing acts, or no curve leads there, the lever still swings freely.
-        free = np.zeros(col.COLUMNS)
-        free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(oscillator.lever)
-        curves.from_orbit(free, m, False)
-
-
-def _both(curves: Curves) -> tuple[Visit, Visit]:
+def _both(curves: Curves) -> list[Visit]:
     """Up and down at a fixed tip offset, each begun on the orbit that stays farthest from the surface."""
     parts = segments(curves.pieces, col.PARAMETER)
     visits = []
@@ -157,10 +277,10 @@ def _both(curves: Curves) -> tuple[Visit, Visit]:
         reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
         first = there[min(reached)[1]][1] if reached else None
         visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction))
-    return visits[0], visits[1]
+    return visits
 
 
-def _both_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> tuple[Visit, Visit]:
+def _both_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
     """Up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves.pieces, col.PARAMETER, held=True)
 
@@ -184,4 +304,43 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         first = engaged(float(x))
         visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction, landing))
-    return visits[0], visits[1]
+    return visits
+
+
+def there_and_back(work: Work, rising: np.ndarray) -> list[Visit]:
+    """Approach and retract in time over these rising tip offsets [m], as rows of the tip."""
+    state, n = _far_state(work, rising[-1]), len(rising)
+    orders = range(n - 1, -1, -1), range(n)
+    return [_visit_in_time(state, order, lambda k: (work, rising[k]), False, n) for order in orders]
+
+
+def _far_state(work: Work, farthest: float) -> np.ndarray:
+    """Motion far above a surface that remembers or is wet, at a tip offset of `farthest` [m] at least."""
+    law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
+    p, free = parameters(work.rows[0]), free_amplitude(work.lever)
+    far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
+    state: np.ndarray = free_state(law, work.lever, max(far, farthest))
+    return state
+
+
+def _visit_in_time(state: np.ndarray, order: Iterable[int], at: At, by_amplitude: bool, n: int) -> Visit:
+    """Go from value to value, from this state, which is changed."""
+    rows, status = np.full((n, col.FULL), np.nan), np.full(n, Status.not_settled.code, np.int8)
+    for k in order:
+        work, target = at(k)
+        status[k], rows[k] = move_in_time(work.oscillator(0), state, target, by_amplitude)
+    return Visit(rows, np.full((n, 2, 0), np.nan), status, [])
+
+
+def _check_no_samples(samples: int) -> None:
+    """Refuse time traces of a sweep in time."""
+    if samples:
+        raise InputError("samples", samples, "0 where contacts remember or are wet: what is marched keeps no traces")
+
+
+def _dataset_in_time(
+    question: Question, work: Work, about: Axis, visits: list[Visit], held: dict[str, float | None] | None = None
+) -> xr.Dataset:
+    """The Dataset of a sweep without a curve."""
+    curves = Curves(fixed_path_of(work.oscillator(0)), col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
+    return dataset(curves, about, visits, question, held)

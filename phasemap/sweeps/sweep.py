@@ -1,4 +1,7 @@
-"""Sweeps: what a slow change of tip offset, setpoint, frequency or any parameter shows, and every branch behind it."""
+"""What a slow change of tip offset, setpoint, frequency or any parameter shows, and every orbit behind it.
+
+Every orbit at one point too, and the force of the surface against depth.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +10,38 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from phasemap._kernels import columns as col
+from phasemap._kernels.columns import FORMING, RELEASE
+from phasemap._kernels.law import contact_force, longrange_force
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import check_choice, number
+from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import question
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.cantilever import FREQUENCY
+from phasemap.experiment.described import describe
+from phasemap.experiment.lever import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.solvers.continuation.path import NUMBERS, UNITS
-from phasemap.solvers.problem import check_setpoint
+from phasemap.results.variables import (
+    FLOATS,
+    STABILITY,
+    branch_of,
+    coded,
+    flag_attributes,
+    float_attributes,
+    provenance,
+)
+from phasemap.solvers.continuation.curves import orbits_of_amplitude, orbits_of_offset
+from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, UNITS, Question, fixed_path
+from phasemap.solvers.problem import check_setpoint, work_of_material
 from phasemap.sweeps.follow import distance, parameter, setpoint
 
 OFFSETS = (0.0, 1e-4)  # m, where a tip is held in practice
+
+DEPTHS = "-5 nm:2 nm:281"
+USUAL = (0.0, 1e-5)  # m, of depths and distances of interest
 
 
 @asked_as()
@@ -54,7 +75,7 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     (2, [0, 1])
     """
     axis = check_axis("tip_offsets", tip_offsets, "m", usual=OFFSETS)
-    return distance(material, scope, axis, check_samples(samples))
+    return distance(Question(material, scope), axis, whole("samples", samples, 0, MOST_SAMPLES))
 
 
 @asked_as()
@@ -86,7 +107,7 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
     axis = check_axis("setpoints", setpoints, "1")
     for value in axis:
         check_setpoint(value)
-    return setpoint(material, scope, axis, check_samples(samples))
+    return setpoint(Question(material, scope), axis, whole("samples", samples, 0, MOST_SAMPLES))
 
 
 @asked_as()
@@ -122,8 +143,8 @@ def sweep_frequency(
     (2, True)
     """
     axis = check_axis("frequencies", frequencies, "Hz", above=0, usual=FREQUENCY)
-    height = _offset(tip_offset)
-    return parameter(material, scope, "frequency", axis, None, height, check_samples(samples))
+    asked = Question(material, scope)
+    return parameter(asked, "frequency", axis, None, _offset(tip_offset), whole("samples", samples, 0, MOST_SAMPLES))
 
 
 @asked_as()
@@ -173,10 +194,10 @@ def sweep_parameter(
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
     ratio = None if setpoint is None else check_setpoint(setpoint)
-    height = None if tip_offset is None else _offset(tip_offset)
+    height = 0.0 if tip_offset is None else _offset(tip_offset)
     check_choice("parameter", name, NUMBERS)
     axis = check_axis(name, values, UNITS[name], usual=NUMBERS[name].usual)
-    return parameter(material, scope, name, axis, ratio, height, check_samples(samples))
+    return parameter(Question(material, scope), name, axis, ratio, height, whole("samples", samples, 0, MOST_SAMPLES))
 
 
 def _offset(value: object) -> float:
@@ -205,8 +226,109 @@ def check_axis(
     return axis
 
 
-def check_samples(samples: object) -> int:
-    """Return the length of the time traces."""
-    if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)) or not 0 <= samples <= 65536:
-        raise InputError("samples", samples, "an integer from 0 to 65536")
-    return int(samples)
+@asked_as()
+def orbits(
+    material: Material, scope: Microscope, setpoint: Scalar | None = None, *, tip_offset: Scalar | None = None
+) -> xr.Dataset:
+    """Find every periodic orbit at a setpoint or at a tip offset, stable or not.
+
+    Parameters
+    ----------
+    material : Material
+    scope : Microscope
+    setpoint : float
+        Amplitude over the free amplitude at the drive frequency, between 0 and 1. Either this or `tip_offset`.
+    tip_offset : float
+        Rest position of the tip above the undeformed surface [m]; negative where the lever presses.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim "orbit", from far to near: tip_offset, amplitude, height, mean_deflection, indentation [m], phase [degree],
+        dissipation, virial [J], floquet, feedback_slope, energy_closure [1], branch and stable (flags). The attribute
+        `complete` is 1 if the curve of orbits was followed to its end.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
+    >>> found = pm.orbits(pm.Material(modulus=2e9, adhesion=0.1), scope, setpoint=0.8)
+    >>> found.sizes["orbit"], found.stable.values.tolist()
+    (3, [1, 0, 1])
+    """
+    if (setpoint is None) == (tip_offset is None):
+        raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
+    path = fixed_path(Question(material, scope))
+    if setpoint is not None:
+        setpoint = check_setpoint(setpoint)
+        rows, complete = orbits_of_amplitude(path, setpoint * scope.driven_amplitude)
+        rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
+    else:
+        assert tip_offset is not None
+        tip_offset = number("tip_offset", tip_offset, "m")
+        rows, complete = orbits_of_offset(path, tip_offset)
+    rows = seen(rows, path.lever)
+    configuration = {
+        "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
+    }  # fmt: skip
+    found = _orbit_dataset(rows)
+    found.attrs.update(provenance(configuration, "orbits found"))
+    found.attrs["complete"] = int(complete)
+    return found
+
+
+def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
+    names = (
+        "tip_offset", "amplitude", "height", "phase", "mean_deflection", "indentation", "dissipation", "virial",
+        "floquet", "feedback_slope", "energy_closure",
+    )  # fmt: skip
+    data = {name: ("orbit", FLOATS[name].value(rows), float_attributes(name)) for name in names}
+    found = xr.Dataset(data, {"orbit": ("orbit", np.arange(len(rows)), {"long_name": "orbit, far to near"})})
+    found["branch"] = ("orbit", branch_of(rows), flag_attributes("branch"))
+    stable = (rows[:, col.FLOQUET] < 1).astype(np.int8)
+    found["stable"] = ("orbit", stable, coded("stability of the orbit at fixed tip offset", *STABILITY))
+    return found
+
+
+@asked_as()
+def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> xr.Dataset:
+    """The conservative force of a material on the tip, approaching and retracting.
+
+    Parameters
+    ----------
+    material : Material
+    scope : Microscope
+        Its tip and its interaction.
+    depths : array_like or str, optional
+        How deep the tip is in the surface [m], negative outside, rising or falling.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims ("direction", "depth"), approach and retract: force [N], positive repulsive. The two differ where a law of
+        contact draws out a neck, and where one of liquid forms. Damping, which needs a velocity, is not in it.
+
+    Examples
+    --------
+    >>> import phasemap as pm
+    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip("10 nm"), pm.Drive("20 nm"))
+    >>> curve = pm.force_curve(pm.Material("3 GPa", adhesion="50 mJ/m^2"), scope, ["-0.3 nm", "0 nm", "1 nm"])
+    >>> (1e9 * curve.force.sel(direction="approach")).round(2).values.tolist()
+    [-0.79, -3.14, 11.27]
+    """
+    axis = check_axis("depths", depths, "m", usual=USUAL)
+    work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.wets)
+    row = work.rows[0]
+    forces = [
+        [(contact_force if depth >= ends else longrange_force)(work.law, depth, row) for depth in axis.tolist()]
+        for ends in (row[FORMING], row[RELEASE])
+    ]
+    about = {"long_name": "force of the surface on the tip, positive repulsive", "units": "N"}
+    return xr.Dataset(
+        {"force": (("direction", "depth"), np.array(forces), about)},
+        {
+            "direction": ["approach", "retract"],
+            "depth": ("depth", axis, {"long_name": "depth of the tip in the surface", "units": "m"}),
+        },
+        provenance({"microscope": describe(scope), "material": describe(material)}, "force calculated"),
+    )

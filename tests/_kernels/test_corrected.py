@@ -8,9 +8,9 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, make_work
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 AIR = {"stiffness": (20.0, 50.0), "quality_factor": (200.0, 850.0), "modulus": (1e9, 2e10)}
 SOFT_LEVER = {"stiffness": (1.0, 4.0), "quality_factor": (60.0, 200.0), "modulus": (5e7, 3e9)}

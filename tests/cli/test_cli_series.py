@@ -6,7 +6,7 @@ import xarray as xr
 
 from phasemap.cli import main
 from phasemap.inference import sampling
-from phasemap.inference.series import orbits
+from phasemap.inference.series import problem as of_series
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def files(tmp_path, monkeypatch):
     """Two files that say their setpoint, few draws and a coarse table: what is asked here is not how good they are."""
     monkeypatch.setattr(sampling, "STEPS", 20)
     monkeypatch.setattr(sampling, "FIRST", 2000)
-    monkeypatch.setattr(orbits, "COUNTS", (5, 3, 4))
+    monkeypatch.setattr(of_series, "COUNTS", (5, 3, 4))
     labels = np.tile(np.repeat([0, 1], [12, 8]), (20, 1))
     paths = []
     for setpoint, contrast in ((0.5, 30.0), (0.8, 20.0)):

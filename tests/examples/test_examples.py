@@ -20,7 +20,7 @@ import pytest
 from phasemap._shared import threads
 from phasemap.cli import main
 from phasemap.inference import sampling
-from phasemap.inference.series import orbits
+from phasemap.inference.series import problem as of_series
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only
@@ -55,7 +55,7 @@ def few_draws(monkeypatch: pytest.MonkeyPatch, thorough: bool) -> None:
     if not thorough:
         monkeypatch.setattr(sampling, "STEPS", 20)
         monkeypatch.setattr(sampling, "FIRST", 2000)
-        monkeypatch.setattr(orbits, "COUNTS", (5, 3, 4))
+        monkeypatch.setattr(of_series, "COUNTS", (5, 3, 4))
 
 
 def in_a_process(path: Path, folder: Path, less: bool) -> str:

@@ -15,11 +15,11 @@ import pytest
 
 import phasemap as pm
 from phasemap.experiment.beam import BETAS
+from phasemap.experiment.described import describe
 from phasemap.io.metadata import of_simulation
-from phasemap.results.variables import describe
 from phasemap.scenes.objects import microscope_of, microscope_tables
 from phasemap.scenes.scene import scene_from_json
-from phasemap.validation.checking.claims import microscope_from
+from phasemap.validation.claims import microscope_from
 
 SECOND = pm.Eigenmode(frequency_ratio=7.5, quality_factor=6.0)
 LIQUID = pm.Cantilever(0.1, 20e3, 2.5, modes=(SECOND,))

@@ -33,9 +33,9 @@ from phasemap._kernels.orbits.averaged import harmonics
 from phasemap._kernels.orbits.time import elastic, march
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
+from phasemap.experiment.described import describe
 from phasemap.experiment.interaction import JKR, Capillary, ContactLaw, Interaction, MaugisDugdale, Neck
 from phasemap.experiment.lever import one_mode
-from phasemap.results.variables import describe
 from phasemap.solvers.problem import make_work
 
 MODULUS, ADHESION, RADIUS = 1e9, 0.05, 20e-9

@@ -14,8 +14,8 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap.cli import main
-from phasemap.results.validity import describe_validity
-from phasemap.results.variables import describe
+from phasemap.experiment.described import describe
+from phasemap.results.words import describe_validity
 from phasemap.scenes.ensemble import load_ensemble
 from phasemap.sweeps.sweep import check_axis
 

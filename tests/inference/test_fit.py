@@ -14,8 +14,8 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.inference.curves import branches as of_branches
 from phasemap.inference.curves import problem
+from phasemap.inference.curves import problem as of_branches
 from phasemap.inference.curves.data import Setup
 from phasemap.solvers.continuation.visit import Visit
 

@@ -6,8 +6,8 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
-from phasemap.inference.images.answer import FLAGS
-from phasemap.inference.images.model import make_model
+from phasemap.inference.images.invert import FLAGS
+from phasemap.inference.images.problem import make_model
 from phasemap.inference.verdict import PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)

@@ -6,8 +6,8 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
-from phasemap.inference.images import region_fit
-from phasemap.inference.images.zeros import Zeros
+from phasemap.inference.images import regions as region_fit
+from phasemap.inference.images.stack import Zeros
 from phasemap.plot import plot
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)

@@ -11,7 +11,7 @@ import pytest
 from cases import Case, load
 
 import phasemap as pm
-from phasemap.results.validity import describe_validity
+from phasemap.results.words import describe_validity
 
 CASES = load("bimodal")
 SMALL, LARGE = CASES[:4], CASES[4:7]  # A2 of 0.1 nm; the first case over with 0.5, 1 and 2 nm
@@ -155,14 +155,3 @@ def test_a_scene_has_a_second_mode_and_its_file_knows_it(tmp_path: Path) -> None
         pm.simulate(scene.surface, without, 0.7, variables=["bimodal_modulus"])
     with pytest.raises(pm.InputError, match="detection is 'pm'"):
         pm.Mode(detection="pm")
-
-
-def test_a_map_of_the_contrast_has_the_channels_of_a_second_mode() -> None:
-    soft, hard = pm.Material(0.3e9), pm.Material(3e9)
-    scope, names = scope_of(CASES[0]), ["mode2_frequency_shift", "bimodal_modulus"]
-    found = pm.contrast(soft, hard, scope, [0.6, 0.7], variables=names)
-    image = pm.simulate(pm.Surface(modulus=[[0.3e9, 3e9]], pixel_size=1e-9), scope, 0.6, variables=names)
-    for name in names:
-        np.testing.assert_allclose(found[name].isel(setpoint=0).values.ravel(), image[name].values.ravel(), rtol=1e-6)
-    with pytest.raises(pm.InputError, match=r"'mode2_phase'.*second=pm.Mode"):
-        pm.contrast(soft, hard, replace(scope, drive=pm.Drive(40e-9)), [0.6, 0.7], variables=["mode2_phase"])

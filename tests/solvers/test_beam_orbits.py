@@ -9,9 +9,9 @@ from cases import Case
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import make_work
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 FROM_FAR = [case for case in CASES if case["from_far"]]
 REFERENCE_PHASE, REFERENCE_OFFSET = 1e-6, 1e-16  # [degree, m], ten times what the reference is off by

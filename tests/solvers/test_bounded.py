@@ -19,7 +19,7 @@ from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap.experiment.lever import lever_of, one_mode
 from phasemap.imaging.feedback.lines import loop_of
-from phasemap.solvers.continuation.pieces import settling_periods
+from phasemap.solvers.continuation.curves import settling_periods
 from phasemap.solvers.problem import work_of_material
 
 SCOPE = pm.Microscope(

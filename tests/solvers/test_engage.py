@@ -8,9 +8,9 @@ from cases import Case, label, load, material_of, scope_of
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import make_work
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 CASES = load("engaged")
 HELD = [case for case in CASES if case["engaged"]["branch"] != "none"]

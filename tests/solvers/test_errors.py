@@ -8,9 +8,9 @@ from cases import Case, load, material_of, scope_of
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 CASES = load("errors")
 REGIMES = tuple(dict.fromkeys(case["regime"] for case in CASES))

@@ -32,8 +32,8 @@ from phasemap._kernels.orbits.time.tip import (
     new_state,
 )
 from phasemap._kernels.rows.answers import Answers
-from phasemap.solvers.march import March
 from phasemap.solvers.problem import Work, work_of_material
+from phasemap.solvers.solver import March
 
 PERIODIC = [case for case in CASES if case["periods"] == 1]
 ETA = 0.25

@@ -11,9 +11,9 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.march import March, OnlyInTime
 from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import March, OnlyInTime
 
 KNOWN = json.loads((Path(__file__).parent.parent / "data" / "recovering.json").read_text())
 

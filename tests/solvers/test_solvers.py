@@ -11,10 +11,9 @@ from cases import label, load, material_of, scope_of
 import phasemap as pm
 from benchmarks.accuracy.regimes import REGIMES, draw
 from phasemap._kernels import columns as col
-from phasemap.solvers.march import March
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import SOLVERS, Solver, by_name
+from phasemap.solvers.solver import SOLVERS, March, Solver, by_name
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOLVED = [(name, case) for name in ("orbits", "orbits_unseen", "engaged") for case in load(name)]

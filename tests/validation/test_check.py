@@ -14,18 +14,15 @@ import xarray as xr
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.cli import main
+from phasemap.experiment.described import describe
 from phasemap.experiment.interaction import ContactLaw, FlatPunch, MaugisDugdale, Neck
 from phasemap.experiment.realism import Realism, TipChange
 from phasemap.io.netcdf import save
-from phasemap.results.variables import describe
 from phasemap.scenes.scene import load_scene, scene_from_json
-from phasemap.solvers.march import FromFar
-from phasemap.solvers.orbit import Orbit
-from phasemap.validation.checking.again import carried
-from phasemap.validation.checking.claims import claims_of, microscope_from
-from phasemap.validation.checking.picture import Picture
-from phasemap.validation.checking.result import FAILS, OPEN
-from phasemap.validation.checking.sample import kinds, sample
+from phasemap.solvers.solver import FromFar, Orbit
+from phasemap.validation.again import carried, kinds, sample
+from phasemap.validation.claims import claims_of, microscope_from
+from phasemap.validation.picture import FAILS, OPEN, Picture
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
@@ -156,7 +153,6 @@ def attribute(*path: str, value: Any) -> Change:
 
 LAYOUT = "dims, coordinates, units, flags are as agreed"
 BALANCE = "energy and virial balance with the phase"
-ONE = "pixels of one material show the same"
 REPEATED = "solved again by the same solver: the same"
 PHASE = "solved again: phase within estimated error"
 HEIGHT = "solved again: height within estimated error"
@@ -169,7 +165,6 @@ UNDECIDED = "solved again: what no other solver decides"
     [
         (tamper("phase", 1.0), BALANCE),
         (tamper("phase", -0.02), BALANCE),
-        (tamper("phase", 1e-6), ONE),
         (tamper("height", 1e-12), "height is topography + tip offset - amplitude"),
         (tamper("tip_offset", 1e-12), "height is topography + tip offset - amplitude"),
         (tamper("amplitude", 1e-12), "the amplitude is that of the setpoint"),
@@ -245,10 +240,7 @@ def test_a_scan_in_time_is_scanned_again() -> None:
         image["phase"][0, 0, 3] += 0.01
         assert failures(image, surface, pixels=96) == ["some lines scanned again give the same"]
     noisy = pm.simulate(surface, SCOPE, SETPOINT, control=control, realism=Realism(temperature=300.0, seed=2))
-    found = pm.check(noisy, surface)
-    assert found.holds and [claim.found for claim in found.claims if claim.result == OPEN] == [
-        "with noise, another engine draws other random numbers"
-    ]
+    assert pm.check(noisy, surface).holds
 
 
 def test_pixels_without_a_material_or_a_solution_are_no_failure() -> None:
@@ -301,8 +293,8 @@ def test_what_comes_to_no_rest_on_the_way_from_far_is_not_judged(monkeypatch: py
     """The image's orbit is no place to begin at: that a tip stays there says nothing of how it came there."""
     image = image_of()
 
-    def solve(_: FromFar, _work: Any, _accuracy: Any, first: int, last: int, answers: Any) -> None:
-        answers.rows[first:last], answers.status[first:last] = np.nan, col.NOT_SETTLED
+    def solve(_: FromFar, _work: Any, _accuracy: Any, answers: Any) -> None:
+        answers.rows[:], answers.status[:] = np.nan, col.NOT_SETTLED
 
     monkeypatch.setattr(FromFar, "solve", solve)
     found = pm.check(image, SURFACE)
@@ -327,13 +319,13 @@ def test_of_irregular_motion_the_means_are_compared(
 ) -> None:
     """By a solver that finds means that are off by so much, and this spread of the phase [degree]."""
 
-    def solve(_: FromFar, work: Any, accuracy: Any, first: int, last: int, answers: Any) -> None:
-        Orbit().solve(work, accuracy, first, last, answers)
+    def solve(_: FromFar, work: Any, accuracy: Any, answers: Any) -> None:
+        Orbit().solve(work, accuracy, answers)
         out = answers.rows
-        out[first:last, col.PHASE] += np.radians(phase)
-        out[first:last, col.TIP_OFFSET] += height
-        out[first:last, col.SPREAD_PHASE] = np.radians(spread)
-        out[first:last, col.SPREAD_AMPLITUDE] = 1e-12 if spread else 0.0
+        out[:, col.PHASE] += np.radians(phase)
+        out[:, col.TIP_OFFSET] += height
+        out[:, col.SPREAD_PHASE] = np.radians(spread)
+        out[:, col.SPREAD_AMPLITUDE] = 1e-12 if spread else 0.0
 
     monkeypatch.setattr(FromFar, "solve", solve)
     image = image_of()
@@ -415,7 +407,7 @@ def test_the_command_says_what_holds(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "allowed: (6, 8) pixels of (2e-09, 2e-09) m, as in the image" in capsys.readouterr().err
     load_scene(STEP, [SMALL]).surface.to_dataset().to_netcdf(tmp_path / "surface.nc")
     assert main(["check", str(path), "--surface", str(tmp_path / "surface.nc"), "--quiet"]) == 0
-    assert capsys.readouterr().out == "20 claims hold, none fails.\n"
+    assert capsys.readouterr().out == "19 claims hold, none fails.\n"
 
 
 @pytest.mark.parametrize(

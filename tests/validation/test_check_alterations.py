@@ -19,7 +19,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap.validation.checking.result import FAILS, OPEN
+from phasemap.validation.picture import FAILS, OPEN
 
 MATERIALS = {
     0: pm.Material(0.3e9, adhesion=0.05, damping=0.02),

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
-from phasemap.validation.checking.result import FAILS, OPEN, Check
+from phasemap.validation.picture import FAILS, OPEN, Check
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
 SETPOINT = 0.8

@@ -18,7 +18,7 @@ import phasemap as pm
 from phasemap.cli import main
 from phasemap.io.netcdf import save
 from phasemap.scenes.scene import load_scene
-from phasemap.validation.checking import check as checking
+from phasemap.validation import check as checking
 
 STEP = Path(__file__).parents[2] / "samples" / "step.toml"
 ATTRIBUTES = ("configuration", "scene")

@@ -18,9 +18,9 @@ from phasemap.experiment.lever import of_tip, seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 SHARE = 0.05  # of the largest damping, below which the damping axis is about linear
 

@@ -158,7 +158,7 @@ def fit_distance(
     >>> fit.good, round(fit.values["offset"] * 1e9, 2)
     (True, 3.0)
     """
-    from phasemap.inference.curves.recorded import EVERY, begun, of_curve, under
+    from phasemap.inference.curves.data import EVERY, begun, of_curve, under
 
     height = number("offset", offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}

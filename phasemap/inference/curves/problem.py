@@ -10,12 +10,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._shared.arrays import within_half_a_turn
+from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
-from phasemap.inference.curves.branches import Branches, branches
+from phasemap.experiment.lever import seen
 from phasemap.inference.curves.data import Data, Parameter, Setup
 from phasemap.inference.sampling import prior_draws
 from phasemap.inference.verdict import REACH, UNLIKELY, chance
+from phasemap.solvers.continuation.curves import Curves, distance_curves, swept_curves
+from phasemap.solvers.continuation.path import Question, Scale, fixed_path, swept_path
+from phasemap.solvers.continuation.visit import segments
+from phasemap.sweeps.follow import there_and_back
+
+NEARER = 4  # tip offsets between the nearest datum and half of the free amplitude
+MARGIN = 1e-3  # of the range of tip offsets, by which a curve goes beyond
 
 SCALES = ("amplitude_scale", "phase_offset")  # parameters of how a motion is read
 STEP = 1e-4  # of the prior's standard deviations, of central differences
@@ -27,6 +36,82 @@ ROUGH = 0.1  # relative error of the derivatives of a datum that is left out of 
 ROUNDS = 2  # of secants
 FARTHEST = 0.15  # that secants go, in standard deviations of the prior
 EVALUATIONS = 60  # of the optimiser, per stage
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """Stable branches, each continued at its ends as a constant."""
+
+    amplitude: np.ndarray  # shape (branches, n) [m]
+    phase: np.ndarray  # shape (branches, n) [degree]
+    # shape (branches, n); how far the point is beyond the branch's end [units of the axis]; 0 on the branch
+    gap: np.ndarray
+
+
+def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
+    """The branches of a sweep over these values [Hz or m]."""
+    try:
+        return _of_frequency(setup, values) if axis == "frequency" else _of_distance(setup, values)
+    except InputError:  # a law that cannot have this material
+        return _nothing(values)
+
+
+def _of_frequency(setup: Setup, frequencies: np.ndarray) -> Branches:
+    scale = Scale.over(frequencies)
+    path = swept_path(Question(setup.material, setup.scope), "frequency", scale, lambda _: setup.height, False)
+    x = scale.m(frequencies)
+    return _collect(swept_curves(path, x, False), col.PARAMETER, x, np.ptp(frequencies) / 2)
+
+
+def _of_distance(setup: Setup, tip_offsets: np.ndarray) -> Branches:
+    question, x = Question(setup.material, setup.scope), tip_offsets + setup.height
+    if question.only_in_time:
+        return _of_passage(question, x)
+    curves = distance_curves(fixed_path(question), np.sort(x), beyond=MARGIN * float(np.ptp(x)))
+    return _collect(curves, col.TIP_OFFSET, x, 1.0)
+
+
+def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
+    """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance.
+
+    It comes nearer than the data, where it turns repulsive if it had not before, so that its way back is that branch.
+    """
+    nearest, half = float(tip_offsets.min()), 0.5 * question.scope.driven_amplitude
+    nearer = np.linspace(half, nearest, NEARER if half < nearest else 0, endpoint=False)
+    x, work, found = np.concatenate([nearer, np.sort(tip_offsets)]), question.work(marched=True), []
+    for visit in there_and_back(work, x):
+        rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
+        repelled = rows[:, col.STIFFENING] > 0
+        for side in (repelled, ~repelled):
+            there = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
+            for part in np.split(there, 1 + np.flatnonzero(np.diff(there) > 1)) if len(there) else ():
+                gap = np.maximum(0, np.maximum(x[part[0]] - tip_offsets, tip_offsets - x[part[-1]]))
+                values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
+                found.append((*values, gap))
+    if not found:
+        return _nothing(tip_offsets)
+    amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
+    return Branches(amplitude, np.degrees(phase), gap)
+
+
+def _nothing(values: np.ndarray) -> Branches:
+    """No branch at all, as far away as the axis is long."""
+    count = len(values)
+    return Branches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), float(np.ptp(values))))
+
+
+def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branches:
+    """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
+    parts = segments(curves.pieces, column)
+    if not parts:  # nothing oscillates
+        return _nothing(x * unit)
+    read = [curves.seen(part.rows) for part in parts]
+    amplitude, phase = (
+        np.stack([np.interp(x, part.x, rows[:, column]) for part, rows in zip(parts, read, strict=True)])
+        for column in (col.AMPLITUDE, col.PHASE)
+    )
+    gap = np.stack([np.maximum(0, np.maximum(part.x[0] - x, x - part.x[-1])) for part in parts])
+    return Branches(amplitude, np.degrees(phase), gap * unit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,11 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, bounds_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.described import describe
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.simulation import simulate
-from phasemap.results.variables import describe, provenance
+from phasemap.results.variables import provenance
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.run import run

@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.model import SIDES, Model
-from phasemap.inference.images.problem import Problem, Solution, descend, problem_of_pixels
-from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
-from phasemap.inference.images.zeros import FREE, SHARED, Plan
+from phasemap.inference.images.problem import SIDES, Model, Problem, Solution, descend, problem_of_pixels
+from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Plan, Stack
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

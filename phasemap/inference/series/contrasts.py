@@ -189,6 +189,8 @@ def _explained_variance(image: xr.Dataset, labels: Labels) -> float:
 
 def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Labels] | None:
     """The regions of one file laid on all others, None if they are of other places."""
+    from scipy.ndimage import shift as moved_by
+
     from phasemap.comparison.registration import register
 
     fixed = images[best]
@@ -207,12 +209,8 @@ def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Label
         if (moved.after if moved.accepted else moved.before) < ALIKE:
             return None
         pitch = [coordinate_step(fixed, dim) for dim in ("y", "x")]
-        rows, columns = (np.arange(size) + round(s / p) for size, s, p in zip(labels.shape, shift, pitch, strict=True))
-        inside = np.ix_((rows >= 0) & (rows < labels.shape[0]), (columns >= 0) & (columns < labels.shape[1]))
-        mine = np.full(labels.shape, LEFT_OUT)
-        mine[inside] = labels[np.ix_(rows[(rows >= 0) & (rows < labels.shape[0])],
-                                     columns[(columns >= 0) & (columns < labels.shape[1])])]  # fmt: skip
-        laid.append(mine)
+        pixels = [-round(s / p) for s, p in zip(shift, pitch, strict=True)]
+        laid.append(moved_by(labels, pixels, order=0, cval=LEFT_OUT))
     return laid
 
 

@@ -32,8 +32,8 @@ NUMBERS = {name: number_of(Material, name) for name in MATERIAL} | {
 UNITS = {name: UDUNITS.get(number.unit, number.unit) for name, number in NUMBERS.items()}
 ORDERS = (5, 9, 17, 33, 65)  # of the series tried, one after the other: a drive's frequency enters linearly
 PRECISION = 3e-13  # of the last coefficients, over the largest value
+MOST_SAMPLES = 65536  # of a time trace
 WIDE = 8.0  # a sweep over a larger ratio is followed on a logarithmic scale
-BEYOND = 1.01  # where a curve is begun and left, just outside the values wanted
 
 
 @dataclass(frozen=True)

@@ -20,20 +20,15 @@ from phasemap._shared.memory import check_fits
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.channels import check_modes_asked
-from phasemap.results.quantities import CHANNELS
-from phasemap.results.variables import check_variables, describe, provenance
+from phasemap.results.variables import provenance
 from phasemap.solvers.continuation.path import NUMBERS
-from phasemap.solvers.march import check_integrals, check_marches
 from phasemap.solvers.problem import check_setpoint
-from phasemap.solvers.solver import by_name
-from phasemap.sweeps.contrasts.channels import derived, used_by
-from phasemap.sweeps.contrasts.dataset import DIMS, record
-from phasemap.sweeps.contrasts.edges import borders
-from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, regime_of, regimes
-from phasemap.sweeps.contrasts.recommendation import RULE, Choice, choose
+from phasemap.solvers.solver import by_name, check_marches
+from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, borders, regime_of, regimes
+from phasemap.sweeps.contrasts.result import DIMS, RULE, Choice, choose, record
 from phasemap.sweeps.sweep import check_axis
 
 Array = np.ndarray
@@ -54,7 +49,6 @@ def contrast(
     accuracy: Accuracy | None = None,
     *,
     names: Sequence[str] = ("first", "second"),
-    variables: Sequence[str] = (),
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> xr.Dataset:
@@ -75,8 +69,6 @@ def contrast(
         As in `phasemap.simulate`.
     names : sequence of str
         Of the two materials.
-    variables : sequence of str
-        Derived channels to map too, by the names of `phasemap.channels`.
     progress : callable, optional
         Called as ``progress(done, total)`` from the calling thread, in points of the map; with all of them done while
         jumps and inversions are sought between them.
@@ -92,7 +84,6 @@ def contrast(
         * `phase`, `phase_spread` [degree], `height`, `indentation` [m], `branch`, `motion`, `status` and `solver` of
           each material after engaging from far;
         * `contrast` [degree] and `height_contrast` [m], second less first;
-        * each of `variables` of each material, and second less first under its name with `_contrast`;
         * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
           either, whether or not engaging from far leads there. Where contacts remember, that of engaging alone.
 
@@ -131,22 +122,20 @@ def contrast(
     """
     started = time.perf_counter()
     accuracy = Accuracy() if accuracy is None else accuracy
-    check_modes_asked(variables, scope)
-    labels, wanted = _check_names(names), check_variables(variables, tuple(CHANNELS))
+    labels = _check_names(names)
     frequencies = _given("frequencies", frequencies, "Hz")
     free_amplitudes = _given("free_amplitudes", free_amplitudes, "m")
     axes = _axes(scope, frequencies, free_amplitudes, setpoints)
     rising: Axes = (np.sort(axes[0]), np.sort(axes[1]), np.sort(axes[2]))
-    pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy, used_by(wanted)), workers_of(threads)
+    pair, workers = Pair.of(first, second, scope, by_name(solver), accuracy), workers_of(threads)
     if pair.materials.in_time:
         check_marches(pair.solver.name)
-        check_integrals([name for name in wanted if CHANNELS[name].needs])
     check_fits(
         f"a contrast map of {' x '.join(str(len(axis)) for axis in rising)} points",
-        16.0 * math.prod(map(len, rising)) * (pair.columns + PER_POINT),
+        16.0 * math.prod(map(len, rising)) * (col.COLUMNS + PER_POINT),
         "Take fewer points.",
     )
-    found = _mapped(pair, rising, labels, wanted, workers, progress)
+    found = _mapped(pair, rising, labels, workers, progress)
     falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
     given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
     found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
@@ -158,9 +147,7 @@ def contrast(
     return found.assign_attrs(provenance(configuration, "contrast mapped"), seconds=seconds)
 
 
-def _mapped(
-    pair: Pair, rising: Axes, labels: tuple[str, str], wanted: tuple[str, ...], workers: int, progress: Progress | None
-) -> xr.Dataset:
+def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, progress: Progress | None) -> xr.Dataset:
     """The map over rising axes, its jumps and inversions, and where to work."""
     engaged, regime = _solve(pair, rising, workers, progress)
     points = regime[0].size
@@ -173,7 +160,6 @@ def _mapped(
         pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
     found = record(rising, labels, engaged, regime, jumps, inversions)
-    found = found.assign(derived(wanted, pair, labels, rising, engaged))
     found.attrs.update(_recommended(choose(rising, labels, engaged, regime, jumps), rising, found["contrast"]))
     return found
 
@@ -245,16 +231,14 @@ def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> t
     """Every point of the map: what engaging leads to, and the regimes; shapes (2, *map, ...) and (2, *map)."""
     shape = (2, *(len(values) for values in axes))
     count = shape[3]
-    engaged = Engaged(np.full((*shape, pair.columns), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
+    engaged = Engaged(np.full((*shape, col.COLUMNS), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
     regime = np.zeros(shape, np.int8)
 
     def solve(first: int, last: int) -> None:
         for line in range(first // count, last // count):
             i, k = divmod(line, shape[2])
             work = pair.work(axes[0][i], axes[1][k], axes[2])
-            for whole, part in zip(
-                engaged, pair.engage(work, scope=pair.microscope_at(axes[0][i], axes[1][k])), strict=True
-            ):
+            for whole, part in zip(engaged, pair.engage(work), strict=True):
                 whole[:, i, k] = part
             regime[:, i, k] = regimes(work, pair.accuracy.periods).reshape(2, count) | regime_of(engaged.rows[:, i, k])
 

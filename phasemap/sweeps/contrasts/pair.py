@@ -1,41 +1,51 @@
-"""Two materials under one microscope, solved at any working point."""
+"""Two materials under one microscope, solved at any working point, and where their contrast jumps or passes zero.
+
+Jumps, and zeros without a jump, are sought on the lines between neighbouring points of the map, along each of its axes,
+by bisection with exact orbits. A jump is a change of phase that stays however close one comes; only what is left
+between the jumps can pass through zero.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import WIDE
 from phasemap._shared.notices import unquestioned
+from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import film_of, properties, rows_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import OF_ORBITS
-from phasemap.solvers.averaging import Averaging
 from phasemap.solvers.both_branches import stable_branches
-from phasemap.solvers.integrals import bare_rows, widened
-from phasemap.solvers.orbit import Orbit
 from phasemap.solvers.problem import Work, work_of_material
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import Solver
+from phasemap.solvers.solver import Averaging, Orbit, Solver
 
 Array = np.ndarray
+
 Axes = tuple[Array, Array, Array]
 """Frequencies [Hz], free amplitudes [m] and setpoints [1], each rising."""
-
 NONE, ATTRACTIVE, REPULSIVE, BISTABLE = 0, 1, 2, 3  # regimes; the last is the sum of the two before it
 REGIMES = ("none", "attractive", "repulsive", "bistable")
+
+HALVINGS = 24  # of the distance between neighbours; what is left changes a phase that ends at a fold by 0.01 degree
+JUMP = 0.1  # least jump [degree], well above that
+CERTAIN = 4.0  # times the accuracy of the phase: what the map's solver errs is not a jump
+STANDS_OUT = 2.0  # times the larger of the steps beside it: a step worth looking into,
+LARGE = 3.0  # as is any that is larger than this [degree]
+SURE = 2.0  # times the accuracy of the phase: a contrast whose sign is known
+SEEN = 0.5  # contrast [degree] that stands out of the noise of a phase image; below, there is no sign to turn round
 
 
 class Engaged(NamedTuple):
     """What the controller finds after engaging from far, on each of the two materials."""
 
-    rows: Array  # shape (2, n, COLUMNS), or (2, n, WIDE) where channels need more
+    rows: Array  # shape (2, n, COLUMNS)
     # status, solver: int8, shape (2, n)
     status: Array
     solver: Array
@@ -49,23 +59,15 @@ class Pair:
     scope: Microscope  # its drive is replaced by that of the working point
     solver: Solver
     accuracy: Accuracy
-    bare: Array  # the materials' rows without adhesion, shape (2, 12), as of `phasemap.solvers.integrals.bare_rows`
-    needs: tuple[str, ...]  # variables of an orbit that channels are made of
 
     @classmethod
-    def of(
-        cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy,
-        needs: tuple[str, ...],
-    ) -> Pair:  # fmt: skip
+    def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
         """Make a pair."""
         one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
-        law = max(
-            one.law, other.law, key=lambda law: (law.memory, law.arms)
-        )  # the same law, and knowing a memory if one of them has one
+        # The same law, and knowing a memory if one of them has one.
+        law = max(one.law, other.law, key=lambda law: (law.memory, law.arms))
         both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
-        given = [rows_of([material]) for material in (first, second)]
-        bare = [bare_rows(properties(*row, scope)[0], scope, film_of(row[0])) for row in given]
-        return cls(both, scope, solver, accuracy, np.concatenate(bare), needs)
+        return cls(both, scope, solver, accuracy)
 
     def microscope_at(self, frequency: float, free_amplitude: float) -> Microscope:
         """The microscope driven at a frequency [Hz] with a free amplitude at resonance [m]."""
@@ -83,23 +85,9 @@ class Pair:
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
 
-    @property
-    def columns(self) -> int:
-        """Number of columns in a row of the map."""
-        return col.COLUMNS if set(OF_ORBITS).isdisjoint(self.needs) else WIDE
-
-    def engage(self, work: Work, solver: Solver | None = None, scope: Microscope | None = None) -> Engaged:
-        """The orbits that the controller finds; on one thread, for callers have theirs.
-
-        `scope`: at this working point, where what channels need is wanted.
-        """
-
-        def widen(part: Work, rows: Array, used: Array, at: Array) -> Array:
-            assert scope is not None
-            return widened(rows, part, used, scope, lambda: self.bare[2 * at // len(work)], self.needs)
-
-        more = None if scope is None or self.columns == col.COLUMNS else widen
-        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1, widen=more)
+    def engage(self, work: Work, solver: Solver | None = None) -> Engaged:
+        """The orbits that the controller finds; on one thread, for callers have theirs."""
+        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1)
         return Engaged(rows.reshape(2, -1, rows.shape[-1]), status.reshape(2, -1), used.reshape(2, -1))
 
     def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
@@ -131,3 +119,139 @@ def regime_of(rows: Array) -> Array:
     """Regime of each orbit, NONE where there is none; shape (...) of rows of shape (..., COLUMNS)."""
     stiffening = rows[..., col.STIFFENING]
     return np.where(np.isnan(stiffening), NONE, np.where(stiffening > 0, REPULSIVE, ATTRACTIVE)).astype(np.int8)
+
+
+class Jump(NamedTuple):
+    """A jump of one material's phase."""
+
+    point: Array  # shape (3,); frequency [Hz], free amplitude [m] and setpoint [1]
+    material: int  # 0 or 1
+    # before, after: shape (2,); phases of both materials on either side [degree]; `after` at the larger value of
+    # what changes
+    before: Array
+    after: Array
+
+    @property
+    def inverts(self) -> bool:
+        """Whether the contrast is seen on both sides, with other signs."""
+        before, after = (float(phases[1] - phases[0]) for phases in (self.before, self.after))
+        return before * after < 0 and min(abs(before), abs(after)) > SEEN
+
+
+class Inversion(NamedTuple):
+    """A zero of the contrast."""
+
+    point: Array  # shape (3,); frequency [Hz], free amplitude [m] and setpoint [1]
+    phase: float  # that both materials have there [degree]
+
+
+class _Place(NamedTuple):
+    """How far along a line, from 0 to 1, and the phases there."""
+
+    share: float
+    phases: Array
+
+
+class _Line(NamedTuple):
+    """A line between two neighbours of the map, with the phases at both ends."""
+
+    start: Array
+    stop: Array
+    before: Array
+    after: Array
+
+    def point(self, share: float) -> Array:
+        return np.asarray(self.start + share * (self.stop - self.start))
+
+
+def borders(
+    pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int, progress: Progress | None = None
+) -> tuple[list[Jump], list[Inversion]]:
+    """Find every jump and inversion between neighbours of a map; none of a contrast of one sign that is seen.
+
+    `phases`, `branch` (shape (2, frequencies, free amplitudes, setpoints)): of both materials [degree, code].
+    `progress`: called in lines between neighbours that are looked into.
+    """
+    sure = SURE * pair.accuracy.phase
+    lines = [line for axis in range(3) for line in _lines_with_jump(axis, axes, phases, branch, sure)]
+    found: list[tuple[list[Jump], list[Inversion]]] = [([], [])] * len(lines)
+
+    def follow(first: int, last: int) -> None:
+        for i in range(first, last):
+            found[i] = _follow(pair, lines[i])
+
+    spread(follow, range(len(lines) + 1), workers, progress)
+    contrast = np.nan_to_num(phases[1] - phases[0])
+    both = contrast.min() < -SEEN and contrast.max() > SEEN
+    return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros if both]
+
+
+def _lines_with_jump(axis: int, axes: Axes, phases: Array, branch: Array, sure: float) -> Iterator[_Line]:
+    """Lines along one axis on which the contrast changes sign, or a phase changes branch or takes a large step."""
+    step = np.abs(np.diff(phases, axis=axis + 1))
+    known = np.isfinite(step)
+    beside = np.pad(np.where(known, step, 0.0), [(int(i == axis + 1),) * 2 for i in range(4)])
+    larger = np.maximum(*(np.take(beside, np.arange(step.shape[axis + 1]) + shift, axis + 1) for shift in (0, 2)))
+    suspect = ((step > np.minimum(STANDS_OUT * larger + JUMP, LARGE)) | (np.diff(branch, axis=axis + 1) != 0)).any(0)
+    contrast = phases[1] - phases[0]
+    clear = np.abs(contrast) > sure
+    before, after = (np.delete(clear, end, axis) for end in (-1, 0))
+    suspect |= (np.diff(np.sign(contrast), axis=axis) != 0) & (before | after)
+    for place in np.argwhere(suspect & known.all(0)):
+        begin, end = tuple(place), tuple(place + np.eye(3, dtype=int)[axis])
+        start, stop = (np.array([values[i] for values, i in zip(axes, at, strict=True)]) for at in (begin, end))
+        yield _Line(start, stop, phases[(slice(None), *begin)], phases[(slice(None), *end)])
+
+
+def _follow(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversion]]:
+    """Jumps and inversions on one line."""
+    least = max(JUMP, CERTAIN * pair.accuracy.phase)
+    begin, end = _Place(0.0, line.before), _Place(1.0, line.after)
+    broken = []
+    for material in (0, 1):
+        phase_of = itemgetter(material)
+        low, high = _close_in(pair, line, begin, end, phase_of, least)
+        if abs(phase_of(high.phases) - phase_of(low.phases)) > least:
+            broken.append((low, high, material))
+    broken.sort(key=lambda item: item[0].share)
+    jumps = [
+        Jump(line.point((low.share + high.share) / 2), material, low.phases, high.phases)
+        for low, high, material in broken
+    ]
+    inversions = []
+    begins, ends = [begin, *(high for _, high, _ in broken)], [*(low for low, _, _ in broken), end]
+    for begin, end in zip(begins, ends, strict=True):
+        signs = _sign(begin.phases), _sign(end.phases)
+        clear = max(abs(phases[1] - phases[0]) for phases in (begin.phases, end.phases)) > SURE * pair.accuracy.phase
+        if begin.share < end.share and clear and signs[0] != 0 and signs[0] != signs[1]:
+            low, high = _close_in(pair, line, begin, end, _sign, 0.0)
+            if np.abs(high.phases - low.phases).max() <= least:
+                inversions.append(Inversion(line.point(high.share), float(high.phases.mean())))
+    return jumps, inversions
+
+
+def _close_in(
+    pair: Pair, line: _Line, low: _Place, high: _Place, value: Callable[[Array], float], least: float
+) -> tuple[_Place, _Place]:
+    """Halve the line around where a value of the phases changes most, until it changes by no more than `least`.
+
+    Where no orbit is found in between, the phases last seen are kept on either side.
+    """
+    for _ in range(HALVINGS):
+        change = abs(value(high.phases) - value(low.phases))
+        if change <= least:
+            break
+        share = (low.share + high.share) / 2
+        phases = pair.phases(*line.point(share))
+        if np.isnan(phases).any():
+            high = _Place(share, high.phases)
+        elif abs(value(phases) - value(low.phases)) < change / 2:
+            low = _Place(share, phases)
+        else:
+            high = _Place(share, phases)
+    return low, high
+
+
+def _sign(phases: Array) -> float:
+    """Sign of the contrast."""
+    return float(np.sign(phases[1] - phases[0]))

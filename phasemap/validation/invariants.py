@@ -1,4 +1,4 @@
-"""What must hold in every pixel, whatever the sample: no solver is asked.
+"""What must hold in every image, whatever the sample: its layout, and in every pixel relations that ask no solver.
 
 A periodic orbit z = mean + A cos + higher harmonics A_n of the lever, z'' + 2 alpha0 z' + z + F/k = u0 cos, obeys
 
@@ -11,26 +11,106 @@ sums from n = 2. The image has all but the harmonics; what they leave in the one
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
+from phasemap._shared.pixels import centres
 from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, offset_and_factor, supplied
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.engaged import stiffening
 from phasemap.imaging.feedback.lines import mean_ground
-from phasemap.results.variables import FLAGS
-from phasemap.validation.checking.channels import follows
-from phasemap.validation.checking.picture import MEAN, Picture
-from phasemap.validation.checking.result import Claim, judged, pixels_in_words
+from phasemap.results.channels import channels
+from phasemap.results.quantities import CHANNELS, is_derived
+from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
+from phasemap.validation.claims import Claims
+from phasemap.validation.picture import FAILS, HOLDS, MEAN, Claim, Picture, judged, pixels_in_words
 
+RISING = "position from the top of the image"  # what y is called in earlier images, and only there
+
+SAME_FORMULA = 1e-9  # of a channel that is computed from the same numbers again
 ROUNDING = 1e-8  # of what is compared; the solvers iterate until little less is left
 LEAST = 1e-9, 1e-20  # [degree, m] of errors: phase and height are not computed to more than twelve digits
 OF_ORBITS = ("error_phase", "error_height", "energy_closure")  # what only a periodic orbit has
 CLOSES = 1e-6  # energy closure of an exact orbit, as the tests assert it
+
+
+def layout(image: xr.Dataset, claims: Claims) -> Claim:
+    """Judge the layout; nothing else can be looked at where it fails."""
+    wrong = list(_wrong(image, claims))
+    found = "; ".join(wrong[:3]) if wrong else f"{len(image.data_vars)} variables"
+    pixels = int(np.prod([image.sizes[dim] for dim in _dims(claims) if dim in image.sizes]))
+    return Claim("dims, coordinates, units, flags are as agreed", FAILS if wrong else HOLDS, pixels, found)
+
+
+def _dims(claims: Claims) -> tuple[str, ...]:
+    return ("direction", "y", "x") if claims.control.directions else ("y", "x")
+
+
+def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
+    """Say what is not as agreed."""
+    dims, known = _dims(claims), all_variables_of(claims.control)
+    sizes = dict(zip(("y", "x"), claims.shape, strict=True), direction=len(claims.control.directions))
+    for dim in dims:
+        if image.sizes.get(dim) != sizes[dim]:
+            yield f"there are {image.sizes.get(dim, 0)} along {dim}, not {sizes[dim]}"
+    yield from _wrong_coordinates(image, claims)
+    if "status" not in image:
+        yield "there is no status"
+    for name in map(str, image.data_vars):
+        variable = image[name]
+        about = FLOATS.get(name) or CHANNELS.get(name)
+        if name not in known and name not in CHANNELS:
+            yield f"{name} is not a variable of such an image"
+        elif variable.dims != dims:
+            yield f"{name} has dims {variable.dims}, not {dims}"
+        elif name in FLAGS:
+            yield from _wrong_flags(name, variable)
+        elif variable.dtype.kind != "f" or about is None or not _says(variable, "units", about.units):
+            unit = None if about is None else about.units
+            yield f"{name} is {variable.dtype} in {variable.attrs.get('units')!r}, not numbers in {unit!r}"
+
+
+def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
+    for dim, count, step in zip(("y", "x"), claims.shape, claims.pixel_size, strict=True):
+        if dim not in image.coords:
+            yield f"there is no coordinate {dim}"
+        elif image.sizes.get(dim) == count and not _near(_from_the_corner(image[dim]), centres(count, step)):
+            yield f"{dim} is not at the centres of pixels of {step:g} m"
+    names = list(claims.control.directions)
+    if names and ("direction" not in image.coords or list(image["direction"].values) != names):
+        yield f"direction is not {', '.join(names)}"
+
+
+def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
+    _, values, meanings = FLAGS[name]
+    said = np.atleast_1d(variable.attrs.get("flag_values", ()))
+    if said.tolist() != list(values) or not _says(variable, "flag_meanings", " ".join(meanings)):
+        yield f"the flags of {name} have other values or meanings"
+    elif variable.dtype.kind not in "iu" or not np.isin(variable.values, values).all():
+        yield f"{name} has values that are none of its flags"
+
+
+def _says(variable: xr.DataArray, name: str, text: str) -> bool:
+    """Whether an attribute is this text: it may be an array, too."""
+    said = variable.attrs.get(name)
+    return isinstance(said, str) and said == text
+
+
+def _from_the_corner(places: xr.DataArray) -> NDArray[Any]:
+    """Places along x or y as they rise from the top left corner."""
+    falls = places.dims == ("y",) and not _says(places, "long_name", RISING)
+    values: NDArray[Any] = places.values
+    return values[::-1] if falls else values
+
+
+def _near(values: NDArray[Any], wanted: NDArray[np.float64]) -> bool:
+    return values.dtype.kind in "fiu" and np.allclose(values, wanted, rtol=1e-9, atol=0)
 
 
 def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
@@ -55,14 +135,12 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
             yield _closure(picture)
         if picture.claims.solver != "averaging" and picture.has("error_phase", "error_height", "solver"):
             yield _errors(picture)
-    if (claim := follows(picture)) is not None:
+    if (claim := _follows(picture)) is not None:
         yield claim
     if picture.has("motion", "amplitude_spread", "phase_spread"):
         yield _motion(picture)
     if picture.has("branch", "phase", "amplitude"):
         yield _branch(picture)
-    if not picture.claims.control.directions:
-        yield _one_material(picture, surface)
 
 
 def _numbers(picture: Picture) -> Claim:
@@ -199,6 +277,27 @@ def _errors(picture: Picture) -> Claim:
     return judged(about, picture, bad, phase / accuracy.phase, picture.good & ~picture.irregular, found)
 
 
+def _follows(picture: Picture) -> Claim | None:
+    """Judge whether channels are what their formulas make of the image's other variables; None without such."""
+    made = [
+        name
+        for name, channel in CHANNELS.items()
+        if name in picture
+        and is_derived(name)
+        and picture.has("phase", *channel.needs, *filter(None, [channel.of_orbit]))
+    ]
+    if not made:
+        return None
+    again = channels(picture.image, made, scope=picture.claims.microscope)
+    bad, share = np.zeros(picture.shape, bool), np.zeros(picture.shape)
+    for name in made:
+        value, claimed = again[name].values.reshape(picture.shape), picture.raw(name)
+        bad |= ~np.isclose(claimed, value, rtol=SAME_FORMULA, atol=0, equal_nan=True)
+        share = np.fmax(share, np.abs(np.nan_to_num(claimed - value)))
+    about = "derived channels follow from the other variables"
+    return judged(about, picture, bad, share, picture.good, ", ".join(made))
+
+
 def _motion(picture: Picture) -> Claim:
     """Motion that is not periodic has a spread, and no other has."""
     phase, amplitude = picture.raw("phase_spread"), picture.raw("amplitude_spread")
@@ -220,38 +319,6 @@ def _branch(picture: Picture) -> Claim:
     repulsive = (picture.raw("branch") == 1)[picture.solved]
     found = f"repulsive in {100 * repulsive.mean():.3g} %" if repulsive.size else ""
     return judged("branch goes with phase", picture, bad, np.abs(added), picture.solved, found)
-
-
-def _one_material(picture: Picture, surface: Surface) -> Claim:
-    """Pixels of one material, under one tip, show the same."""
-    _, numbers = surface.unique()
-    change = picture.claims.realism.tip_change
-    changed = np.arange(surface.shape[0])[:, np.newaxis] >= (surface.shape[0] if change is None else change.line)
-    kinds = (2 * numbers.astype(np.int64) + changed).reshape(-1)
-    count = np.bincount(kinds)
-    shared = np.flatnonzero(count[kinds] > 1)  # by several pixels
-    bad = np.zeros(kinds.size, np.int64)
-    for name in map(str, picture.image.data_vars) if len(shared) else ():
-        if name != "height":  # that has the relief in it, and is compared with the tip offset
-            values = picture[name].astype(np.float64).reshape(-1)[shared]
-            usual = _usual(values, kinds[shared])
-            apart = np.abs(values - usual)
-            same = (apart <= 1e-9 * np.abs(usual) + 2 * picture.coarse(name)) | (np.isnan(values) & np.isnan(usual))
-            bad[shared] += ~same
-    looked_at = np.zeros(kinds.size, bool)
-    looked_at[shared] = True
-    wrong, of = bad.reshape(picture.shape), looked_at.reshape(picture.shape)
-    found = f"{np.count_nonzero(count)} materials"
-    return judged("pixels of one material show the same", picture, wrong > 0, wrong, of, found)
-
-
-def _usual(values: Array, kinds: NDArray[np.int64]) -> Array:
-    """The value of the middle one of the pixels of each kind, for every pixel: one that was changed does not show."""
-    order = np.lexsort((values, kinds))
-    _, first, inverse, count = np.unique(kinds[order], return_index=True, return_inverse=True, return_counts=True)
-    usual = np.empty(values.size)
-    usual[order] = values[order][first + (count - 1) // 2][inverse]
-    return usual
 
 
 def _largest(values: Array, of: NDArray[np.bool_]) -> float:

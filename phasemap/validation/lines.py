@@ -1,4 +1,4 @@
-"""Lines of an image in time, scanned again: by the same engine, and by the other one."""
+"""Lines of an image in time, scanned again by the engine that made them."""
 
 from __future__ import annotations
 
@@ -17,26 +17,19 @@ from phasemap.imaging.job import Job, Stretch, fill_part, plan_image, simulator_
 from phasemap.imaging.materials import Place, survey
 from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES
 from phasemap.solvers.solver import by_name
-from phasemap.validation.checking.picture import Picture
-from phasemap.validation.checking.result import HOLDS, OPEN, Claim, judged
+from phasemap.validation.picture import Claim, Picture, judged
 
 Rows = NDArray[np.intp]
 Values = dict[str, Any]
-"""Of each variable an array of shape (directions, lines, nx)."""
 
+"""Of each variable an array of shape (directions, lines, nx)."""
 SAME = {"degree": 1e-3, "m": 1e-12}  # another machine rounds otherwise
-USUAL = {
-    "phase": 0.1,
-    "amplitude": 0.005,
-}  # [degree, free amplitudes] between the engines, on a surface with one branch
-SHARE = 0.95  # of the pixels, that are so near
-ENGINES = {col.AVERAGING: ("averaging", "slow flow"), col.MARCH: ("march", "equation of motion")}
-ABOUT = "some lines scanned with the other engine"
+ENGINES = {col.AVERAGING: "slow flow", col.MARCH: "equation of motion"}
 
 
 def scan_again(
     picture: Picture, surface: Surface, count: int, seed: int, threads: int | None, progress: Progress | None
-) -> list[Claim]:
+) -> Claim:
     """Judge a few whole lines of a `Feedback`, there and back, of the surface as it passed under the tip.
 
     `count`: how many lines: the first ones where the tip was engaged once, or else some with most changes of
@@ -50,20 +43,11 @@ def scan_again(
     known = survey(surface, simulator_of(job.control).most(job))
     rows = _rows(picture, min(count, surface.shape[0]), seed)
     stretches = plan_image(job, known)
-    plan = stretches[0].plan
-    other, name = ENGINES[col.MARCH if plan.engine == col.AVERAGING else col.AVERAGING]
     again = _scanned(job, stretches, rows)
     if progress is not None:
-        progress(len(rows), 2 * len(rows))
-    said = f"lines {', '.join(map(str, rows))} by the {ENGINES[plan.engine][1]}"
-    found = [_reproduced(picture, again, rows, said)]
-    if claims.realism.temperature is not None or claims.realism.detector_noise is not None:
-        return [*found, Claim(ABOUT, OPEN, 0, "with noise, another engine draws other random numbers")]
-    job = replace(job, solver=by_name(other), control=plan.control)  # with gains
-    again = _scanned(job, plan_image(job, known), rows)
-    if progress is not None:
-        progress(2 * len(rows), 2 * len(rows))
-    return [*found, _between_engines(picture, again, rows, name)]
+        progress(len(rows), len(rows))
+    said = f"lines {', '.join(map(str, rows))} by the {ENGINES[stretches[0].plan.engine]}"
+    return _reproduced(picture, again, rows, said)
 
 
 def _rows(picture: Picture, count: int, seed: int) -> Rows:
@@ -109,29 +93,3 @@ def _reproduced(picture: Picture, again: Values, rows: Rows, said: str) -> Claim
         bad[:, rows] |= ~((apart <= allowed) | (np.isnan(claimed) & np.isnan(found)))
         by[:, rows] = np.fmax(by[:, rows], apart / allowed)
     return judged("some lines scanned again give the same", picture, bad, by, looked_at, said)
-
-
-def _between_engines(picture: Picture, again: Values, rows: Rows, engine: str) -> Claim:
-    """How far the other engine is, where both are on one branch for three pixels in a row."""
-    units = {"phase": 1.0, "amplitude": picture.claims.microscope.driven_amplitude}
-    names = [name for name in USUAL if name in picture]
-    if not names or "branch" not in picture:
-        return Claim(ABOUT, OPEN, 0, "the file has no phase, or no branch")
-    same = picture.raw("branch")[:, rows] == again["branch"]
-    same &= picture.good[:, rows] & (again["status"] == col.GOOD)
-    steady = same.copy()
-    steady[:, :, 1:] &= same[:, :, :-1]
-    steady[:, :, :-1] &= same[:, :, 1:]
-    pixels, compared = steady.size, int(np.count_nonzero(steady))
-    if not compared:
-        return Claim(ABOUT, OPEN, pixels, f"the {engine} is on no pixel on the same branch")
-    apart = {name: np.abs(picture[name][:, rows] - again[name])[steady] / units[name] for name in names}
-    near = {name: float(np.quantile(apart[name], SHARE)) for name in names}
-    scale = {"phase": (1.0, "degree"), "amplitude": (100.0, "% of the free amplitude")}
-    said = " and ".join(f"{near[name] * scale[name][0]:.2g} {scale[name][1]}" for name in names)
-    found = f"the {engine} is within {said} in 95 %"
-    if compared < pixels:
-        found += f" of the pixels on one branch; {pixels - compared} others beside a change of branch"
-    if all(near[name] <= USUAL[name] for name in names):
-        return Claim(ABOUT, HOLDS, compared, found)
-    return Claim(ABOUT, OPEN, compared, f"{found}: more than the usual 0.1 degree and 0.5 %, and no error is stated")

@@ -1,9 +1,12 @@
-"""Pixels of an image at rest, solved again: all as the image was made, or any by a solver of one's own choice."""
+"""Pixels of an image at rest, solved again: all as the image was made, or any by a solver of one's own choice.
+
+Those that are drawn for it are some of every kind, not only of the commonest.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,29 +17,27 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.notices import untold
 from phasemap._shared.threads import Progress, workers_of
 from phasemap.experiment.control import Raster
-from phasemap.experiment.material_rows import film_of, properties
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import values_of
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.imaging.simulation import simulate
-from phasemap.results.variables import FLOATS, IMAGE_VARIABLES, OF_ADHESION
+from phasemap.results.variables import FLOATS, IMAGE_VARIABLES
 from phasemap.solvers.both_branches import stable_branches
-from phasemap.solvers.integrals import bare_rows, with_adhesion
 from phasemap.solvers.problem import Work, make_work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
-from phasemap.validation.checking.picture import Picture
+from phasemap.validation.picture import Claim, Picture, judged
 
 Pixels = NDArray[np.intp]
 Values = dict[str, NDArray[Any]]
 
-NAMES = (*IMAGE_VARIABLES, *OF_ADHESION)
 
+@dataclass(frozen=True, eq=False)
+class Again:
+    """What a solver found in n pixels of a picture."""
 
-class Again(NamedTuple):
-    """What a solver found in n pixels."""
-
+    picture: Picture
     pixels: Pixels  # shape (n,); flat, in the order of the picture
     values: Values  # variables of these pixels, as an image has them, shape (n,) each
     materials: int  # how many distinct ones were solved
@@ -46,6 +47,31 @@ class Again(NamedTuple):
         """Codes, shape (n,)."""
         return self.values["status"]
 
+    def at(self, whole: NDArray[Any]) -> NDArray[Any]:
+        """What these pixels have of an array of the picture's shape."""
+        return whole.reshape(-1)[self.pixels]
+
+    def raw(self, name: str) -> NDArray[Any]:
+        """Values of these pixels in the file."""
+        return self.at(self.picture.raw(name))
+
+    def claimed(self, name: str) -> Array:
+        """The same, less the offsets of lines."""
+        return self.at(self.picture[name])
+
+    def spread(self, name: str) -> Array:
+        """The larger of the spreads that the image states and that were found again."""
+        return np.asarray(np.fmax(self.at(self.picture.spread(name)), self.values[f"{name}_spread"]))
+
+    def judged(
+        self, about: str, bad: NDArray[np.bool_], by: NDArray[Any], looked_at: NDArray[np.bool_], found: str
+    ) -> Claim:
+        """`phasemap.validation.picture.judged`, of arrays of shape (n,)."""
+        values = np.zeros((3, int(np.prod(self.picture.shape))))
+        values[:, self.pixels] = bad, by, looked_at
+        wrong, worst, those = values.reshape(3, *self.picture.shape)
+        return judged(about, self.picture, wrong > 0, worst, those > 0, found)
+
 
 @dataclass(frozen=True)
 class _Part:
@@ -53,7 +79,6 @@ class _Part:
 
     pixels: Pixels
     work: Work
-    bare: Array  # rows of the same contacts without adhesion
     numbers: NDArray[np.intp]
 
 
@@ -71,7 +96,7 @@ def image_again(picture: Picture, surface: Surface, threads: int | None, progres
             threads=threads,
         )  # fmt: skip
     values = {str(name): variable.values.reshape(-1) for name, variable in image.data_vars.items()}
-    return Again(np.arange(int(np.prod(picture.shape))), values, int(image.attrs["distinct_materials"]))
+    return Again(picture, np.arange(int(np.prod(picture.shape))), values, int(image.attrs["distinct_materials"]))
 
 
 def solve_again(
@@ -79,7 +104,7 @@ def solve_again(
 ) -> Again:
     """Solve some pixels again, given flat, of the surface as it passed under the tip."""
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
-    values = {name: np.zeros(len(pixels), np.float64 if name in FLOATS else np.int8) for name in NAMES}
+    values = {name: np.zeros(len(pixels), np.float64 if name in FLOATS else np.int8) for name in IMAGE_VARIABLES}
     materials = done = 0
     for part in _parts(picture, surface, pixels):
         report = after(progress, done, len(pixels))
@@ -91,14 +116,14 @@ def solve_again(
         else:
             solved, codes, by = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
             at = (part.numbers,)
-        some = values_of(NAMES, with_adhesion(solved, part.work, by, part.bare), codes, by)
-        for name in NAMES:
+        some = values_of(IMAGE_VARIABLES, solved, codes, by)
+        for name in IMAGE_VARIABLES:
             values[name][part.pixels] = some[name][at]
         materials, done = materials + len(part.work), done + len(part.pixels)
     if surface.topography is not None:
         relief = surface.topography.reshape(-1)[pixels % surface.topography.size]
         values["height"] = np.add(values["height"], relief)
-    return Again(pixels, values, materials)
+    return Again(picture, pixels, values, materials)
 
 
 def after(progress: Progress | None, done: int, total: int) -> Progress | None:
@@ -121,14 +146,11 @@ def _parts(picture: Picture, surface: Surface, pixels: Pixels) -> list[_Part]:
     return parts
 
 
-def _work(
-    surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float
-) -> tuple[Work, Array, NDArray[np.intp]]:
-    """Work of the distinct materials of pixels, the same contacts without adhesion, and which each pixel has."""
+def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float) -> tuple[Work, NDArray[np.intp]]:
+    """Work of the distinct materials of pixels, and which each pixel has."""
     materials, numbers = np.unique(surface.materials(pixels), axis=0, return_inverse=True)
     viscous = surface.viscosity is not None
-    bare = bare_rows(properties(materials, viscous, scope)[0], scope, film_of(materials))
-    return make_work(materials, viscous, scope, amplitude, marched=True), bare, numbers.reshape(-1)
+    return make_work(materials, viscous, scope, amplitude, marched=True), numbers.reshape(-1)
 
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:
@@ -161,3 +183,32 @@ def carried(picture: Picture) -> tuple[NDArray[np.int8], Array]:
     nx = branch.shape[2]
     back = [np.stack([values[:, :nx], values[:, nx:][:, ::-1]]) for values in (comes, from_offset)]
     return back[0].astype(np.int8), back[1]
+
+
+def sample(picture: Picture, pixels: int, seed: int) -> NDArray[np.intp]:
+    """Draw so many pixels, as many of each kind as there is room for, and then any; flat, in order, each once."""
+    kind, random = kinds(picture), np.random.default_rng(seed)
+    if kind.size <= pixels:
+        return np.arange(kind.size)
+    shuffled = random.permutation(kind.size)
+    order = np.argsort(kind[shuffled], kind="stable")
+    sizes = np.unique(kind, return_counts=True)[1]
+    rank = np.empty(kind.size, np.intp)  # of a pixel among those of its kind
+    rank[order] = np.concatenate([np.arange(size) for size in sizes])
+    turns = np.argsort(np.minimum(rank, pixels), kind="stable")  # the first of each kind, the second of each ...
+    return np.sort(shuffled[turns[:pixels]])
+
+
+def kinds(picture: Picture) -> NDArray[np.int64]:
+    """Number of the kind of each pixel, flat: by status, solver, branch, motion, and whether a neighbour differs."""
+    code = np.zeros(picture.shape, np.int64)
+    for name in ("status", "solver", "branch", "motion"):
+        if name in picture:
+            code = 64 * code + picture.raw(name).astype(np.int64) + 1
+    beside = np.zeros(picture.shape, bool)
+    for axis in (1, 2):
+        ahead = np.diff(code, axis=axis) != 0
+        pad = [(0, 0)] * 3
+        for pad[axis] in ((1, 0), (0, 1)):
+            beside |= np.pad(ahead, pad)
+    return np.asarray(2 * code + beside).reshape(-1)

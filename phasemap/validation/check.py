@@ -18,19 +18,16 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.imperfections import drifted
 from phasemap.scenes.scene import Scene
-from phasemap.solvers.march import FromFar
-from phasemap.solvers.orbit import Orbit
-from phasemap.solvers.solver import by_name
-from phasemap.validation.checking.again import after, image_again, solve_again
-from phasemap.validation.checking.claims import Claims, claims_of, scene_of
-from phasemap.validation.checking.compare import compare
-from phasemap.validation.checking.invariants import invariants
-from phasemap.validation.checking.layout import layout
-from phasemap.validation.checking.lines import scan_again
-from phasemap.validation.checking.picture import Picture
-from phasemap.validation.checking.repeat import repeat
-from phasemap.validation.checking.result import FAILS, HOLDS, Check, Claim, pixels_in_words
-from phasemap.validation.checking.sample import sample
+from phasemap.solvers.solver import FromFar, Orbit, by_name
+from phasemap.validation.again import after, image_again, sample, solve_again
+from phasemap.validation.agreement import compare, repeat
+from phasemap.validation.claims import Claims, claims_of, scene_of
+from phasemap.validation.invariants import invariants, layout
+from phasemap.validation.lines import scan_again
+from phasemap.validation.picture import FAILS, HOLDS, Check, Claim, Picture, pixels_in_words
+
+Pixels = NDArray[np.intp]
+Found = tuple[list[Claim], "xr.Dataset", str]
 
 PIXELS = 64
 PER_LINE = 32  # pixels that a line in time counts for
@@ -43,9 +40,6 @@ UNSEEN = (
     "Whether contact law, materials and microscope describe a real sample: pixels are solved again with the same ones. "
     "Their maps are those of the {surface}."
 )
-
-Pixels = NDArray[np.intp]
-Found = tuple[list[Claim], "xr.Dataset", str]
 """Claims, the pixels that were compared, and which were judged how."""
 
 
@@ -72,8 +66,8 @@ def check(
     indentation, dissipation and virial are compared, within the errors that the image states. A pixel in which time
     comes to no rest is not judged. An image by "march" is slow to make again: there every pixel is solved by periodic
     orbits, and the sample as it was made. Pixels of `Raster` begin in time on the branch on which the image leaves the
-    pixel before. Of a `Feedback` whole lines are scanned again, by the same engine and by the other one; other lines
-    are only asked for what must hold in every pixel.
+    pixel before. Of a `Feedback` whole lines are scanned again; other lines are only asked for what must hold in
+    every pixel.
 
     Not seen is what all ways to solve a pixel share: contact law, parameters, and the surface. It takes as long as the
     image, and some 20 ms a pixel of the sample.
@@ -141,7 +135,7 @@ def check(
     unseen = UNSEEN.format(surface="scene in the file" if given is None else "surface given")
     if claims.control.in_time:
         lines = max(pixels // PER_LINE, 1)
-        return Check((*everywhere, *scan_again(picture, surface, lines, seed, threads, progress)), None, SCAN, unseen)
+        return Check((*everywhere, scan_again(picture, surface, lines, seed, threads, progress)), None, SCAN, unseen)
     drawn = sample(picture, pixels, seed)
     acts = claims.microscope.interaction
     only_in_time = surface.relaxes or acts.withdrawal != "linear" or acts.law.in_time
@@ -159,10 +153,10 @@ def _as_made(
     pixels = int(np.prod(picture.shape))
     total = pixels + len(drawn)
     made = image_again(picture, surface, threads, after(progress, 0, total))
-    claim, differ = repeat(picture, made)
+    claim, differ = repeat(made)
     judges = np.union1d(drawn, np.random.default_rng(0).permutation(differ)[: len(drawn)])
     again = solve_again(picture, surface, judges, FromFar(), threads, after(progress, pixels, total))
-    found, sampled = compare(picture, again, IN_TIME)
+    found, sampled = compare(again, IN_TIME)
     found_again = f"{len(differ) or 'none'} {'differs' if len(differ) < 2 else 'differ'}"
     judged = (
         f"Every pixel was solved again as it was made ({made.materials} different materials): {found_again}. "
@@ -180,10 +174,10 @@ def _by_orbits(
     total = len(pixels) + len(drawn)
     made = solve_again(picture, surface, drawn, by_name("march"), threads, after(progress, 0, total))
     orbits = solve_again(picture, surface, pixels, Orbit(complete=True), threads, after(progress, len(drawn), total))
-    found, sampled = compare(picture, orbits, "by periodic orbits")
+    found, sampled = compare(orbits, "by periodic orbits")
     as_made = f"{pixels_in_words(len(drawn))}, some of every kind, also as the image was made."
     judged = f"Every pixel was solved again by periodic orbits ({orbits.materials} different materials). {as_made}"
-    return [repeat(picture, made)[0], *found], sampled, judged
+    return [repeat(made)[0], *found], sampled, judged
 
 
 def _same(claims: Claims, scene: Scene) -> Claim:

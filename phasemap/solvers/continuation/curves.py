@@ -1,29 +1,55 @@
-"""The pieces of a curve of orbits, followed from every start that leads to a new one."""
+"""Curves of orbits in pieces: the piece from far, pieces apart from it, and those on which a tip lands.
+
+Each is followed from every start that leads to a new one.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point
+from phasemap._kernels.continuation.piece import (
+    PIECE_CLOSED,
+    PIECE_FULL,
+    Asked,
+    Made,
+    exact_orbit_at,
+    follow_piece,
+    mark_start,
+)
+from phasemap._kernels.continuation.start import start_far
+from phasemap._kernels.continuation.step import copy_orbit
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import free_amplitude, phase_of
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.collocation.path import Path, fixed_path, held_value, standing_at
+from phasemap._kernels.orbits.collocation.polish import tolerance_of
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, another, head_of, new_orbit
+from phasemap._kernels.orbits.time.landing import land_free, state_in_row
 from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.experiment.lever import seen, sees_tip
-
-if TYPE_CHECKING:
-    from phasemap._kernels.law import Oscillator
-    from phasemap._kernels.orbits.collocation.path import Path
+from phasemap.experiment.lever import seen, sees_tip, tip_amplitudes
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
-
 ROOM = 6000  # rows of one piece
 SAME = 1e-5  # of the amplitude: orbits as near are the same
 NEAR, NEAR_PUSH = 0.03, 0.1  # of the amplitude and the base amplitude: averaging may be off by so much
 MOST_PIECES = 12
 TIGHT = 0.1  # of the tolerance that pixels use
+BEYOND = 1.01  # m at which a swept curve is left, just outside the values wanted
+STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin a swept curve from
+APART = 6  # amplitudes at which pieces apart from the curve from far are sought
+FAINT = 1e-5  # of the free amplitude, where a curve is left
+HARDLY_MOVING = 0.03  # of the amplitude at which orbits are sought, or the free one: a curve may come back from less
+FINE = 1  # level of refinement of these
+AROUND = (1.000001, 0.97, 1.03, 0.88, 1.12)  # shares of it, at which averaged orbits lead to small pieces
+THROWN_LIFT = 0.08  # of it: a strong pull throws the tip out of its harmonic orbit, whose contact is too deep to start
+BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
+DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +64,9 @@ class Piece:
 class Curves:
     """All the pieces found so far of the curve of one path.
 
-    Parameters
-    ----------
-    index : int
-        Entry of a point whose values are wanted.
-    box : tuple of float
-        Smallest and largest control, smallest amplitude [m].
-    samples : int
-        Length of the time traces.
-    level : int
-        Of refinement, of the orbits wanted.
+    `index`: entry of a point whose values are `wanted`.
+    `box`: smallest and largest control, smallest amplitude [m].
+    `samples`: length of the time traces. `level`: of refinement, of the orbits wanted.
     """
 
     def __init__(
@@ -67,8 +86,6 @@ class Curves:
 
     def standing(self, m: float) -> Oscillator:
         """The lever over the material at m."""
-        from phasemap._kernels.orbits.collocation.path import standing_at
-
         if m not in self._standing:
             self._standing[m] = standing_at(self.path, float(m))
         return self._standing[m]
@@ -83,10 +100,6 @@ class Curves:
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
-        from phasemap._kernels.continuation.start import start_far
-        from phasemap._kernels.lever import free_amplitude
-        from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
-
         free = free_amplitude(self.standing(0.0).lever)
         orbit = new_orbit(self.path.lever, TABLES)
         status = start_far(self.path, orbit, 0.9999 * free, 0)
@@ -97,9 +110,6 @@ class Curves:
 
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
-        from phasemap._kernels.lever import phase_of
-        from phasemap._kernels.orbits.collocation.system import head_of
-
         amplitude, stiffness = row[col.AMPLITUDE], self.standing(m).lever[col.STIFFNESS]
         drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
         guess = np.array([row[col.TIP_OFFSET], row[col.MEAN], amplitude, row[col.STIFFENING] * amplitude, drag])
@@ -119,9 +129,6 @@ class Curves:
 
         `lift`: by which these orbits are first lifted [m].
         """
-        from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-        from phasemap._kernels.orbits.collocation.system import head_of
-
         oscillator = self.standing(0.0)
         for guess in averaged_orbits(oscillator, amplitude):
             if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
@@ -140,8 +147,6 @@ class Curves:
         `beside`: how far past the end the tip is let go, in the control.
         `close`: how well its motion must have settled [m].
         """
-        from phasemap._kernels.orbits.time.landing import land_free, state_in_row
-
         waiting = list(self.pieces)
         while waiting and len(self.pieces) < MOST_PIECES:
             rows = waiting.pop(0).rows
@@ -192,25 +197,15 @@ class Curves:
         self.wanted = wanted
 
     def _tolerance(self, m: float) -> float:
-        from phasemap._kernels.orbits.collocation.polish import tolerance_of
-
         return TIGHT * float(tolerance_of(self.standing(m)))
 
     def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
-        from phasemap._kernels.continuation.piece import exact_orbit_at
-        from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, new_orbit
-
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
         orbit = new_orbit(self.path.lever, TABLES)
         good = exact_orbit_at(self.path, guess, m, hold, self._tolerance(m), orbit)
         return (col.GOOD if good else col.NOT_CONVERGED), orbit
 
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
-        from phasemap._kernels.continuation.path import Point
-        from phasemap._kernels.continuation.piece import PIECE_CLOSED, Asked, Made, follow_piece, mark_start
-        from phasemap._kernels.continuation.step import copy_orbit
-        from phasemap._kernels.orbits.collocation.system import another, head_of
-
         start = another(orbit)
         copy_orbit(orbit, start)
         tolerance = self._tolerance(float(head_of(orbit).parameter))
@@ -253,3 +248,105 @@ def _same(rows: np.ndarray, row: np.ndarray) -> bool:
 def settling_periods(lever: np.ndarray) -> int:
     """Periods after which a tip that was let go is no longer expected to settle, or that are too many."""
     return min(int(PERIODS / (2 * np.pi * lever[col.ALPHA0])) + 200, MOST_PERIODS)
+
+
+def held_curves(path: Path, amplitudes: np.ndarray, samples: int, left: float = 0.98, level: int = 0) -> Curves:
+    """The distance curve from far, with rows where the detector sees these amplitudes.
+
+    `left`: share of the least amplitude at which a curve is left.
+    `level`: of refinement, of the rows.
+    """
+    free, plain = float(free_amplitude(path.lever)), sees_tip(path.lever)
+    least = max(float(tip_amplitudes(path.lever, amplitudes[0])[0]), FAINT * free)  # of z
+    box = (-DEEP * free, np.inf, left * least)
+    curves = Curves(path, ENTRY_A if plain else ENTRY_SEEN, amplitudes, box, samples, level)
+    curves.from_far(0.0)
+    # A start is not a value wanted: beside the lowest one.
+    for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
+        curves.seek(float(amplitude))
+    mend(curves, free)
+    return curves
+
+
+def distance_curves(path: Path, wanted: np.ndarray, samples: int = 0, beyond: float = 0.0) -> Curves:
+    """The whole distance curve, with rows at these rising tip offsets [m]; it may be followed further by `beyond`."""
+    low, high = float(wanted[0]), float(wanted[-1])
+    box = (low - beyond, np.inf, FAINT * float(free_amplitude(path.lever)))
+    curves = Curves(path, ENTRY_Z0, wanted, box, samples)
+    curves.from_far(high + (beyond or 1e-3 * abs(high) + 1e-10))
+    complete(curves, low)
+    return curves
+
+
+def swept_curves(path: Path, wanted: np.ndarray, of_amplitude: bool, samples: int = 0) -> Curves:
+    """The curve of a swept parameter, with rows at these m, and at some from which it was begun."""
+    curves = Curves(path, ENTRY_M, np.sort(np.concatenate([wanted, STARTS])), (-BEYOND, BEYOND, 0.0), samples)
+    for m in STARTS:
+        _begin(curves, m, of_amplitude)
+    return curves
+
+
+def _begin(curves: Curves, m: float, of_amplitude: bool) -> None:
+    """Follow the curve from every orbit at m that is not known yet."""
+    oscillator = curves.standing(m)
+    value, path = held_value(curves.path, m), fixed_path(oscillator)
+    rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value, False)
+    for row in rows:
+        if not curves.knows(row, m):
+            curves.from_orbit(row, m, of_amplitude)
+    if not of_amplitude:
+        # Where nothing acts, or no curve leads there, the lever still swings freely.
+        free = np.zeros(col.COLUMNS)
+        free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(oscillator.lever)
+        curves.from_orbit(free, m, False)
+
+
+def complete(curves: Curves, lowest: float) -> None:
+    """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
+    # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
+    free, most = _free_amplitudes(curves.path)
+    for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * 0.98 * most), 0.98 * most, APART):
+        curves.seek(float(amplitude))
+    mend(curves, free)
+
+
+def orbits_of_amplitude(path: Path, amplitude: float) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit that the detector sees with this amplitude [m], and whether all curves were followed."""
+    curves = held_curves(path, np.array([amplitude]), 0, HARDLY_MOVING, FINE)
+    for share in AROUND:
+        curves.seek(share * amplitude)
+    curves.seek(AROUND[0] * amplitude, THROWN_LIFT * amplitude)
+    return _wanted(curves)
+
+
+def orbits_of_offset(path: Path, tip_offset: float, apart: bool = True) -> tuple[np.ndarray, bool]:
+    """Rows of every orbit at this tip offset [m], and whether all curves were followed.
+
+    `apart`: whether pieces apart from the curve from far are looked for, and orbits that hardly move.
+    """
+    free, most = _free_amplitudes(path)
+    box = (tip_offset - most, np.inf, (FAINT if apart else HARDLY_MOVING) * free)
+    curves = Curves(path, ENTRY_Z0, np.array([tip_offset]), box, 0)
+    curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
+    if apart:
+        complete(curves, tip_offset)
+    return _wanted(curves)
+
+
+def _free_amplitudes(path: Path) -> tuple[float, float]:
+    """Amplitude [m] of the free lever at the drive frequency, and the larger of that and the one at resonance."""
+    free = float(free_amplitude(path.lever))
+    return free, max(free, 0.5 * float(path.lever[col.DRIVE] / path.lever[col.ALPHA0]))
+
+
+def _wanted(curves: Curves) -> tuple[np.ndarray, bool]:
+    """Rows at the values wanted, and whether every curve was followed to its end."""
+    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
+    return rows[rows[:, col.KIND] == col.WANTED], all(piece.ended != PIECE_FULL for piece in curves.pieces)
+
+
+def mend(curves: Curves, free: float) -> None:
+    """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
+    if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
+        swept = curves.index == ENTRY_M
+        curves.after_ends(col.PARAMETER if swept else col.TIP_OFFSET, BESIDE * (1.0 if swept else free), SETTLED * free)

@@ -1,37 +1,193 @@
-"""From measured images back to materials: maps of modulus, adhesion and damping."""
+"""From measured images back to materials: maps of modulus, adhesion and damping.
+
+What is weakly determined of a pixel is mostly one combination of the properties: chi2 has a long valley, curved and
+skewed, where a parabola is too simple. It is followed to both sides of the best material, and the posterior integrated
+along it; across it, it is taken as normal.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
+from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.answer import AVERAGED, FLAGS, NO_DATA, NO_ORBIT, POOR, Found, dataset_of
-from phasemap.inference.images.model import Model, make_model
-from phasemap.inference.images.posterior import moments
-from phasemap.inference.images.problem import normal_equations, problem_of_pixels, refine
+from phasemap.inference.images.problem import (
+    Model,
+    Problem,
+    Solution,
+    make_model,
+    normal_equations,
+    problem_of_pixels,
+    refine,
+)
 from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
-from phasemap.inference.verdict import PRIOR, UNKNOWN, UNLIKELY, chance, check_prior
-from phasemap.results.variables import describe
+from phasemap.inference.verdict import (
+    PARAMETERS,
+    PRIOR,
+    UNITS,
+    UNKNOWN,
+    UNLIKELY,
+    chance,
+    check_prior,
+    put,
+)
+from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
 
+SHARP = 0.05  # standard error of every logarithm below which the parabola will do
+FIRST, GROWTH, STEPS = 0.5, 1.3, 7  # steps along the valley: in its standard deviations, each longer, to either side
+DEEP = 20.0  # chi2 above the least, at which a side is done
+SHALLOW = 6.0  # the same, above which a side that ends is cut off
+LONGEST = 1.0  # of a correction across the valley, in a logarithm
+
 ALONE = (
     "One image has fewer data than a material has properties: add images of the same place at other setpoints and, "
     "better, at another free amplitude."
 )
 BLOCKS = (512, 8192)  # least and most pixels that are solved together: small parts cost time, but threads want some
+FLAGS = (
+    "modulus_not_determined", "adhesion_not_determined", "damping_not_determined", "poor_fit", "no_orbit", "no_data",
+    "averaged_only", "ambiguous",
+)  # fmt: skip
+POOR, NO_ORBIT, NO_DATA, AVERAGED, AMBIGUOUS = (1 << FLAGS.index(name) for name in FLAGS[3:])
+
+
+class Found(NamedTuple):
+    """Materials of pixels or regions."""
+
+    materials: Array  # shape (..., 3)
+    errors: Array  # shape (..., 3); of their logarithms
+    misfit: Array  # shape (...) or (); chi2 over degrees of freedom
+    flags: NDArray[Any]  # shape (...); by `FLAGS`
+
+
+def dataset_of(
+    found: Found, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any], how: str
+) -> xr.Dataset:
+    """Materials over these dims, settings over "image", and where all this comes from; places are those of an image."""
+    import xarray as xr
+
+    ds, known = xr.Dataset(), FLAGS if dims == ("region",) else FLAGS[:-1]
+    for i, name in enumerate(PARAMETERS):
+        more = {"ancillary_variables": f"{name}_error flag"}
+        put(ds, name, dims, found.materials[..., i], name, UNITS[name], **more)
+        said = f"standard error of the natural logarithm of the {name}"
+        put(ds, f"{name}_error", dims, found.errors[..., i], said)
+    said = "chi2 over degrees of freedom, about 1 where the model describes the data"
+    put(ds, "misfit", dims if found.misfit.ndim else (), found.misfit, said)
+    meant = {"flag_masks": np.array([1 << i for i in range(len(known))], np.uint8), "flag_meanings": " ".join(known)}
+    ds["flag"] = (dims, found.flags, {"long_name": "what the data do not determine, or what went wrong", **meant})
+    put(ds, "setpoint", "image", list(stack.setpoints), "setpoint")
+    amplitudes = [one.drive.free_amplitude for one in stack.scopes]
+    put(ds, "free_amplitude", "image", amplitudes, "free amplitude at resonance", "m")
+    scopes = [describe(one) for one in dict.fromkeys(stack.scopes)]
+    ds.attrs.update(provenance({"microscopes": scopes, "setpoints": list(stack.setpoints), **configuration}, how))
+    places = image["phase"].coords
+    return ds.assign_coords({dim: places[dim] for dim in ("y", "x") if dim in places})
+
+
+class _Valleys(NamedTuple):
+    """Of n pixels: directions along, (n, 3), and across, (n, 3, 2), the valley, and places along it, (n, k).
+
+    There, logarithms of the density, (n, k), conditional means, (n, k, 3), and covariances, (n, k, 3, 3).
+    """
+
+    along: Array
+    across: Array
+    places: Array
+    logs: Array
+    points: Array
+    spreads: Array
+
+
+def moments(problem: Problem, found: Solution, covariance: Array) -> tuple[Array, Array]:
+    """Means, shape (n, 3), and covariances, shape (n, 3, 3), of the logarithms.
+
+    `covariance`: those of the parabola.
+    """
+    mean, covariance = found.q.copy(), covariance.copy()
+    wide = (np.einsum("nii->ni", covariance) > SHARP**2).any(axis=1)
+    wide = np.flatnonzero(wide & found.good & (problem.sides != 0).any(axis=(1, 2)))
+    if len(wide):
+        mean[wide], covariance[wide] = _integrate(problem.part(wide), found.part(wide), covariance[wide])
+    return mean, covariance
+
+
+def _integrate(problem: Problem, found: Solution, covariance: Array) -> tuple[Array, Array]:
+    """Moments along the valleys of some pixels."""
+    sizes, axes = np.linalg.eigh(covariance)
+    n, k = len(sizes), 2 * STEPS + 1
+    lengths = np.sqrt(sizes[:, 2:]) * np.cumsum(FIRST * GROWTH ** np.arange(STEPS))
+    places = np.concatenate([-lengths[:, ::-1], np.zeros((n, 1)), lengths], axis=1)
+    logs, points, spreads = np.full((n, k), -np.inf), np.zeros((n, k, 3)), np.zeros((n, k, 3, 3))
+    for sign in (-1, 1):
+        _walk(problem, found, _Valleys(axes[:, :, 2], axes[:, :, :2], places, logs, points, spreads), sign)
+    lost = np.isneginf(logs).all(axis=1)
+    logs[lost, STEPS], points[lost, STEPS], spreads[lost, STEPS] = 0.0, found.q[lost], covariance[lost]
+    steps = np.pad(np.diff(places, axis=1), ((0, 0), (1, 1)))
+    weights = (steps[:, 1:] + steps[:, :-1]) * np.exp(logs - logs.max(axis=1, keepdims=True))
+    weights /= weights.sum(axis=1, keepdims=True)
+    mean = np.einsum("nk,nki->ni", weights, points)
+    apart = points - mean[:, None]
+    spread = np.einsum("nk,nkij->nij", weights, spreads + apart[..., None] * apart[..., None, :])
+    # Where the valley could not be followed to its sides, it may go on: the parabola's width is the least.
+    cut = ~(_fallen(logs) & _fallen(logs[:, ::-1]))
+    apart = found.q - mean
+    wider = spread + covariance + apart[:, :, None] * apart[:, None, :]
+    return mean, np.where(cut[:, None, None], wider, spread)
+
+
+def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> None:
+    """Follow the valleys to one side, and fill in what is found there."""
+    along, across, places, logs, points, spreads = valleys
+    some, q, roots = np.arange(len(along)), found.q.copy(), found.places.copy()
+    for k in range(STEPS + 1):
+        at, there = STEPS + sign * k, roots[some]
+        orbits = problem.part(some).orbits(q[some], there)
+        inside = orbits.good & (np.abs(q[some]) < problem.model.reach).all(axis=1)
+        some = some[inside]
+        if not len(some):
+            return
+        roots[some], part = there[inside], problem.part(some)
+        rest = part.rest(orbits.values[inside], found.defect[some])
+        matrix, pull = normal_equations(part, part.weigh(orbits.slopes[inside]), rest, q[some])
+        plane, line = across[some], along[some, :, None]
+        to_plane = plane.transpose(0, 2, 1)
+        inner = np.linalg.inv(to_plane @ matrix @ plane)
+        cross = to_plane @ pull[..., None]
+        step = inner @ cross
+        cost = part.cost(rest, q[some]) - (cross * step).sum(axis=(1, 2))
+        move = (plane @ step)[..., 0]
+        move *= np.minimum(1.0, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
+        logs[some, at] = -0.5 * cost + 0.5 * np.log(np.linalg.det(inner))
+        points[some, at] = q[some] + move
+        spread = plane @ inner
+        spreads[some, at] = spread @ to_plane
+        if k == STEPS:
+            return
+        tangent = (line - spread @ (to_plane @ (matrix @ line)))[..., 0]
+        q[some] = points[some, at] + (places[some, at + sign] - places[some, at])[:, None] * tangent
+        some = some[logs[some, at] > logs[some].max(axis=1) - 0.5 * DEEP]
+
+
+def _fallen(logs: Array) -> NDArray[np.bool_]:
+    """Whether the density falls far enough before its last value that is known."""
+    last = logs.shape[1] - 1 - np.argmax(np.isfinite(logs[:, ::-1]), axis=1)
+    fallen: NDArray[np.bool_] = logs[np.arange(len(logs)), last] < logs.max(axis=1) - 0.5 * SHALLOW
+    return fallen
 
 
 @asked_as()

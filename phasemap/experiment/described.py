@@ -1,0 +1,86 @@
+"""Configuration objects as plain JSON values, and made of them again."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from phasemap._shared.errors import InputError
+from phasemap._shared.notices import unquestioned
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.beam import Eigenmode
+from phasemap.experiment.control import Engage, Feedback, Raster
+from phasemap.experiment.interaction import (
+    Capillary,
+    Cone,
+    Film,
+    FlatPunch,
+    Interaction,
+    LossyDMT,
+    MaugisDugdale,
+    Neck,
+    Table,
+)  # fmt: skip
+from phasemap.experiment.interaction.longrange import FORCES
+from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+from phasemap.experiment.realism import Realism, TipChange
+
+T = TypeVar("T")
+
+KINDS: dict[str, type[Any]] = {
+    cls.__name__.lower(): cls
+    for cls in (
+        *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
+        Interaction, LossyDMT, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
+        TipChange,
+    )
+}  # fmt: skip
+"""What `describe` describes."""
+PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
+
+
+def describe(thing: Any) -> Any:
+    """A configuration object as plain JSON values."""
+    if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
+        fields = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
+        return {"kind": type(thing).__name__.lower(), **fields}
+    if isinstance(thing, tuple):
+        return [describe(one) for one in thing]
+    return thing if thing is None or isinstance(thing, (bool, int, float, str)) else getattr(thing, "name", str(thing))
+
+
+def made(stored: Any, *kinds: type[T]) -> T:
+    """The object, of one of these kinds, that `describe` described."""
+    try:
+        with unquestioned():  # who made the image was told already
+            thing = _object(stored)
+    except RecursionError:
+        raise InputError("configuration of the image", stored, "tables that are not nested so deeply") from None
+    if not isinstance(thing, kinds):
+        raise InputError("configuration of the image", stored, " or ".join(kind.__name__ for kind in kinds))
+    return thing
+
+
+def _object(stored: Any) -> Any:
+    """Whatever was described."""
+    if isinstance(stored, list):
+        return tuple(map(_object, stored))
+    if not isinstance(stored, Mapping):
+        return stored
+    fields = {name: _object(value) for name, value in stored.items() if name != "kind"}
+    kind = stored.get("kind")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError("kind", kind, "one of " + ", ".join(KINDS))
+    if kind == "cantilever":
+        fields.setdefault("participation", 1.0)  # of images from before beams, whose lever was a point mass
+    known = [field.name for field in dataclasses.fields(KINDS[kind])]
+    if set(fields) - set(known):
+        raise InputError(f"configuration of {kind}", ", ".join(fields), ", ".join(known))
+    for name, part in PARTS.items() if kind == "microscope" else ():
+        if not isinstance(fields.get(name), part):
+            raise InputError(f"{name} of the image", fields.get(name), f"a {part.__name__}")
+    try:
+        return KINDS[kind](**fields)
+    except TypeError as error:  # one is missing, or not a number
+        raise InputError(f"configuration of {kind}", str(stored), "its arguments", f"{error}.") from None

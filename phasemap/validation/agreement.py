@@ -1,0 +1,260 @@
+"""What an image says of its pixels, against what was found there again: by its own solver, and by another one.
+
+Solved again as they were made, pixels must be the same. That catches what no independent solver can, for it is less
+exact than the image: errors that are stated too small, values that are changed by less than their errors, and whatever
+is wrong in a single pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap.experiment.lever import lever_of
+from phasemap.imaging.engaged import DEEPEST
+from phasemap.imaging.imperfections import changes
+from phasemap.results.quantities import is_derived
+from phasemap.results.variables import FLAGS, FLOATS, flag_attributes, provenance
+from phasemap.validation.again import Again
+from phasemap.validation.picture import FAILS, MEAN, OPEN, Claim, Picture, pixels_in_words
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+QUANTITIES = ("phase", "height", "mean_deflection", "indentation", "dissipation", "virial")
+SAMPLED = 1e-3  # of the amplitude: the deepest of the points at which a solver evaluates the force; 5e-4 was measured
+OF = {"phase": "phase", "height": "amplitude"}  # whose spread goes with the mean of each
+IRREGULAR = 0.1, 20e-12  # [degree, m] to which the mean of irregular motion is known, beside what its spread leaves
+UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_AVERAGED_ORBIT, col.UNSTABLE)
+"""Status codes by which a solver gives up, or says that the tip comes to no rest: it may then end on any orbit."""
+LOWEST = -15.0  # tip offset, over u0 / alpha0, below which engaging in time does not lower the tip (`march.approach`)
+UNITS = {"degree": (" degree", 1.0), "m": (" pm", 1e12), "J": (" aJ", 1e18)}
+SHARE = 0.1  # of the stated error, within which a solver finds the same on another machine
+ITERATIONS = 1e-6, 1e-15  # [degree, m], where that is less: what iterations leave
+RELATIVE = 1e-8  # of an amplitude, as the balance of the setpoint has it
+OTHERWISE = 1e-4  # of any other quantity, the indentation most: 1e-5 was measured without vector instructions
+CLOSES = 1e-6  # of an energy closure
+FACTOR = 10.0  # between errors that are estimated twice
+NAMED = 3  # variables that differ
+
+
+class Errors(NamedTuple):
+    """Errors of phase [degree] and height [m] of some pixels; NaN where they are not known."""
+
+    phase: Array
+    height: Array
+
+
+def _stated(again: Again) -> Errors:
+    """What the image states, or what was asked for where it has no such variables; averaging states nothing."""
+    claims, errors = again.picture.claims, []
+    for name in Errors._fields:
+        if f"error_{name}" in again.picture:
+            errors.append(again.claimed(f"error_{name}"))
+        else:
+            usual = np.nan if claims.solver == "averaging" else getattr(claims.accuracy, name)
+            errors.append(np.full(len(again.pixels), usual))
+    return Errors(*errors)
+
+
+def _allowed(again: Again, errors: Errors, approximate: Mask) -> dict[str, Array]:
+    """Largest differences of `QUANTITIES`, for such errors of phase and height in all; NaN where one says nothing.
+
+    An error e of the phase is one of the force's first harmonic, k u0 e, of the drive's work, pi k u0 A e, and of the
+    virial, k u0 A e / 2; of a force that acts for a part of the period the mean is at most half the first harmonic.
+    Twice as much is allowed, and more for the virial. Approximate pixels, averaged or interpolated ones, are as exact
+    as the image was asked to be (`imaging.tolerances.tolerances_of`). Of irregular motion the means of phase and height
+    are compared.
+    """
+    picture, claims = again.picture, again.picture.claims
+    lever, length = lever_of(claims.microscope), np.where(approximate, claims.accuracy.height, 0.0)
+    phase = np.radians(np.where(approximate, np.maximum(errors.phase, claims.accuracy.phase), errors.phase))
+    work = np.pi * lever[col.STIFFNESS] * lever[col.DRIVE] * claims.amplitude * phase
+    largest = {
+        "phase": errors.phase,
+        "height": errors.height,
+        "mean_deflection": 2 * lever[col.DRIVE] * phase + length,
+        "indentation": errors.height + SAMPLED * claims.amplitude + DEEPEST * length,
+        "dissipation": work,
+        "virial": work,
+    }
+    irregular = again.at(picture.irregular) | (again.values["motion"] == 1)
+    means = dict(zip(("phase", "height"), IRREGULAR, strict=True))
+    for name, values in largest.items():
+        mean = means[name] + MEAN * again.spread(OF[name]) if name in means else np.nan
+        largest[name] = np.where(irregular, mean, values) + picture.coarse(name)
+    return largest
+
+
+class _Quantity(NamedTuple):
+    """One of `QUANTITIES` of the sampled pixels: as in the image, as found again, and how far apart they may be."""
+
+    claimed: Array
+    again: Array
+    allowed: Array  # NaN where nothing says
+
+
+def compare(again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
+    """Judge what the image says of the pixels that were solved again by another solver, in words `by`."""
+    decided = _decided(again)
+    claims = [_status(again, decided, by)]
+    if not decided.all():
+        left = "time comes to no rest on the way from far: any orbit may be right there"
+        claims.append(Claim("solved again: what no other solver decides", OPEN, int((~decided).sum()), left))
+    both = (again.status == col.GOOD) & again.at(again.picture.good)
+    claims.append(_motion(again, both))
+    if "branch" in again.picture:
+        same = again.raw("branch") == again.values["branch"]
+        claims.append(_branch(again, both, same))
+        both &= same
+    quantities = _quantities(again)
+    claims += [_agreement(again, name, quantity, both) for name, quantity in quantities.items()]
+    return claims, _dataset(again, quantities)
+
+
+def _decided(again: Again) -> Mask:
+    """Where both solvers say that there is an orbit, or that there is none."""
+    decided = ~(np.isin(again.status, UNDECIDED) | np.isin(again.raw("status"), UNDECIDED))
+    if "tip_offset" in again.picture:
+        lever = lever_of(again.picture.claims.microscope)
+        deep = again.claimed("tip_offset") < LOWEST * lever[col.DRIVE] / lever[col.ALPHA0]
+        decided &= ~(deep & (again.status == col.NO_STABLE_ORBIT))
+    return decided
+
+
+def _status(again: Again, decided: Mask, by: str) -> Claim:
+    """There is a solution where the image has one, and none where it says that there is none."""
+    wrong = (again.at(again.picture.good) != (again.status == col.GOOD)) & decided
+    found = f"{again.materials} materials, {by}"
+    return again.judged("solved again: solutions where the status says", wrong, wrong, decided, found)
+
+
+def _motion(again: Again, both: Mask) -> Claim:
+    """The motion is periodic where the image says so; one that hardly spreads may be called either."""
+    claimed, found = again.at(again.picture.irregular), again.values["motion"] == 1
+    phase, amplitude = again.spread("phase"), again.spread("amplitude")
+    bad = (claimed != found) & ((phase > IRREGULAR[0]) | (amplitude > IRREGULAR[1]))
+    said = f"irregular in {pixels_in_words(int(np.count_nonzero(both & found)))}"
+    return again.judged("solved again: the same motion", bad, phase, both, said)
+
+
+def _branch(again: Again, both: Mask, same: Mask) -> Claim:
+    """The tip is on the branch to which the control brings it."""
+    branch = again.raw("branch")[both]
+    found = f"{np.count_nonzero(branch == 0)} attractive, {np.count_nonzero(branch == 1)} repulsive"
+    return again.judged("solved again: the same branch", ~same, ~same, both, found)
+
+
+def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Claim:
+    """The image is as near to the other solution as it says."""
+    unit, scale = UNITS[FLOATS[name].units]
+    whose = "estimated" if name in Errors._fields else "its"  # which follows from those that are estimated
+    about = f"solved again: {name.replace('_', ' ')} within {whose} error"
+    apart, largest = np.abs(quantity.claimed - quantity.again), quantity.allowed
+    known = both & ~np.isnan(largest)
+    if not known.any():
+        why = "first-order averaging states no error" if both.any() else "there is no pixel to compare"
+        found = f"apart by up to {scale * apart[both].max():.2g}{unit}; " if both.any() else ""
+        return Claim(about, OPEN, int(both.sum()), found + why)
+    share = np.where(known, np.nan_to_num(apart / largest, nan=np.inf), -1.0)
+    worst = int(np.argmax(share))
+    found = f"apart by up to {scale * apart[known].max():.2g}{unit}"
+    found += f"; worst {scale * apart[worst]:.2g} of {scale * largest[worst]:.2g} allowed"
+    return again.judged(about, ~(apart <= largest), share, known, found)
+
+
+def _quantities(again: Again) -> dict[str, _Quantity]:
+    """What the image has of `QUANTITIES`; errors of both solvers and the quantisation are allowed."""
+    picture, values, said = again.picture, again.values, _stated(again)
+    own = Errors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
+    made = again.raw("solver") if "solver" in picture else np.full(len(again.pixels), col.AVERAGING)
+    approximate = np.isin(made, (col.AVERAGING, col.INTERPOLATED))
+    largest = _allowed(again, Errors(said.phase + own.phase, said.height + own.height), approximate)
+    there = filter(picture.__contains__, QUANTITIES)
+    return {name: _Quantity(again.claimed(name), values[name], largest[name]) for name in there}
+
+
+def _dataset(again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
+    """The sampled pixels, both ways."""
+    places = zip(("direction", "row", "column"), np.unravel_index(again.pixels, again.picture.shape), strict=True)
+    data: dict[str, Any] = {name: ("pixel", values, {"long_name": f"{name} of the pixel"}) for name, values in places}
+    flags = flag_attributes("status")
+    data["status"] = "pixel", again.raw("status"), flags
+    data["status_again"] = "pixel", again.status, {**flags, "long_name": "status of the other solution"}
+    for name, (claimed, found, largest) in quantities.items():
+        units = {"units": FLOATS[name].units}
+        data[name] = "pixel", claimed, {"long_name": f"{name} of the image", **units}
+        data[f"{name}_again"] = "pixel", found, {"long_name": f"{name} by another solver", **units}
+        data[f"{name}_allowed"] = "pixel", largest, {"long_name": "largest difference that was allowed", **units}
+    return xr.Dataset(data)
+
+
+def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
+    """Judge whether the solver that made the image finds the same, and return the flat places of pixels that differ."""
+    picture = again.picture
+    names = [str(name) for name in picture.image.data_vars if name in again.values]
+    if changes(picture.claims.realism):  # channels are derived of what was recorded, not of the orbits
+        names = [name for name in names if not is_derived(name)]
+    largest = _largest(again)
+    share, differ = np.zeros(len(again.pixels)), []
+    for name in names:
+        off = _over_allowed(name, again.claimed(name), again.values[name], largest)
+        share = np.maximum(share, off)
+        if (off > 1).any():
+            differ.append(name)
+    found = f"{len(names)} variables of {again.materials} materials, by {picture.claims.solver!r}"
+    everywhere = np.ones(len(share), bool)
+    claim = again.judged("solved again by the same solver: the same", share > 1, share, everywhere, found)
+    if claim.result == FAILS:
+        claim = _with_difference(picture, claim, differ)
+    return claim, again.pixels[share > 1]
+
+
+def _with_difference(picture: Picture, claim: Claim, differ: list[str]) -> Claim:
+    """The claim with the names of the variables that differ; open if another version of phasemap made the image."""
+    names = ", ".join(differ[:NAMED]) + (f" and {len(differ) - NAMED} more" if len(differ) > NAMED else "")
+    claim = replace(claim, found=f"{names} {claim.found}")
+    made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
+    if made == here:
+        return claim
+    return replace(
+        claim, result=OPEN, found=f"made by phasemap {made[:20]}, and this is {here}: {claim.found}", worst=()
+    )
+
+
+def _over_allowed(name: str, claimed: Array, found: Array, largest: dict[str, Array]) -> Array:
+    """How far apart values are, over what is allowed: infinite where only one of them is a number."""
+    if name in FLAGS:
+        return np.where(claimed == found, 0.0, np.inf)
+    if name.startswith("error_"):
+        same = (claimed >= found / FACTOR) & (claimed <= found * FACTOR)
+        off = np.where(same, 0.0, np.inf)
+    else:
+        usual = np.nanmedian(np.abs(found)) if np.isfinite(found).any() else 0.0
+        limit = largest[name] if name in largest else OTHERWISE * (np.abs(found) + usual)
+        # Nothing is allowed for where an error is not known.
+        off = np.where(np.isnan(limit) | (claimed == found), 0.0, np.abs(claimed - found) / limit)
+    both = np.isnan(claimed) & np.isnan(found)
+    return np.asarray(np.where(both, 0.0, np.nan_to_num(off, nan=np.inf)))
+
+
+def _largest(again: Again) -> dict[str, Array]:
+    """By how much variables may differ."""
+    picture, values = again.picture, again.values
+    errors = (SHARE * np.nan_to_num(values[f"error_{name}"]) for name in Errors._fields)
+    exact = Errors(*(error + rounding for error, rounding in zip(errors, ITERATIONS, strict=True)))
+    largest = _allowed(again, exact, np.zeros(len(again.pixels), bool))
+    largest["height"] = largest["tip_offset"] = largest["height"] + 1e-15 * np.abs(values["height"])
+    regular = np.where(np.isnan(largest["indentation"]), np.nan, OTHERWISE * np.abs(values["indentation"]))
+    largest["indentation"] = largest["height"] + regular
+    for name in ("amplitude", "phase"):
+        largest[f"{name}_spread"] = MEAN * again.spread(name)
+    amplitude = RELATIVE * picture.claims.amplitude + picture.coarse("amplitude")
+    largest["amplitude"] = amplitude + largest["amplitude_spread"]
+    largest["energy_closure"] = np.full(len(again.pixels), CLOSES)
+    return largest
