@@ -11,17 +11,7 @@ from phasemap._shared.notices import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Engage, Feedback, Raster
-from phasemap.experiment.interaction import (
-    Capillary,
-    Cone,
-    Film,
-    FlatPunch,
-    Interaction,
-    LossyDMT,
-    MaugisDugdale,
-    Neck,
-    Table,
-)  # fmt: skip
+from phasemap.experiment.interaction import WITH_PARAMETERS, Interaction
 from phasemap.experiment.interaction.longrange import FORCES
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
@@ -31,9 +21,8 @@ T = TypeVar("T")
 KINDS: dict[str, type[Any]] = {
     cls.__name__.lower(): cls
     for cls in (
-        *FORCES.values(), Accuracy, Cantilever, Capillary, Cone, Drive, Eigenmode, Engage, Feedback, Film, FlatPunch,
-        Interaction, LossyDMT, MaugisDugdale, Microscope, Mode, Neck, Raster, Realism, Table, Tip,
-        TipChange,
+        *FORCES.values(), *WITH_PARAMETERS.values(), Accuracy, Cantilever, Drive, Eigenmode, Engage, Feedback,
+        Interaction, Microscope, Mode, Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
 """What `describe` describes."""

@@ -18,7 +18,7 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import gathered, strict_units
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.described import describe
-from phasemap.experiment.interaction import ContactLaw
+from phasemap.experiment.interaction import WITH_PARAMETERS, ContactLaw
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import of_one_loss
 from phasemap.experiment.microscope import PARTS, Drive, Microscope, Mode
@@ -27,7 +27,7 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
-from phasemap.scenes.objects import LAWS, control_of, microscope_tables
+from phasemap.scenes.objects import control_of, microscope_tables
 from phasemap.scenes.tables import Table, check_keys, construct
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.problem import check_setpoint
@@ -195,7 +195,7 @@ class Setting:
     def tables(self) -> Table:
         """The tables of the scene that this setting is; the surface's are those of the subject's scene, if any."""
         interaction = self.scope.interaction
-        if isinstance(interaction.contact, ContactLaw) and type(interaction.contact) not in LAWS.values():
+        if isinstance(interaction.contact, ContactLaw) and type(interaction.contact) not in WITH_PARAMETERS.values():
             raise InputError("contact", interaction.contact, "what a scene file can say", "Copy the Python instead.")
         scene, options = self.subject.scene, self.options
         kept = {} if scene is None else {name: table for name, table in scene.config.items() if name != "files"}

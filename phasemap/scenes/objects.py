@@ -16,17 +16,7 @@ from phasemap._shared.fields import Number
 from phasemap._shared.notices import advise
 from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.interaction import (
-    Capillary,
-    Cone,
-    ContactLaw,
-    Film,
-    FlatPunch,
-    Interaction,
-    LossyDMT,
-    MaugisDugdale,
-    Neck,
-)  # fmt: skip
+from phasemap.experiment.interaction import WITH_PARAMETERS, ContactLaw, Interaction
 from phasemap.experiment.interaction.longrange import FORCES, LongRange
 from phasemap.experiment.interaction.table import Table as ForceTable
 from phasemap.experiment.material import Material
@@ -37,9 +27,6 @@ from phasemap.scenes.tables import Complaints, Table, check_keys, construct, mis
 T = TypeVar("T")
 
 CONTROLS: dict[str, type[Control]] = {"engage": Engage, "raster": Raster, "feedback": Feedback}
-LAWS: dict[str, type[ContactLaw]] = {
-    law.name: law for law in (Capillary, Cone, Film, FlatPunch, ForceTable, LossyDMT, MaugisDugdale, Neck)
-}
 LOW_Q = 50.0  # below this it matters what the detector sees
 
 
@@ -121,7 +108,7 @@ def _interaction(tables: Table) -> Interaction:
         beside = {key: value for key, value in table.items() if key in own}
         table = {key: value for key, value in table.items() if key not in own}
         table["longrange"] = {"law": table["longrange"], **beside}
-    for key, laws in (("contact", LAWS), ("longrange", FORCES)):
+    for key, laws in (("contact", WITH_PARAMETERS), ("longrange", FORCES)):
         if isinstance(given := table.get(key), dict):
             name = f"[interaction.{key}]"
             if "law" not in given:

@@ -44,6 +44,10 @@ __all__ = [
     "Table",
 ]  # fmt: skip
 
+WITH_PARAMETERS: dict[str, type[ContactLaw]] = {
+    law.name: law for law in (Capillary, Cone, Film, FlatPunch, Table, LossyDMT, MaugisDugdale, Neck)
+}
+"""Contact laws that have parameters, by name; those without are `contact.LAWS`."""
 WITHDRAWALS = ("linear", "ting")
 VAN_DER_WAALS = "van der waals"
 TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of a user's law is tried before work starts
