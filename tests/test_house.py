@@ -12,7 +12,7 @@ PACKAGE = Path(phasemap.__file__).parent
 MOST_ARGUMENTS, MOST_LINES = 9, 400
 
 MANY_ARGUMENTS = {
-    "_kernels/orbits/time/compiled_memory.py march": "called by its address, with numbers and arrays only",
+    "_kernels/orbits/time/march.py march": "called by its address, with numbers and arrays only",
 }
 """Functions that may take more, and why."""
 

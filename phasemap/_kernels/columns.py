@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -102,6 +102,19 @@ SEEN = 32  # amplitude that the detector sees [m]
 FULL = 33
 ON_THE_WAY, WANTED, FOLD, END, TURN = 0, 1, 2, 3, 4  # FOLD: the control turns; TURN: the value wanted does
 
+# Columns of a wide row, shape (WIDE,): a full row, and integrals over its orbit.
+ADHESION_VIRIAL = FULL  # -<F_att A cos> [J], F_att the force less that of the same contact without adhesion or bias
+ADHESION_LOSS = FULL + 1  # what F_att takes in a cycle [J]: the energy of necks
+STORAGE = FULL + 2  # <F' (dd/dtheta)^2> [J], F' the slope of the same contact without adhesion or bias
+GRADIENT = FULL + 3  # <dF/dd> [N/m]
+DRAG = FULL + 4  # <2 alpha_s> [1]
+SIDEBANDS = FULL + 5  # what the second mode finds softer, for all yield at sidebands: real, imaginary [N/m]
+WAVES = FULL + 7  # harmonics 2 ... 6 as the detector sees them, Re(Z_n exp(i n theta)): Z_n, real, imaginary [m]
+LOSSES = WAVES + 2 * HARMONICS  # what the damping of each mode takes in a period [J]
+WIDE = LOSSES + MOST_MODES
+NOT_DRIVEN, AT_REST, IN_LOOP = 0, 1, 2  # second mode: not driven, at its free resonance, or where a loop finds it
+LOSS_HARMONICS = 80  # of the force, by which modes lose energy: the rest is below 1e-4 of what all modes lose
+
 # Entries of a harmonic orbit, averaged or to start from, shape (GUESS,): z0, mean deflection, A, P, S [m], and the
 # change of the mismatch with the tip offset at this amplitude [1/m], where it is asked for.
 G_Z0, G_MEAN, G_A, G_P, G_S, G_SLOPE, GUESS = 0, 1, 2, 3, 4, 5, 6
@@ -135,9 +148,28 @@ REPELLING = 1
 ENGAGED = 2  # what engagement from far finds
 SLOTS = 3
 NOWHERE = -1  # of a tip that has not been engaged
+UNKNOWN_ORBIT = -1  # whether a material has an orbit: neither 0 nor 1
 
 
 def irregular(rows: np.ndarray) -> np.ndarray:
     """Whether motion is not periodic, for result rows, shape (..., COLUMNS); what is not known is not irregular."""
     spreads: np.ndarray = rows[..., SPREAD_AMPLITUDE] > 0
     return spreads
+
+
+class StableOrbits(NamedTuple):
+    """Stable orbits that hold the setpoint, on each branch, for n materials."""
+
+    # int, shape (2, n); whether a material has an orbit that holds the setpoint on each branch: 1, 0 or UNKNOWN_ORBIT
+    stable: np.ndarray
+    engaged: np.ndarray  # int, shape (n,); branch to which engagement from far leads, or NOWHERE
+    offsets: np.ndarray  # shape (3, n); tip offsets of the orbits [m]
+    reach: np.ndarray  # shape (2, n); highest tip offset [m] from which a tip comes to each; infinite: from any
+
+
+class SolvedRows(NamedTuple):
+    """Wide rows of the tip, whose integrals are to be filled in."""
+
+    rows: np.ndarray  # shape (n, WIDE)
+    averaged: np.ndarray  # bool, shape (n,); whether a row has the harmonic orbit only
+    kept: np.ndarray  # rows with nodes of the orbits where COUNT is above 0, shape (n, KEEPING) or (1, 0)

@@ -13,21 +13,11 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import (
-    DRIVE,
-    DYNAMIC_LOSS,
-    DYNAMIC_STIFFNESS,
-    FACTOR_IM,
-    FACTOR_RE,
-    OFFSET_IM,
-    OFFSET_RE,
-)
+from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, FACTOR_IM, FACTOR_RE, OFFSET_IM, OFFSET_RE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import drive_needed
 
-CIRCLE_POINTS = 64  # along the orbits without losses
-CIRCLE_HALVINGS = 50  # between two of these points
-LEAST_SLOPE = 0.05  # of the amplitude seen with A: a flatter secant is not believed
+LEAST_SLOPE = 0.05  # of the amplitude seen with A: that of a branch that can be held, and of a secant that is believed
 
 
 @kernel(light=True)
@@ -92,34 +82,25 @@ def seen_rate(lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[fl
 def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     """A [m] of the orbit without losses that the detector sees with this amplitude, repulsive (1) or attractive (-1).
 
-    Without losses u0 cos(phase) = A kappa'', so that such orbits are on a circle, here walked from resonance.
+    Without losses u0 cos(phase) = A kappa''. With r = factor u0/(2 kappa'') such orbits are seen on the circle
+    offset + r + r exp(2 i phase): here at the first point from resonance, phase 0, on that is as near to the origin.
     """
     if sees_tip(lever):
         return seen
-    if lever[OFFSET_RE] == 0.0 and lever[OFFSET_IM] == 0.0:
-        return seen / math.hypot(lever[FACTOR_RE], lever[FACTOR_IM])
+    offset, factor = complex(lever[OFFSET_RE], lever[OFFSET_IM]), complex(lever[FACTOR_RE], lever[FACTOR_IM])
+    if offset == 0.0:
+        return seen / abs(factor)
     most = lever[DRIVE] / lever[DYNAMIC_LOSS]
-    low, high = 0.0, 0.5 * math.pi
-    for i in range(1, CIRCLE_POINTS):
-        at = 0.5 * math.pi * i / CIRCLE_POINTS
-        if _on_circle(lever, most, side, at) < seen:
-            high = at
-            break
-        low = at
-    for _ in range(CIRCLE_HALVINGS):
-        at = 0.5 * (low + high)
-        if _on_circle(lever, most, side, at) < seen:
-            high = at
-        else:
-            low = at
-    return most * math.cos(0.5 * (low + high))
-
-
-@kernel
-def _on_circle(lever: np.ndarray, most: float, side: int, at: float) -> float:
-    """Amplitude [m] that the detector sees of the orbit without losses whose phase is `at` times its side."""
-    amplitude = most * math.cos(at)
-    return amplitude_seen(lever, amplitude * math.cos(at), side * amplitude * math.sin(at))
+    radius = 0.5 * most * factor
+    middle = offset + radius
+    turned = radius * middle.conjugate()
+    # |middle + radius exp(2 i phase)|^2 has the cosine of 2 side phase + begin, which is `wanted`.
+    begin = side * math.atan2(turned.imag, turned.real)
+    wanted = (seen * seen - abs(middle) ** 2 - abs(radius) ** 2) / (2.0 * abs(turned))
+    if wanted >= math.cos(begin):
+        return most
+    twice = math.acos(wanted) - begin if wanted > -1.0 else math.pi
+    return most * math.cos(0.5 * min(twice, math.pi))
 
 
 @kernel

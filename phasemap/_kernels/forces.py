@@ -17,7 +17,7 @@ def hertzian(d: float, p: Any) -> float:
 
 
 def hertzian_slope(d: float, p: Any) -> float:
-    """Its derivative [N/m]."""
+    """Derivative of `hertzian` by the depth [N/m]."""
     return float(1.5 * p[CONTACT] * math.sqrt(d))
 
 
@@ -28,7 +28,7 @@ def inverse_square(d: float, p: Any) -> float:
 
 
 def inverse_square_slope(d: float, p: Any) -> float:
-    """Its derivative [N/m]."""
+    """Derivative of `inverse_square` by the depth [N/m]."""
     s = 1.0 - d * p[INVERSE_REACH]
     return float(-2.0 * p[LONGRANGE] * p[INVERSE_REACH] / (s * s * s))
 
@@ -41,7 +41,7 @@ def power_law(d: float, p: Any) -> float:
 
 
 def power_law_slope(d: float, p: Any) -> float:
-    """Its derivative [1/m]; 0 at d = 0, where it may have none."""
+    """Derivative of `power_law` by the depth [1/m]; 0 at d = 0, where it may have none."""
     if d <= 0.0 or p[EXPONENT] == 0.0:
         return 0.0
     if p[EXPONENT] == 0.5:

@@ -20,7 +20,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
 
 from phasemap._kernels import forces
-from phasemap._kernels.columns import BIAS, ROW, WITHDRAWN
+from phasemap._kernels.columns import BIAS, LONGRANGE, RELEASE, ROW, WITHDRAWN
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap._kernels.compilation.frozen import frozen
@@ -82,7 +82,7 @@ def law_of(*formulas: Formula) -> Law:
 
 
 def address_of(formula: Formula) -> int:
-    """Where the compiled formula is."""
+    """Address of the compiled code of a formula."""
     with global_compiler_lock:
         copy = frozen(formula)
         code = _COMPILED.get(copy.digest)
@@ -116,7 +116,7 @@ def _call_formula(_context: Any, address: Any, d: Any, p: Any) -> Any:
 
 
 def _called_by_python(address: int, d: float, p: Any) -> float:
-    """The same where numba's compiler is off."""
+    """Call a compiled formula from Python, where numba's compiler is off."""
     kind = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.POINTER(ctypes.c_double))
     return kind(address)(d, (ctypes.c_double * ROW)(*p[:ROW]))
 
@@ -167,6 +167,18 @@ def damping(law: Law, d: float, p: np.ndarray) -> float:
 def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
     """d alpha_s / dd in contact [1/m]."""
     return _power_law_slope(d, p) if law.damping_slope == 0 else _call_formula(law.damping_slope, d, p)
+
+
+@kernel(light=True, inline=True)
+def has_longrange(p: np.ndarray) -> bool:
+    """Whether a force acts on a tip out of contact."""
+    return p[LONGRANGE] != 0.0
+
+
+@kernel(light=True, inline=True)
+def has_hysteresis(p: np.ndarray) -> bool:
+    """Whether a neck holds a tip that is withdrawn, down to the depth of release."""
+    return p[RELEASE] != 0.0
 
 
 @kernel

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, LONGRANGE
+from phasemap._kernels.columns import ALPHA0, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force, longrange_slope
+from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
 FORGOTTEN = 2.0  # ring-down rate over a period from which on a motion counts as forgotten in the next
@@ -127,14 +127,15 @@ def detected_compliance(lever: np.ndarray, omega: float) -> complex:
 
 
 @kernel
-def scale_of(oscillator: Oscillator, free: float) -> float:
+def scale_of(oscillator: Oscillator) -> float:
     """Length [m] on which orbits change as the tip comes near: the reach of the long-range force.
 
     Without one, the indentation at which a force that sets in with contact takes up a third of the drive.
     """
     law, p, lever = oscillator
-    if p[LONGRANGE] != 0.0:
-        return max(reach_of(law, p), 1e-3 * free)
+    free = free_amplitude(lever)
+    if has_longrange(p):
+        return max(reach_of(p), 1e-3 * free)
     pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
     if not pull > 0.0:
         return 1e-3 * free
@@ -163,13 +164,27 @@ def phase_of(lever: np.ndarray, amplitude: float, push: float, drag: float) -> f
 
 
 @kernel
-def reach_of(law: Law, p: np.ndarray) -> float:
+def forces_at_phase(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
+    """P and S [m] of an orbit with this amplitude [m] and phase [rad]: theory, Eq. (averaging-3)."""
+    push = lever[DRIVE] * math.sin(phase) - amplitude * lever[DYNAMIC_STIFFNESS]
+    return push, amplitude * lever[DYNAMIC_LOSS] - lever[DRIVE] * math.cos(phase)
+
+
+@kernel
+def reach_of(p: np.ndarray) -> float:
     """Distance [m] on which the long-range force changes at contact, theory, Eq. (model-13): 0 without such a force."""
-    if p[LONGRANGE] == 0.0:
-        return 0.0
-    if law.longrange_force != 0:
-        return float(1.0 / p[col.INVERSE_REACH])
-    return abs(2.0 * longrange_force(law, 0.0, p) / longrange_slope(law, 0.0, p))
+    return float(1.0 / p[col.INVERSE_REACH]) if has_longrange(p) else 0.0
+
+
+@kernel
+def distance_to_pole(start: float, near: float) -> float:
+    """Distance in u = tan(theta/2) from the edge of a contact, u = `start`, to the pole of the long-range force.
+
+    `near`: that of the tip from the pole there, over the amplitude.
+    """
+    ratio = 0.5 * near * (1.0 + start * start) ** 2
+    delta = math.sqrt(start * start + ratio) - start
+    return delta if delta >= 1e-4 * start else 0.5 * ratio / start
 
 
 @kernel

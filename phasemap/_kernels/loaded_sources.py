@@ -30,7 +30,7 @@ _LOADED = _state()
 
 @functools.cache
 def _digest() -> bytes:
-    """Of the files as they are when it is first asked for."""
+    """Digest of the source files as they are when it is first asked for."""
     digest = hashlib.sha256()
     for name in _FILES:
         content = pathlib.Path(name).read_bytes()

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import FORMING, LONGRANGE, RELEASE
+from phasemap._kernels.columns import FORMING, RELEASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, contact_force, longrange_force, parameters
+from phasemap._kernels.law import Law, contact_force, has_longrange, longrange_force, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.quadrature import gauss
 
@@ -28,8 +28,8 @@ def loop_energy(law: Law, p: np.ndarray) -> float:
     for i in range(len(_X)):
         x = _X[i]
         energy -= _W[i] * 2.0 * depth * x * contact_force(law, p[RELEASE] + depth * x * x, p)
-    if p[LONGRANGE] != 0.0:
-        reach = reach_of(law, p)
+    if has_longrange(p):
+        reach = reach_of(p)
         start = reach - p[FORMING]
         span = math.log1p(depth / start)
         for i in range(len(_X)):

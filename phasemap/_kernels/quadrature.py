@@ -102,6 +102,7 @@ def _element(mapped: Map, low: float, high: float) -> np.ndarray:
 
 
 def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Tables of all elements, whole and halved; where those of contacts and graded ones begin; how many are whole."""
     maps: list[Map] = []
     contact_start = []
     for count in CONTACT_COUNTS:

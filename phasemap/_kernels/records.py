@@ -181,7 +181,7 @@ def words_of(cls: type) -> int:
 
 
 def rows_of(cls: type[T], holder: type, field: str) -> Callable[..., T]:
-    """Make the function of (named tuple, i = 0) that gives row i of its array `field` as a record of this class.
+    """Make a function (one, i = 0) that has row i of the array `field` of a named tuple as a record of this class.
 
     The record is the memory of the array, of words, and valid as long as that is.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import ADHESION_LOSS, DRAG, GRADIENT, SIDEBANDS, WIDE
+from phasemap._kernels.columns import ADHESION_LOSS, DRAG, GRADIENT, SIDEBANDS, WIDE
 from phasemap._shared.arrays import Array, is_uniform
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS
-from phasemap._kernels.scanning.slots import UNKNOWN_ORBIT, Orbits
+from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS, UNKNOWN_ORBIT, StableOrbits
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
@@ -132,7 +131,7 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -
 
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
-    orbits = Orbits(*(np.ascontiguousarray(table.values[name]) for name in WALKED))
+    orbits = StableOrbits(*(np.ascontiguousarray(table.values[name]) for name in WALKED))
     values = {name: table.values[name].reshape(-1) for name in job.names}
     step = max(1, BLOCK // pixels)
     for first in range(block.first, block.last, step):
@@ -188,7 +187,7 @@ def _passed(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.
     return Table(materials, {**values, **dict(zip(WALKED, orbits, strict=True))})
 
 
-def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branches, Orbits]:
+def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branches, StableOrbits]:
     """What holds the setpoint on each material, of the interpolated ones as far as engagement finds it."""
     count = len(materials)
     names = (*job.needs, "tip_offset", "phase")
@@ -212,7 +211,7 @@ def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branc
     return branches, orbits
 
 
-def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: Orbits, ahead: int) -> NDArray[np.intp]:
+def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: StableOrbits, ahead: int) -> NDArray[np.intp]:
     """Materials of which is to be known whether they have the other branch: of pixels that were guessed, and ahead.
 
     Beyond the end of the line that is so much of the lines below, where the tip comes if it is not engaged anew.

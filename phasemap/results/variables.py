@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, LOSSES, SIDEBANDS, STORAGE, WAVES
+from phasemap._kernels.columns import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, LOSSES, SIDEBANDS, STORAGE, WAVES
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Control

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS
+from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, StableOrbits
 from phasemap._kernels.rows.answers import Answers
-from phasemap._kernels.scanning.slots import Orbits
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import of_tip, sees_tip
@@ -50,10 +49,10 @@ class Branches(NamedTuple):
         return Answers(self.rows, self.status, self.solver)
 
     @property
-    def orbits(self) -> Orbits:
+    def orbits(self) -> StableOrbits:
         """The same as kernels want it."""
         offsets = np.ascontiguousarray(self.rows[:, :, col.TIP_OFFSET])
-        return Orbits(self.stable.astype(np.int8), self.engaged, offsets, self.reach)
+        return StableOrbits(self.stable.astype(np.int8), self.engaged, offsets, self.reach)
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -182,7 +181,7 @@ def _limit(work: Work, most: int, found: Branches) -> None:
     attractive = ~(rows[ENGAGED, :, col.STIFFENING] > 0)
     chosen = np.flatnonzero(col.irregular(rows[ENGAGED]) & attractive & (found.status[REPELLING] == col.GOOD))
     if len(chosen):
-        from phasemap._kernels.scanning.reach import reach_rows
+        from phasemap._kernels.scanning.quasi_static import reach_rows
 
         limits = rows[ENGAGED, chosen, col.TIP_OFFSET]
         orbits, part = rows[REPELLING, chosen], work.part(chosen)

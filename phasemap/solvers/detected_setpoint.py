@@ -48,7 +48,7 @@ def engage(work: Work, limits: Array, answers: Answers) -> None:
     `limits` (shape (2,)): largest errors of passes [rad, m].
     """
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.seen import seen_rows
+    from phasemap._kernels.rows.exact import seen_rows
 
     rows, slopes = answers.rows, np.full((len(work), 3), np.nan)
     seen_rows(work.pixels, TABLES, limits, answers, slopes)

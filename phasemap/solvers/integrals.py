@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
+from phasemap._kernels.columns import AT_REST, IN_LOOP, LOSS_HARMONICS, NOT_DRIVEN, WIDE, SolvedRows
+from phasemap._kernels.orbits.orbit_nodes import KEEPING, KEPT_COUNT
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.wide import AT_REST, IN_LOOP, LOSS_HARMONICS, NOT_DRIVEN, WIDE, SolvedRows
 from phasemap.experiment.lever import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import HARMONICS, MODAL, OF_ADHESION, OF_FORCES
@@ -44,7 +44,7 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
     `kept` (shape (n, KEEPING)): rows with nodes of the same orbits, for rows of shape (n, ...).
     Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
     """
-    from phasemap._kernels.rows.integrals import adhesion_rows
+    from phasemap._kernels.rows.exact import adhesion_rows
 
     def fill(solved: SolvedRows) -> None:
         adhesion_rows(work.pixels, TABLES, bare, solved)
@@ -68,10 +68,10 @@ def with_forces(
 
     `rows`, `work`, `used`: as for `with_adhesion`.
     `second`: whether the second mode is driven, and how: with it there is too what its sidebands do to it.
-    `harmonics`: of the force, see `phasemap._kernels.rows.integrals.force_rows`.
+    `harmonics`: of the force, see `phasemap._kernels.rows.exact.force_rows`.
     `kept`: as for `with_adhesion`.
     """
-    from phasemap._kernels.rows.integrals import force_rows
+    from phasemap._kernels.rows.exact import force_rows
 
     def fill(solved: SolvedRows) -> None:
         force_rows(work.pixels, TABLES, second, solved, harmonics)

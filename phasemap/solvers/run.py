@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.orbits.kept import KEEPING, KEPT_COUNT
+from phasemap._kernels.columns import WIDE
+from phasemap._kernels.orbits.orbit_nodes import KEEPING, KEPT_COUNT
 from phasemap._kernels.rows.answers import Answers
-from phasemap._kernels.wide import WIDE
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.detected_setpoint import at_tip, shown
@@ -20,7 +20,7 @@ Array = np.ndarray
 
 Widen = Callable[[Work, Array, Array, Array], Array]
 """``widen(part, rows, used, at)``: result rows of a part of the work with what is asked for besides, shape (n, WIDE);
-`rows` may have nodes behind them (`phasemap._kernels.orbits.kept`), and `at` are the numbers of the part."""
+`rows` may have nodes behind them (`phasemap._kernels.orbits.orbit_nodes`), and `at` are the numbers of the part."""
 
 
 def run(

@@ -15,7 +15,7 @@ import xarray as xr
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.in_time import free_state
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.orbits.collocation.path import fixed_path as fixed_path_of
 from phasemap._shared.errors import InputError
@@ -318,7 +318,7 @@ def _far_state(work: Work, farthest: float) -> np.ndarray:
     """Motion far above a surface that remembers or is wet, at a tip offset of `farthest` [m] at least."""
     law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
     p, free = parameters(work.rows[0]), free_amplitude(work.lever)
-    far = free * far_start(Oscillator(work.law, p, work.lever), reach_of(work.law, p), free, 0.5 * free)
+    far = free * far_start(Oscillator(work.law, p, work.lever), 0.5 * free)
     state: np.ndarray = free_state(law, work.lever, max(far, farthest))
     return state
 

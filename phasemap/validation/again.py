@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.columns import NOWHERE
-from phasemap._kernels.scanning.slots import Orbits
+from phasemap._kernels.columns import NOWHERE, StableOrbits
 from phasemap._shared.arrays import Array
 from phasemap._shared.notices import untold
 from phasemap._shared.threads import Progress, workers_of
@@ -153,7 +152,7 @@ def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float)
     return make_work(materials, viscous, scope, amplitude, marched=True), numbers.reshape(-1)
 
 
-def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: Orbits) -> NDArray[np.intp]:
+def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: StableOrbits) -> NDArray[np.intp]:
     """On which of a material's orbits the tip is, coming to a pixel as it leaves the last."""
     from phasemap._kernels.scanning.quasi_static import next_branch
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.columns import CONTACT, DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE, PULL, ROW
 from phasemap._kernels.forces import hertzian, inverse_square, power_law
+from phasemap._kernels.numerics import narrowed
 from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals
 
 A = 30e-9

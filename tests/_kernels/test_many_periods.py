@@ -7,7 +7,7 @@ import math
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
+from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import march_tip
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, V, Z, new_state
 from phasemap.solvers.problem import work_of_material
@@ -27,7 +27,7 @@ def test_a_tip_that_falls_below_resonance_moves_as_it_does_period_by_period() ->
         Tip(new_state(law, lever, 0.0, swing.real, -omega * swing.imag, start), PeriodResult(), PeriodMap(), Periods())
         for _ in range(2)
     )
-    flow, passed, steps, deepest = Flow(), 0, 0, -math.inf
+    flow, passed, steps, deepest = PeriodFlow(), 0, 0, -math.inf
     assert begin_flow(Oscillator(law, p, lever), ETA, pace, many, flow)
     while passed < PERIODS:
         steps += 1

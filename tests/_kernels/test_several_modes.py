@@ -13,17 +13,17 @@ from scipy.integrate import solve_ivp
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import LOSSES, WAVES
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.response.nodes import Nodes, cut_contact
+from phasemap._kernels.orbits.response.nodes import TOUCH, Nodes, cut_contact
 from phasemap._kernels.orbits.response.passes import UNRESOLVED, converge, start_passes
-from phasemap._kernels.orbits.response.stability_of_several_modes import fill_monodromy
+from phasemap._kernels.orbits.response.stability import fill_monodromy, orbit_is_kept, trace_of_one_mode
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
 from phasemap._kernels.rows.exact import exact_rows
 from phasemap._kernels.rows.fast import cheap_rows
-from phasemap._kernels.wide import LOSSES, WAVES
 from phasemap.solvers.integrals import with_forces
 from phasemap.solvers.problem import Work, make_work
 
@@ -57,11 +57,11 @@ def by_passes(work: Work) -> tuple[Oscillator, Any, Any]:
     row, f, state = solved(work), Nodes(), PassState()
     state.amplitude, state.centre, state.slope = row[col.AMPLITUDE], row[col.TIP_OFFSET] - row[col.MEAN], -1e9
     oscillator = Oscillator(work.law, work.rows[0], work.lever)
-    assert start_passes(oscillator, 0.0, f, state)
+    assert start_passes(oscillator, f, state)
     while converge(oscillator, f, state, True, *LIMITS) == UNRESOLVED:
         coarse, f = f, Nodes()
-        cut_contact(coarse, f, False)
-        evaluate_nodes(oscillator, f, state, True)
+        cut_contact(coarse, f)
+        evaluate_nodes(oscillator, f, state)
     return oscillator, f, state
 
 
@@ -102,6 +102,25 @@ def test_the_largest_multiplier_is_that_of_the_linearised_motion(case: Case) -> 
     radius = abs(np.linalg.eigvals(monodromy)).max()
     # Kicks at nodes in place of a stiffness that stays between them: a few per cent.
     assert radius == pytest.approx(case["spectral_radius"], rel=0.05)
+
+
+def test_an_orbit_is_kept_that_touches_once_far_from_where_it_doubles_or_its_branch_ends() -> None:
+    work = asked(replace(LIQUID, cantilever=replace(LIQUID.cantilever, modes=())), 1e8, 0.8)
+    oscillator, f, state = by_passes(work)
+    kicks = np.zeros((2, 2))
+    fill_monodromy(oscillator, f, state, kicks)
+    # Kicks at nodes in place of a spring that lasts from one to the next: a few per cent. Damping is left out.
+    trace, decay = trace_of_one_mode(oscillator, f, state, 0.0, 0.0)
+    assert trace == pytest.approx(np.trace(kicks), abs=0.1 * math.exp(-0.5 * decay))  # at most 2 exp(-decay/2)
+    assert math.exp(-decay) == pytest.approx(np.linalg.det(kicks), rel=0.05)
+    assert orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+    for field, value in (("slope", 1e9), ("work", 1e-3 * state.amplitude**2)):  # past a fold; energy that is not there
+        before = state[field]
+        state[field] = value
+        assert not orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+        state[field] = before
+    f.w[TOUCH + 8] -= 4 * (state.amplitude - state.centre)  # the tip leaves the sample within what is taken for contact
+    assert not orbit_is_kept(oscillator, f, state, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("case", [TABLE[0], TABLE[2]], ids=lambda case: f"{case['modulus']:g}")

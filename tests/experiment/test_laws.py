@@ -27,7 +27,6 @@ from phasemap._kernels.law import (
     longrange_force,
     longrange_slope,
 )
-from phasemap._kernels.lever import reach_of
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
 from phasemap._kernels.orbits.time import elastic, march
@@ -561,9 +560,8 @@ def test_averaging_takes_the_neck_on_the_way_out(name: str, decay: float | None)
     without = p.copy()
     without[10] = 0.0
     for amplitude, c in [(1e-8, 0.999), (1e-8, 1 - 1e-7), (1e-8, 0.9), (1e-8, 0.0), (1e-8, -0.5), (3e-9, 0.3)]:
-        reach = reach_of(token, p)
-        push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), reach, amplitude, c)
-        push0, drag0, mean0 = harmonics.harmonics(Oscillator(token, without, lever), reach, amplitude, c)
+        push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), amplitude, c)
+        push0, drag0, mean0 = harmonics.harmonics(Oscillator(token, without, lever), amplitude, c)
         more, more_push, loss = brute(token, p, amplitude, c)
         scale = 2 / (math.pi * k)
         total = abs(push) + abs(scale * more)
@@ -578,7 +576,7 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
     interaction = Interaction(Neck(2e-9), 0.3e-9)
     token, p, k = interaction.token(), row_of(interaction), 5.0
     lever = one_mode(1.0, 0.005, k, 2e-10)
-    push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), reach_of(token, p), 0.8e-9, 0.5)
+    push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), 0.8e-9, 0.5)
 
     def part(n: int) -> float:
         return quad(
@@ -596,9 +594,8 @@ def test_no_touch_no_neck() -> None:
     token, p, lever = interaction.token(), row_of(interaction), one_mode(1.0, 0.005, 5.0, 2e-10)
     without = p.copy()
     without[10] = 0.0
-    numbers = reach_of(token, p), 1e-8, 1.001
     with_neck, none = Oscillator(token, p, lever), Oscillator(token, without, lever)
-    assert harmonics.harmonics(with_neck, *numbers) == harmonics.harmonics(none, *numbers)
+    assert harmonics.harmonics(with_neck, 1e-8, 1.001) == harmonics.harmonics(none, 1e-8, 1.001)
 
 
 def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
@@ -607,7 +604,7 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
     interaction = Interaction("hertz", None)
     p = row_of(interaction, damping=eta * RADIUS * resonance / (2 * k))
     lever = one_mode(1.0, 0.005, k, 2e-10)
-    _, drag, _ = harmonics.harmonics(Oscillator(interaction.token(), p, lever), 0.0, amplitude, 1 - delta / amplitude)
+    _, drag, _ = harmonics.harmonics(Oscillator(interaction.token(), p, lever), amplitude, 1 - delta / amplitude)
     expected = math.pi * math.sqrt(2) / 4 * eta * resonance * math.sqrt(RADIUS * amplitude) * delta**2
     assert -math.pi * k * amplitude * drag == pytest.approx(expected, rel=0.01)
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 import phasemap as pm
 from phasemap._kernels.columns import ERROR_PHASE, INTERPOLATED
-from phasemap._kernels.scanning.slots import Orbits
 from phasemap.imaging import raster
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import work_of_material
@@ -281,6 +280,7 @@ TABLE = st.lists(st.sampled_from([(), (0,), (1,), (0, 1)]), min_size=5, max_size
 def test_any_scan_over_any_materials_obeys_the_rule(
     lines: list[list[int]], table: list[tuple[int, ...]], engage: str, data: st.DataObject
 ) -> None:
+    from phasemap._kernels.columns import StableOrbits
     from phasemap._kernels.scanning.quasi_static import walk as compiled
 
     engaged = [data.draw(st.sampled_from([*branches, NONE])) for branches in table]
@@ -288,7 +288,7 @@ def test_any_scan_over_any_materials_obeys_the_rule(
     labels, slots = np.array(lines, np.int32), np.empty((2, len(lines), 5), np.int8)
     stable = np.array([[branch in phases for phases in known] for branch in (0, 1)], np.int8)
     everywhere = np.zeros((3, len(table))), np.full((2, len(table)), np.inf)
-    compiled(labels, Orbits(stable, np.array(engaged, np.int8), *everywhere), engage == "line", NONE, 0.0, slots)
+    compiled(labels, StableOrbits(stable, np.array(engaged, np.int8), *everywhere), engage == "line", NONE, 0.0, slots)
     seen = np.where(slots == 2, NONE, slots)
     expected = walked(labels, known, engaged, engage)
     assert [seen[0].tolist(), seen[1].tolist()] == [expected[0], expected[1]]

@@ -14,8 +14,8 @@ from cases import Case, load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.orbits.kept import KEPT_COUNT
-from phasemap._kernels.wide import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE, WAVES
+from phasemap._kernels.columns import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, STORAGE, WAVES
+from phasemap._kernels.orbits.orbit_nodes import KEPT_COUNT
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.interaction import Cone, ContactLaw, FlatPunch, Interaction, Neck
 from phasemap.experiment.material_rows import properties, rows_of

@@ -56,7 +56,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
     elif what == 4:
         lowering.fall_to_setpoint(problem, amplitude, 1e-12, 0.0, tolerance, most, tip)
     else:
-        period_map.rest(problem, tolerance, most, tip)
+        period_map.come_to_rest(problem, tolerance, most, tip)
 
 
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])

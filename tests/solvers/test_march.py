@@ -89,8 +89,12 @@ def test_the_tableau_takes_an_exponential_one_step_to_order_eight() -> None:
 
 @pytest.mark.parametrize("angle", [-0.6, -0.1, 0.0, 1e-9, 0.3, 0.6])
 def test_turn_is_cosine_and_sine(angle: float) -> None:
-    assert runge_kutta.turn.py_func(angle) == pytest.approx((math.cos(angle), math.sin(angle)), rel=3e-16, abs=1e-300)
-    assert runge_kutta.turn(angle) == pytest.approx(runge_kutta.turn.py_func(angle), rel=3e-16, abs=1e-300)
+    assert runge_kutta.cosine_and_sine.py_func(angle) == pytest.approx(
+        (math.cos(angle), math.sin(angle)), rel=3e-16, abs=1e-300
+    )
+    assert runge_kutta.cosine_and_sine(angle) == pytest.approx(
+        runge_kutta.cosine_and_sine.py_func(angle), rel=3e-16, abs=1e-300
+    )
 
 
 def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
@@ -114,7 +118,7 @@ def test_a_measured_decay_is_summed_and_its_multipliers_found(count: int, size: 
     linear, way = PeriodMap(), np.zeros(count)
     linear.count = count
     linear.motion[: count * count] = change.T.reshape(-1)
-    linear_map.relaxed.py_func(linear, now, way)
+    linear_map.fill_way_of_decay.py_func(linear, now, way)
     assert way == pytest.approx(np.linalg.solve(-change, now))
     largest = np.abs(np.linalg.eigvals(np.eye(count) + change)).max()
     assert linear_map.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)

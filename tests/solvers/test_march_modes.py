@@ -18,8 +18,8 @@ from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mode_of
 from phasemap._kernels.orbits.time import linear_map, march, period_map
-from phasemap._kernels.orbits.time.elements import memory_size
 from phasemap._kernels.orbits.time.modes import drive_of_mode, harmonic_of_mode
+from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import (
     Z0,
     PeriodMap,
@@ -179,7 +179,7 @@ def test_neighbours_of_a_tapping_lever_come_nearer_as_the_modes_lose_energy() ->
     case = next(case for case in PERIODIC if case["group"] == "table")
     row, oscillator = settled(case)
     tip = tip_on(oscillator, row)
-    assert period_map.skip(oscillator, period_map.Tolerance(ETA, 1e-16, 1e-16), 0.0, tip)
+    assert period_map.skip_transient(oscillator, period_map.Tolerance(ETA, 1e-16, 1e-16), 0.0, tip)
     monodromy = np.eye(4) + np.array(tip.linear.motion)[:16].reshape(4, 4).T
     rates = 0.5 / 2.5 + 0.5 * 7.5 / 6.0
     assert np.linalg.det(monodromy) == pytest.approx(math.exp(-4 * math.pi * rates), rel=1e-3)

@@ -15,8 +15,8 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.time.elements import memory_size
 from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.run import run
@@ -310,7 +310,7 @@ def test_averages_of_a_tap_are_those_of_the_elements_in_equal_steps(time: float)
     solid = pm.Material(modulus=2e9, relaxed_modulus=0.5e9, relaxation_time=time)
     work = work_of_material(solid, scope_of(), 20e-9, marched=True)
     amplitude, c, steps = 20e-9, 0.9, 4000
-    push, drag, _ = harmonics(Oscillator(work.law, parameters(work.rows[0]), work.lever), 0.0, amplitude, c)
+    push, drag, _ = harmonics(Oscillator(work.law, parameters(work.rows[0]), work.lever), amplitude, c)
     theta, width = np.linspace(-math.acos(c), math.acos(c), steps, retstep=True)
     d, kappa, tau = amplitude * (np.cos(theta) - c), work.rows[0, col.RELAXING], work.rows[0, col.RELAXATION]
     x = np.sqrt(d.max()) * (np.arange(400) + 0.5) / 400

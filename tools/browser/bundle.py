@@ -24,7 +24,7 @@ PACKAGE = Path(phasemap.__file__).parent
 HERE = Path(__file__).parent / "python"
 FOLDERS = ("_shared", "experiment", "explorer", "imaging", "io", "plot", "results", "scenes", "solvers", "sweeps")
 KERNELS = "phasemap._kernels"
-VERBATIM = ("columns", "forces", "wide", "scanning.slots")
+VERBATIM = ("columns", "forces")
 OWN = ("law",)  # modules of kernels that are written anew in the folder python
 IMPORTS = f"""from __future__ import annotations
 import math

@@ -80,6 +80,7 @@ def take_modules() -> list[str]:
 
 def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
+    from phasemap._kernels.columns import WIDE, SolvedRows
     from phasemap._kernels.continuation.piece import exact_orbit_at
     from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.engagement.seen import SLOPES
@@ -88,10 +89,9 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows import exact, fast, integrals, marched, seen
+    from phasemap._kernels.rows import exact, fast, marched
     from phasemap._kernels.rows.answers import Answers
-    from phasemap._kernels.scanning.reach import reach_rows
-    from phasemap._kernels.wide import WIDE, SolvedRows
+    from phasemap._kernels.scanning.quasi_static import reach_rows
     from phasemap.solvers.continuation.path import Question, fixed_path
 
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
@@ -109,11 +109,11 @@ def solve_one_of_each_kind() -> None:
         (fast.averaging_rows, pixels, 0, 1, answers),
         (fast.averaged_near_rows, pixels, 0, 1, answers),
         (exact_orbit_at, path, numbers, 0.0, 0, 1.0, orbit),
-        (seen.seen_rows, pixels, TABLES, np.zeros(2), answers, np.zeros((1, SLOPES))),
+        (exact.seen_rows, pixels, TABLES, np.zeros(2), answers, np.zeros((1, SLOPES))),
         (exact.exact_rows, pixels, TABLES, 0, 1, answers),
         (exact.exact_near_rows, pixels, TABLES, 0, 1, branches),
         (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),
-        (integrals.force_rows, pixels, TABLES, 0, solved, 0),
+        (exact.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),

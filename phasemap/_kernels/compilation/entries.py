@@ -29,10 +29,9 @@ from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
-from phasemap._kernels.compilation.calls import called
 from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap._kernels.compilation.first_use import FirstUse
-from phasemap._kernels.compilation.linked_code import EntryCode, LinkedCode, VectorCode
+from phasemap._kernels.compilation.linked_code import EntryCode, LinkedCode, VectorCode, called
 from phasemap._kernels.compilation.probe import agrees_with_numba
 
 try:

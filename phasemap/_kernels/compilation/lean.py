@@ -32,15 +32,10 @@ from numba.core.typed_passes import (
     PreLowerStripPhis,
 )
 from numba.core.typing.context import Context
-from numba.core.untyped_passes import (
-    FixupArgs,
-    GenericRewrites,
-    ReconstructSSA,
-    TranslateByteCode,
-)
+from numba.core.untyped_passes import FixupArgs, GenericRewrites, ReconstructSSA, TranslateByteCode
 
 from phasemap._kernels.compilation import array_elements
-from phasemap._kernels.compilation.calls import WholeCalls
+from phasemap._kernels.compilation.linked_code import WholeCalls
 
 
 class _Inherited(Flags):

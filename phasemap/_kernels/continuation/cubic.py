@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import (
+from phasemap._kernels.continuation.point import (
     ENTRY_A,
     ENTRY_M,
     ENTRY_Z0,
@@ -15,9 +15,14 @@ from phasemap._kernels.continuation.path import (
     scales,
     tangent_row,
 )
+from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.collocation.path import Path
 
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
+SHORTEST_WITH_EXTREME = 1e-5  # step along the curve, below which an extreme in it is rounding
+BEYOND = 3.0  # times as far outside of an extreme as that is of the ends, a value may still be reached by the curve
+BESIDE_VALUE = 1e-3  # the same, of the value and the step
+MOST_LENGTH_STEPS, LENGTH_ERROR = 30, 1e-12  # of Newton's method for a place on a cubic, and its last step
 
 
 @kernel
@@ -39,13 +44,13 @@ def cubic_slopes(path: Path, reach: float, before: Point, after: Point) -> tuple
 
 
 @kernel(light=True)
-def bends(one: float, two: float, rise: float) -> tuple[float, float]:
-    """Coefficients c, s of the slope one + 2 s t + 3 c t^2 of a cubic that rises by `rise`, to the slope `two`."""
+def cubic_terms(one: float, two: float, rise: float) -> tuple[float, float]:
+    """Coefficients of t^3 and t^2 in a cubic that rises by `rise` from slope `one` at t = 0 to slope `two` at t = 1."""
     return one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
 
 
 @kernel
-def wavy(path: Path, reach: float, before: Point, point: Point) -> bool:
+def turns_twice_between(path: Path, reach: float, before: Point, point: Point) -> bool:
     """Whether a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
 
     Of a pair of folds within one step nothing else would be seen.
@@ -58,7 +63,7 @@ def wavy(path: Path, reach: float, before: Point, point: Point) -> bool:
             by_two * point.rate[index],
             point.value[index] - before.value[index],
         )
-        cubic, square = bends(one, two, rise)
+        cubic, square = cubic_terms(one, two, rise)
         # The slope has its own extreme at t = -square / 3 cubic.
         if one * two > 0.0 and cubic * one > 0.0 and 0.0 < -square / (3.0 * cubic) < 1.0:
             if (square * square / (3.0 * cubic) - one) * one > AT_FOLD * scale * abs(by_one * one):
@@ -74,10 +79,10 @@ def extreme_between(before: Point, point: Point, index: int, value: float) -> fl
     both ends, on the side of the extreme and not far outside it, so that a pair of crossings is not stepped over.
     """
     one, two, length = before.rate[index], point.rate[index], point.length
-    if one * two >= 0.0 or length < 1e-5:
+    if one * two >= 0.0 or length < SHORTEST_WITH_EXTREME:
         return 0.0
     rise = (point.value[index] - before.value[index]) / length
-    cubic, square = bends(one, two, rise)
+    cubic, square = cubic_terms(one, two, rise)
     # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
     root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
     t = -one / (square + root) if square > 0.0 else -one / (square - root)
@@ -86,7 +91,7 @@ def extreme_between(before: Point, point: Point, index: int, value: float) -> fl
     extreme = before.value[index] + length * t * (one + t * (square + t * cubic))
     end = min(before.value[index], point.value[index]) if one < 0.0 else max(before.value[index], point.value[index])
     beyond, reached = value - end, extreme - end
-    if beyond * reached <= 0.0 or abs(beyond) > 3.0 * abs(reached) + 1e-3 * abs(point.value[index]) * length:
+    if beyond * reached <= 0.0 or abs(beyond) > BEYOND * abs(reached) + BESIDE_VALUE * abs(point.value[index]) * length:
         return 0.0
     return t * length
 
@@ -94,25 +99,18 @@ def extreme_between(before: Point, point: Point, index: int, value: float) -> fl
 @kernel
 def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
     """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
-    cubic, square = bends(rise, end, two - one)
+    cubic, square = cubic_terms(rise, end, two - one)
     return one + t * (rise + t * (square + t * cubic))
 
 
 @kernel
-def length_at(one: float, rise: float, two: float, end: float, value: float) -> float:
+def place_on_cubic(one: float, rise: float, two: float, end: float, value: float) -> float:
     """Parameter t in 0 ... 1 at which the cubic of `hermite` passes a value between `one` and `two`."""
-    low, high = 0.0, 1.0
-    cubic, square = bends(rise, end, two - one)
-    at = (value - one) / (two - one)
-    for _ in range(30):
-        x = hermite(one, rise, two, end, at) - value
-        if (x > 0.0) == (two > one):
-            high = at
-        else:
-            low = at
-        slope = rise + at * (2.0 * square + 3.0 * at * cubic)
-        step = x / slope if slope != 0.0 else math.inf
-        if abs(step) < 1e-12:
+    low, high, at = 0.0, 1.0, (value - one) / (two - one)
+    cubic, square = cubic_terms(rise, end, two - one)
+    for _ in range(MOST_LENGTH_STEPS):
+        x, slope = hermite(one, rise, two, end, at) - value, rise + at * (2.0 * square + 3.0 * at * cubic)
+        if abs(x) < LENGTH_ERROR * abs(slope):
             break
-        at = at - step if low < at - step < high else 0.5 * (low + high)
+        at, low, high = newton_in_bracket(at, x, slope, low, high, two > one)
     return at

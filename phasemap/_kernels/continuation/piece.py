@@ -8,23 +8,23 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import smaller
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.path import (
+from phasemap._kernels.continuation.point import (
     ENTRY_A,
     ENTRY_M,
     ENTRY_Z0,
     Point,
     control_entry,
-    reach_on,
+    natural_length,
     scaled_direction,
     scales,
-    solve_on,
+    solve_in_plane,
     tangent_row,
 )
 from phasemap._kernels.continuation.step import (
     FIRST_ARC_STEP,
     LARGEST_ARC_STEP,
+    MOST_EXACT_STEPS,
     SMALLEST_ARC_STEP,
     STEP_AFTER_FAILURE,
     Place,
@@ -37,13 +37,14 @@ from phasemap._kernels.continuation.step import (
     same_piece,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.numerics import count_smaller
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,
     begin_harmonic,
-    observe,
+    fill_observables,
     settled,
     solve_orbit,
 )
@@ -57,11 +58,11 @@ from phasemap._kernels.orbits.collocation.system import (
     RS,
     RZ,
     Orbit,
-    another,
     head_of,
     hold_amplitude,
     hold_offset,
     hold_parameter,
+    new_orbit_like,
     no_drift,
 )
 from phasemap._kernels.records import assign, clear
@@ -70,6 +71,9 @@ MOST_PIECE_POINTS = 4000
 FOLD_LEVEL = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
 FOLD_FLAT, FOLD_ROUGH = 1e-9, 1e-6  # of its value at the points beside it: where dx/ds is as small, the curve turns
 MOST_FOLD_STEPS = 40
+LEAST_FOLD_PART = 0.02  # of a bracket of the fold, by which each of these cuts it
+CLOSED_BRACKET = 1e-12  # [1], length of a bracket that holds nothing more: no fold was found
+FEWEST_POINTS_ROUND = 8  # of a curve that closes
 FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where it turns: the fold is known
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
 # How a piece ends.
@@ -80,7 +84,7 @@ PIECE_FULL = 3
 
 
 class Asked(NamedTuple):
-    """What is asked of a curve."""
+    """Values at which orbits of a curve are asked for, the box that it is followed in, and how exactly."""
 
     entry: int  # of a point, whose values are wanted: the control, or the amplitude, of z or as seen
     wanted: np.ndarray  # sorted; values at which rows are made
@@ -104,7 +108,7 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     row, oscillator = made.rows[count], standing_at(path, head_of(orbit).parameter)
     lever = oscillator.lever
     row[:] = math.nan
-    observe(oscillator, orbit, row[: col.COLUMNS])
+    fill_observables(oscillator, orbit, row[: col.COLUMNS])
     of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
     row[col.SEEN] = seen_amplitude(lever, *of)
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
@@ -119,8 +123,8 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
 
 @kernel
 def make_exact(path: Path, orbit: Orbit, point: Point, tolerance: float) -> bool:
-    """Make the orbit of a point on the way exact, in the plane across the curve."""
-    lever, reach = standing_at(path, head_of(orbit).parameter).lever, reach_on(path, orbit)
+    """Solve exactly, in the plane across the curve, for the orbit of a point that was solved coarsely on the way."""
+    lever, reach = standing_at(path, head_of(orbit).parameter).lever, natural_length(path, orbit)
     along = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
     turning = abs(point.rate[control_entry(path)]) < NEAR_FOLD * along
     if head_of(orbit).equations == EQUATIONS_KEPT and settled(lever, orbit, tolerance) and not turning:
@@ -128,7 +132,7 @@ def make_exact(path: Path, orbit: Orbit, point: Point, tolerance: float) -> bool
     if turning:  # elements beside the contact do not say on which side of a fold it is
         relay_orbit(path, orbit)
     row = tangent_row(path, reach, point)
-    status, _ = solve_on(path, orbit, row, tolerance, 20, False)
+    status, _ = solve_in_plane(path, orbit, row, tolerance, MOST_EXACT_STEPS, False)
     return status == col.GOOD and mark_point(path, orbit, point)
 
 
@@ -146,7 +150,7 @@ def next_exact_point(
         step = point.length
         good = make_exact(path, orbit, point, tolerance)
         point.length = step
-        if good and same_piece(path, reach_on(path, orbit), before, point):
+        if good and same_piece(path, natural_length(path, orbit), before, point):
             return True, following
         assign(point, before)
         copy_orbit(saved, orbit)
@@ -167,7 +171,7 @@ def turn_between(
     There x is exact to rounding, and the other values as exact as s is. A long step round a sharp turn may fail; the
     next one then starts where a shorter one ended.
     """
-    begun, base, room, at = Point(), another(orbit), another(orbit), 0.0
+    begun, base, room, at = Point(), new_orbit_like(orbit), new_orbit_like(orbit), 0.0
     assign(begun, start.point)
     copy_orbit(start.orbit, base)
     head_of(base).level = level
@@ -175,10 +179,10 @@ def turn_between(
     most, last = max(abs(f_low), abs(f_high)), 0
     steep, natural = (abs(f_low) + abs(f_high)) / after.length, 0.2 * begun.value[ENTRY_A]
     if entry == control_entry(path):
-        natural = scales(path, reach_on(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
+        natural = scales(path, natural_length(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
         share = f_low / (f_low - f_high)
-        step = low + (high - low) * min(max(share, 0.02), 0.98)
+        step = low + (high - low) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
         copy_orbit(base, orbit)
         assign(point, begun)
         status, _ = next_point(path, point, step, LARGEST_ARC_STEP, orbit, room)
@@ -192,7 +196,7 @@ def turn_between(
         f = point.rate[entry]
         if abs(f) <= FOLD_FLAT * most or 0.5 * f * f <= FOLD_PLACE * natural * steep:
             return True
-        if high - low < 1e-12:
+        if high - low < CLOSED_BRACKET:
             return False
         if (f > 0.0) == (f_low > 0.0):
             low, f_low = reached, f
@@ -217,7 +221,7 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
     assign(beside, before)
     x, y = before.value[index], after.value[index]
     rising = y > x  # the value at which a step starts belongs to the step before
-    first, last = smaller(wanted, min(x, y), rising), smaller(wanted, max(x, y), rising)
+    first, last = count_smaller(wanted, min(x, y), rising), count_smaller(wanted, max(x, y), rising)
     for i in range(last - first):
         k = first + i if rising else last - 1 - i
         if i == 0:
@@ -236,21 +240,16 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
 
 @kernel
 def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Made) -> tuple[int, int]:
-    """Follow the curve from a marked point until it leaves the box, ends, or closes.
+    """Follow the curve from a marked point, in the sense of its tangent, until it leaves the box, ends, or closes.
 
-    Parameters
-    ----------
-    point : Point
-        The start, marked; its tangent says in which sense the curve is followed.
-
-    Returns
-    -------
-    ended : int
-        PIECE_LEFT, PIECE_CLOSED, PIECE_STUCK or PIECE_FULL.
-    count : int
-        Rows made, in the order of the curve.
+    Returns PIECE_LEFT, PIECE_CLOSED, PIECE_STUCK or PIECE_FULL, and the number of rows made, in the order of the curve.
     """
-    saved, one, top, tops = another(orbit), another(orbit), another(orbit), (another(orbit), another(orbit))
+    saved, one, top, tops = (
+        new_orbit_like(orbit),
+        new_orbit_like(orbit),
+        new_orbit_like(orbit),
+        (new_orbit_like(orbit), new_orbit_like(orbit)),
+    )
     turned, entries = (Point(), Point()), np.zeros(2, np.int64)
     origin, before, after, step = Point(), Point(), Point(), FIRST_ARC_STEP
     assign(origin, point)
@@ -291,16 +290,16 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
         if not lowest <= point.value[control_entry(path)] <= highest or point.value[ENTRY_A] < least:
             return PIECE_LEFT, count
         count = add_row(path, orbit, col.ON_THE_WAY, -1, made, count)
-        if points > 8 and returned(path, orbit, origin, point):
+        if points > FEWEST_POINTS_ROUND and has_closed(path, orbit, origin, point):
             return PIECE_CLOSED, count
     return PIECE_FULL, count
 
 
 @kernel
-def returned(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
-    """True if the curve has come back to where it was begun."""
+def has_closed(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
+    """True if the curve has come back to the point where it was begun."""
     back = origin.value - point.value
-    away = scaled_direction(path, reach_on(path, orbit), point, back[ENTRY_Z0], back[ENTRY_A], back[ENTRY_M])
+    away = scaled_direction(path, natural_length(path, orbit), point, back[ENTRY_Z0], back[ENTRY_A], back[ENTRY_M])
     same = origin.tangent_u * point.tangent_u + origin.tangent_v * point.tangent_v > 0.5
     return same and math.hypot(away[0], away[1]) < point.length
 
@@ -325,7 +324,7 @@ def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
     """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
     clear(point)
     # A row that is the control's own, whatever the scales.
-    reach = reach_on(path, orbit)
+    reach = natural_length(path, orbit)
     z0, a, m = head_of(orbit).tip_offset, head_of(orbit).amplitude, head_of(orbit).parameter
     point.value[ENTRY_Z0], point.value[ENTRY_A], point.value[ENTRY_M] = z0, a, m
     at_z, at_m = (sense, 0.0) if control_entry(path) == ENTRY_Z0 else (0.0, sense)

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy_rows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.cubic import AT_FOLD, cubic_slopes, hermite, length_at, wavy
-from phasemap._kernels.continuation.path import (
+from phasemap._kernels.continuation.cubic import AT_FOLD, cubic_slopes, hermite, place_on_cubic, turns_twice_between
+from phasemap._kernels.continuation.point import (
     ENTRY_A,
     ENTRY_M,
     ENTRY_P,
@@ -27,14 +26,16 @@ from phasemap._kernels.continuation.path import (
     answer_entry,
     control_entry,
     gap_scale,
-    reach_on,
+    natural_length,
     scaled_direction,
     scales,
-    solve_on,
-    tangent_on,
+    solve_in_plane,
+    solve_tangent,
     tangent_row,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.law import has_hysteresis
+from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.newton import determinant_of_return, floquet
@@ -50,9 +51,11 @@ from phasemap._kernels.orbits.collocation.system import (
     Equation,
     Head,
     Orbit,
-    another,
     element_of,
     head_of,
+    mode_count,
+    motion_of_mode,
+    new_orbit_like,
 )
 from phasemap._kernels.records import assign
 
@@ -63,10 +66,20 @@ SMALLEST_ARC_STEP = 1e-7
 STEP_AFTER_FAILURE = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
 SEEN_EXACTLY, SEEN_ENOUGH, MOST_SEEN_STEPS = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
+COARSELY = 1e-3  # of the natural length of the gap, last change of an orbit on the way along the curve
+MOST_COARSE_STEPS, MOST_EXACT_STEPS = 8, 20  # of Newton's method to an orbit on the way, and to one that is wanted
+LEAST_ALIGNMENT = 0.7  # cosine of the angle that a step may turn the tangent by: more may be another piece
+EASY_STEPS, EASY_ALIGNMENT, EASY_GROWTH = 3, 0.97, 1.5  # a step so easy is followed by one that is longer
+HARD_STEPS, HARD_GROWTH = 4, 0.6  # a step that takes more is followed by a shorter one
+SLACK_BETWEEN = 0.05  # of the way between two points, by which a crossing may lie outside of it in the other coordinate
+SLACK_ACROSS = 1e-3  # the same, of what moves across it
+AMPLIFIED = 1e-2  # of the tip offset per amplitude, by which the last change allowed grows where rounding does
+MOST_PARTS_OF_STEP = 12  # of a step that is followed again to a crossing
+LEAST_PART, MOST_PART = 0.1, 0.9  # of what is left of it, by which it is cut
 
 
 class Wanted(NamedTuple):
-    """A value of an entry of the points at which an orbit is wanted."""
+    """Entry of a point of the curve, and the value of it at which an orbit is wanted."""
 
     entry: int
     value: float
@@ -82,15 +95,15 @@ class Place(NamedTuple):
 
 @kernel
 def copy_orbit(source: Orbit, to: Orbit) -> None:
-    """Copy an orbit."""
+    """Copy an orbit with its elements, motion and equations."""
     for e in range(head_of(source).count + 1):
         assign(element_of(to, e), element_of(source, e))
     assign(head_of(to), head_of(source))
     copy_rows(source.chained, to.chained)
     copy_rows(source.system, to.system)
     for e in range(head_of(source).count + 1):
-        for i in range(source.modes.shape[1]):
-            copy_rows(source.modes[e, i], to.modes[e, i])
+        for i in range(mode_count(source)):
+            assign(motion_of_mode(to, e, i), motion_of_mode(source, e, i))
         copy_rows(source.chain[e], to.chain[e])
         if e < head_of(source).count:
             copy_rows(source.forces[e], to.forces[e])
@@ -108,7 +121,7 @@ def move_along(head: Head, by: float, point: Point) -> None:
 
 @kernel(shared=True)
 def relay_orbit(path: Path, orbit: Orbit) -> bool:
-    """Lay an orbit's elements for its contacts as its values stand now."""
+    """Lay the elements of an orbit anew where a change of its values has moved its contacts."""
     return lay_again(standing_at(path, head_of(orbit).parameter), orbit, head_of(orbit).level)
 
 
@@ -129,15 +142,15 @@ def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: t
 def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
     head, right, value = head_of(orbit), orbit.system[:, RIGHT], point.value
-    reach = reach_on(path, orbit)
+    reach = natural_length(path, orbit)
     value[ENTRY_Z0], value[ENTRY_A], value[ENTRY_M] = head.tip_offset, head.amplitude, head.parameter
     value[ENTRY_P], value[ENTRY_S] = head.push, head.drag
-    if not tangent_on(path, orbit, tangent_row(path, reach, point)):
+    if not solve_tangent(path, orbit, tangent_row(path, reach, point)):
         return False
     dz, da, dm = right[RZ], right[RA], right[RM]
     t_u, t_v = scaled_direction(path, reach, point, dz, da, dm)
     length = math.hypot(t_u, t_v)
-    states = 2 * orbit.modes.shape[1]
+    states = 2 * mode_count(orbit)
     point.floquet = floquet(head.transfer, states)
     point.determinant = determinant_of_return(head.transfer, states)
     point.tangent_u, point.tangent_v = t_u / length, t_v / length
@@ -175,14 +188,14 @@ def next_point(path: Path, point: Point, step: float, longest: float, orbit: Orb
     copy_orbit(orbit, saved)
     before = Point()
     assign(before, point)
-    reach = reach_on(path, orbit)
-    coarse = 1e-3 * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
-    contacts, hysteretic = head_of(orbit).contacts, standing_at(path, head_of(orbit).parameter).p[col.RELEASE] != 0.0
+    reach = natural_length(path, orbit)
+    coarse = COARSELY * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
+    contacts, hysteretic = head_of(orbit).contacts, has_hysteresis(standing_at(path, head_of(orbit).parameter).p)
     row = tangent_row(path, reach, before)
     while step > SMALLEST_ARC_STEP:
         move_along(head_of(orbit), step, before)
         if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit):
-            status, steps = solve_on(path, orbit, row, coarse, 8, True)
+            status, steps = solve_in_plane(path, orbit, row, coarse, MOST_COARSE_STEPS, True)
             # With a neck the curve ends where a contact is made or kept.
             if status == col.GOOD and not (hysteretic and head_of(orbit).contacts != contacts):
                 assign(point, before)
@@ -190,15 +203,69 @@ def next_point(path: Path, point: Point, step: float, longest: float, orbit: Orb
                 turn = point.tangent_u * before.tangent_u + point.tangent_v * before.tangent_v
                 point.length = step
                 if hysteretic or step >= CORNER:
-                    good = good and turn > 0.7 and same_piece(path, reach, before, point)
-                    good = good and not wavy(path, reach, before, point)
+                    good = good and turn > LEAST_ALIGNMENT and same_piece(path, reach, before, point)
+                    good = good and not turns_twice_between(path, reach, before, point)
                 if good:
-                    growth = 1.5 if steps <= 3 and turn > 0.97 else 1.0 if steps <= 4 else 0.6
+                    easy = steps <= EASY_STEPS and turn > EASY_ALIGNMENT
+                    growth = EASY_GROWTH if easy else 1.0 if steps <= HARD_STEPS else HARD_GROWTH
                     return col.GOOD, min(step * growth, longest)
         copy_orbit(saved, orbit)
         step *= STEP_AFTER_FAILURE
     assign(point, before)
     return col.NOT_CONVERGED, step
+
+
+@kernel
+def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit) -> bool:
+    """Move an orbit near by to where the cubic between two points has the value wanted; False if it cannot be moved."""
+    index, value, _ = wanted
+    head, guess = head_of(orbit), np.empty(5)
+    by_one, by_two = cubic_slopes(path, natural_length(path, orbit), last, after)
+    one, two = last.value[index], after.value[index]
+    at = place_on_cubic(one, by_one * last.rate[index], two, by_two * after.rate[index], value)
+    for i in range(5):
+        guess[i] = hermite(last.value[i], by_one * last.rate[i], after.value[i], by_two * after.rate[i], at)
+    if index != ENTRY_SEEN:
+        guess[index] = value
+    way, to = tangent_row(path, natural_length(path, orbit), after), (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])
+    if head.equations != EQUATIONS_OTHER and not predict(path, orbit, way, to):
+        return False
+    head.tip_offset, head.amplitude, head.parameter = to
+    head.push, head.drag = guess[ENTRY_P], guess[ENTRY_S]
+    return relay_orbit(path, orbit)
+
+
+@kernel
+def _move_to_seen(path: Path, wanted: Wanted, here: Point, orbit: Orbit) -> bool:
+    """Move an orbit along the curve to the one that is seen with the amplitude wanted, for that is no coordinate."""
+    _, value, tolerance = wanted
+    for _ in range(MOST_SEEN_STEPS):
+        off = value - here.value[ENTRY_SEEN]
+        if abs(off) <= SEEN_EXACTLY * value:
+            break
+        move_along(head_of(orbit), off / here.rate[ENTRY_SEEN], here)
+        row = tangent_row(path, natural_length(path, orbit), here)
+        if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit):
+            return False
+        status, _ = solve_in_plane(path, orbit, row, tolerance, MOST_EXACT_STEPS, False)
+        if status != col.GOOD or not mark_point(path, orbit, here):
+            return False
+    return abs(here.value[ENTRY_SEEN] - value) <= SEEN_ENOUGH * value
+
+
+@kernel
+def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point, orbit: Orbit) -> bool:
+    """Whether a point crosses a value of an entry in the sense of two points, and lies between them in the other."""
+    other = answer_entry(path) if index == control_entry(path) else control_entry(path)
+    low, high = min(last.value[other], after.value[other]), max(last.value[other], after.value[other])
+    slack = SLACK_BETWEEN * (high - low)
+    if index != ENTRY_M:
+        slack += SLACK_ACROSS * abs(last.value[index] - after.value[index])
+    else:
+        slack += SLACK_ACROSS * gap_scale(natural_length(path, orbit), here.value[ENTRY_Z0], here.value[ENTRY_A])
+    if not low - slack <= here.value[other] <= high + slack:
+        return False
+    return here.rate[index] * (after.value[index] - last.value[index]) > 0.0
 
 
 @kernel(shared=True)
@@ -208,56 +275,23 @@ def settle_on_crossing(path: Path, wanted: Wanted, last: Point, after: Point, or
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
     The first point, `last`, becomes the one that is found.
     """
-    index, value, tolerance = wanted
-    head, reach, guess = head_of(orbit), reach_on(path, orbit), np.empty(5)
-    by_one, by_two = cubic_slopes(path, reach, last, after)
-    at = length_at(last.value[index], by_one * last.rate[index], after.value[index], by_two * after.rate[index], value)
-    for i in range(5):
-        guess[i] = hermite(last.value[i], by_one * last.rate[i], after.value[i], by_two * after.rate[i], at)
-    if index != ENTRY_SEEN:
-        guess[index] = value
-    way = tangent_row(path, reach, after)
-    if head_of(orbit).equations != EQUATIONS_OTHER and not predict(
-        path, orbit, way, (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])
-    ):
-        return False
-    head.tip_offset, head.amplitude, head.parameter = guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M]
-    head.push, head.drag = guess[ENTRY_P], guess[ENTRY_S]
+    index = wanted.entry
     row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
     if index == ENTRY_SEEN:
-        row = way
-    if not relay_orbit(path, orbit):
+        row = tangent_row(path, natural_length(path, orbit), after)
+    if not _move_to_crossing(path, wanted, last, after, orbit):
         return False
-    status, _ = solve_on(path, orbit, row, tolerance, 20, False)
-    if status != col.GOOD:
-        return False
+    status, _ = solve_in_plane(path, orbit, row, wanted.tolerance, MOST_EXACT_STEPS, False)
     here = Point()
     assign(here, after)
-    good = mark_point(path, orbit, here)
-    for _ in range(MOST_SEEN_STEPS):
-        # What the detector sees is no coordinate: it is come to along the curve.
-        if index != ENTRY_SEEN or not good or abs(here.value[ENTRY_SEEN] - value) <= SEEN_EXACTLY * value:
-            break
-        move_along(head_of(orbit), (value - here.value[ENTRY_SEEN]) / here.rate[ENTRY_SEEN], here)
-        row = tangent_row(path, reach_on(path, orbit), here)
-        if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit):
-            return False
-        status, _ = solve_on(path, orbit, row, tolerance, 20, False)
-        good = status == col.GOOD and mark_point(path, orbit, here)
-    good = good and (index != ENTRY_SEEN or abs(here.value[ENTRY_SEEN] - value) <= SEEN_ENOUGH * value)
-    other = answer_entry(path) if index == control_entry(path) else control_entry(path)
-    low, high = min(last.value[other], after.value[other]), max(last.value[other], after.value[other])
-    slack = 0.05 * (high - low)
-    if index != ENTRY_M:
-        slack += 1e-3 * abs(last.value[index] - after.value[index])
-    else:
-        slack += 1e-3 * gap_scale(reach_on(path, orbit), here.value[ENTRY_Z0], here.value[ENTRY_A])
-    if not low - slack <= here.value[other] <= high + slack:
+    if status != col.GOOD or not mark_point(path, orbit, here):
         return False
-    good = good and here.rate[index] * (after.value[index] - last.value[index]) > 0.0
-    if good:
-        assign(last, here)
-    return good
+    if index == ENTRY_SEEN and not _move_to_seen(path, wanted, here, orbit):
+        return False
+    if not _lies_between(path, index, last, here, after, orbit):
+        return False
+    assign(last, here)
+    return True
 
 
 @kernel
@@ -271,24 +305,21 @@ def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: 
     index, value, tolerance = wanted
     if index == ENTRY_A or index == ENTRY_SEEN:
         # Pressed into a soft surface, the lever moves far for little amplitude: rounding is amplified so much.
-        tolerance *= max(
-            1.0,
-            1e-2 * abs((after.value[ENTRY_Z0] - before.value[ENTRY_Z0]) / (after.value[index] - before.value[index])),
-        )
+        far = (after.value[ENTRY_Z0] - before.value[ENTRY_Z0]) / (after.value[index] - before.value[index])
+        tolerance *= max(1.0, AMPLIFIED * abs(far))
     wanted = Wanted(index, value, tolerance)
-    good = settle_on_crossing(path, wanted, last, after, orbit)
-    if good:
+    if settle_on_crossing(path, wanted, last, after, orbit):
         return True
-    low, high, room, begin_orbit = Point(), Point(), another(orbit), another(orbit)
+    low, high, room, begin_orbit = Point(), Point(), new_orbit_like(orbit), new_orbit_like(orbit)
     assign(low, before)
     assign(high, after)
     copy_orbit(start.orbit, begin_orbit)
-    for _ in range(12):
+    for _ in range(MOST_PARTS_OF_STEP):
         copy_orbit(begin_orbit, orbit)
         between = Point()
         assign(between, low)
         share = (value - low.value[index]) / (high.value[index] - low.value[index])
-        step = high.length * min(max(share, 0.1), 0.9)
+        step = high.length * min(max(share, LEAST_PART), MOST_PART)
         status, _ = next_point(path, between, step, LARGEST_ARC_STEP, orbit, room)
         if status != col.GOOD:
             return False
@@ -299,8 +330,7 @@ def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: 
             assign(low, between)
             copy_orbit(orbit, begin_orbit)
         assign(last, low)
-        good = settle_on_crossing(path, wanted, last, high, orbit)
-        if good:
+        if settle_on_crossing(path, wanted, last, high, orbit):
             return True
     assign(last, before)
     return False

@@ -21,7 +21,7 @@ from phasemap._kernels.engagement.side_from_far import (
     narrowest_amplitude_ratio,
     side_reached_from_far,
 )
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.sides import (
@@ -63,25 +63,25 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndar
     SURE with its averaged orbit in `guess`; LEAP where the amplitude jumps on the way, which only time tells; UNDECIDED
     where the end of the attractive branch decides, whose averaged maximum is in `top`; else DOUBTFUL.
     """
-    law, p, lever = oscillator
+    p, lever = oscillator.p, oscillator.lever
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
         return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
-    free, reach, attracted = free_amplitude(lever), reach_of(law, p), p[col.LONGRANGE] != 0.0
-    rises = attracted and leaps(lever, reach, free)
+    attracted = has_longrange(p)
+    rises = attracted and leaps(oscillator)
     if low_q(lever):
         return find_orbit_at_low_q(oscillator, amplitude, rises, guess, top)
-    if rises and attraction_defies_averaging(oscillator, free):
+    if rises and attraction_defies_averaging(oscillator):
         return LEAP
-    side = side_reached_from_far(oscillator, reach, amplitude, free, low_q_margin_factor(lever), top)
+    side = side_reached_from_far(oscillator, amplitude, top)
     landing = rises and side != REPULSIVE
-    if side != UNCLEAR and not landing and settle_side(oscillator, reach, amplitude, side, top, guess):
+    if side != UNCLEAR and not landing and settle_side(oscillator, amplitude, side, top, guess):
         return SURE
-    if attracted and fill_only_averaged_orbit(oscillator, reach, amplitude, guess):
+    if attracted and fill_only_averaged_orbit(oscillator, amplitude, guess):
         return SURE
     if landing:
-        if not lands_attractive(oscillator, reach, free):
+        if not lands_attractive(oscillator):
             return LEAP
-        if side == ATTRACTIVE and settle_side(oscillator, reach, amplitude, side, top, guess):
+        if side == ATTRACTIVE and settle_side(oscillator, amplitude, side, top, guess):
             return SURE
         return LEAP if narrowest_amplitude_ratio(lever) > 1.0 else DOUBTFUL  # the curve may not lead to where it lands
     open_side = side == UNCLEAR and attracted and narrowest_amplitude_ratio(lever) <= 1.0
@@ -94,32 +94,32 @@ def find_orbit_at_low_q(oscillator: Oscillator, amplitude: float, rises: bool, g
 
     Averaging is sure of one thing only there: that attraction is too weak for a branch of its own.
     """
-    law, p, lever = oscillator
-    reach, worst = reach_of(law, p), worst_amplitude(lever, amplitude)
-    if p[col.LONGRANGE] != 0.0:
-        find_mismatch_maximum(oscillator, reach, worst, math.inf, top)
+    p, lever = oscillator.p, oscillator.lever
+    worst = worst_amplitude(lever, amplitude)
+    if has_longrange(p):
+        find_mismatch_maximum(oscillator, worst, math.inf, top)
         if rises or not attraction_is_too_weak(lever, worst, top.mismatch):
             return DOUBTFUL
-    elif decide(oscillator, reach, amplitude, 1.0, top) == UNCLEAR:
+    elif decide(oscillator, amplitude, 1.0, top) == UNCLEAR:
         return DOUBTFUL
-    return SURE if settle_side(oscillator, reach, amplitude, REPULSIVE, top, guess) else DOUBTFUL
+    return SURE if settle_side(oscillator, amplitude, REPULSIVE, top, guess) else DOUBTFUL
 
 
 @kernel
-def fill_only_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: float, guess: np.ndarray) -> bool:
+def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this amplitude; False if there may be others or none.
 
     Where the sample takes so much, as where it is soft and lossy, that the lever is held before contact repels more
     than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
     and never falls again.
     """
-    lever = oscillator.lever
+    lever, reach = oscillator.lever, reach_of(oscillator.p)
     plain = decisive_mismatch(lever, amplitude, low_q_margin_factor(lever)) * (
         1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS])
     )
     gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:
-        h, _ = mismatch_at_gap(oscillator, reach, amplitude, gap)
+        h, _ = mismatch_at_gap(oscillator, amplitude, gap)
         if h < min(highest, plain) and highest > -plain:
             return False
         highest, gap = max(highest, h), gap - FINELY * (abs(gap) + reach)
@@ -129,7 +129,7 @@ def fill_only_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: fl
     if len(found) != 1:
         return False
     gap = found[0, col.G_Z0] - found[0, col.G_MEAN] - amplitude
-    return put_averaged_orbit(oscillator, reach, amplitude, gap, guess) > STEEPEST
+    return put_averaged_orbit(oscillator, amplitude, gap, guess) > STEEPEST
 
 
 @kernel
@@ -139,48 +139,45 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def settle_side(
-    oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray
-) -> bool:
+def settle_side(oscillator: Oscillator, amplitude: float, side: int, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
     p, lever = oscillator.p, oscillator.lever
-    free = free_amplitude(lever)
-    if p[col.LONGRANGE] != 0.0 and amplitude < narrowest_amplitude_ratio(lever) * free:
+    if has_longrange(p) and amplitude < narrowest_amplitude_ratio(lever) * free_amplitude(lever):
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
-        find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+        find_mismatch_maximum(oscillator, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
-    return fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)
+    return fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess)
 
 
 @kernel
 def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> bool:
     """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
     law, p, lever = oscillator
-    if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or not near_resonance(lever):
+    if not has_longrange(p) or law.attracts == 0 or not near_resonance(lever):
         return False
-    reach, side = reach_of(law, p), REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
-    find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
-    found = fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess)
+    side = REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
+    find_mismatch_maximum(oscillator, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
+    found = fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess)
     return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < largest_branch_distance(lever, amplitude)
 
 
 @kernel
 def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
-    """Where nothing attracts a tip driven at the resonance or below, its amplitude falls all the way, from any orbit.
+    """Whether the tip has one orbit of each amplitude: nothing attracts it, and it is driven at the resonance or below.
 
     Repulsion moves the resonance up and away from such a drive; one above the resonance it would bring nearer.
     """
-    attracted = p[col.PULL] != 0.0 or p[col.LONGRANGE] != 0.0 or p[col.BIAS] != 0.0
+    attracted = p[col.PULL] != 0.0 or has_longrange(p) or p[col.BIAS] != 0.0
     return not attracted and near_resonance(lever) and lever[col.OMEGA] <= 1.0
 
 
 @kernel
 def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged one of that orbit; False where there is none that stands."""
+    """Fill `guess` with the averaged orbit where there is only one (`has_one_orbit`); False if it may not stand."""
     clear(top)
     top.behind = -1e-3 * amplitude
-    known = fill_averaged_orbit_on_side(oscillator, 0.0, amplitude, REPULSIVE, top, guess)
+    known = fill_averaged_orbit_on_side(oscillator, amplitude, REPULSIVE, top, guess)
     return known and not rebounds(oscillator, guess[col.G_P])
 
 

@@ -12,19 +12,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.second_drive import felt_by_second_mode, hold_second_mode, pass_period, window
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import (
-    Z0,
-    PeriodResult,
-    Tip,
-    add_period,
-    ring_down_periods,
-)
+from phasemap._kernels.orbits.time.tip import Z0, PeriodResult, Tip, add_period, ring_down_periods
 from phasemap._kernels.records import clear, record
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.side_from_far import narrowest_amplitude_ratio
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import beside_resonance, free_amplitude
+from phasemap._kernels.lever import beside_resonance, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, attractive_mismatch
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import Fit, Room
@@ -38,13 +38,13 @@ END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
 
 @kernel
 def attractive_mismatch_of_exact_orbit(
-    oscillator: Oscillator, reach: float, amplitude: float, gap: float, nodes: Nodes, state: PassState
+    oscillator: Oscillator, amplitude: float, gap: float, nodes: Nodes, state: PassState
 ) -> float:
     """Attractive mismatch of the exact orbit with this amplitude and gap, at any drive; NaN if it is not found."""
     lever = oscillator.lever
     clear(state)
-    state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach
-    if not start_passes(oscillator, reach, nodes, state):
+    state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach_of(oscillator.p)
+    if not start_passes(oscillator, nodes, state):
         return math.nan
     if converge(oscillator, nodes, state, True, END_PHASE, math.inf) != FOUND:
         return math.nan
@@ -53,7 +53,7 @@ def attractive_mismatch_of_exact_orbit(
 
 @kernel
 def decide_exactly(
-    oscillator: Oscillator, reach: float, amplitude: float, top: Maximum, nodes: Nodes, state: PassState, fit: Fit
+    oscillator: Oscillator, amplitude: float, top: Maximum, nodes: Nodes, state: PassState, fit: Fit
 ) -> int:
     """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end.
 
@@ -61,24 +61,24 @@ def decide_exactly(
     """
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
     lever = oscillator.lever
-    lifted = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, 0.0, nodes, state)
+    lifted = attractive_mismatch_of_exact_orbit(oscillator, amplitude, 0.0, nodes, state)
     middle = top.gap + (min(nodes.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
-    step = min(0.3 * (reach + abs(middle)), MOST_LENS_STEP * abs(top.gap))
-    h0 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle, nodes, state)
+    step = min(0.3 * (reach_of(oscillator.p) + abs(middle)), MOST_LENS_STEP * abs(top.gap))
+    h0 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle, nodes, state)
     if top.mismatch < FAR_BELOW and h0 < FAR_BELOW:
         return REPULSIVE
-    h1 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle + step, nodes, state)
-    h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, nodes, state)
+    h1 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle + step, nodes, state)
+    h2 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle - step, nodes, state)
     for _ in range(MOST_SHIFTS):
         if math.isfinite(h0 + h1 + h2) or not beside_resonance(lever):
             break
         middle, h1, h0 = middle - step, h0, h2  # passes may not converge where a tip just touches
-        h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, nodes, state)
+        h2 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle - step, nodes, state)
     bend = (h1 - 2.0 * h0 + h2) / (step * step)
     if not bend < 0.0:
         return UNCLEAR
     at = min(max(middle - 0.5 * (h1 - h2) / (step * bend), middle - 2.0 * step), middle + 2.0 * step)
-    h = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, at, nodes, state)
+    h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at, nodes, state)
     fit.gap, fit.mismatch, fit.curvature = at, h, bend
     highest = max(max(h0, h1), max(h2, h))
     if not math.isfinite(h):
@@ -91,40 +91,38 @@ def decide_exactly(
 
 
 @kernel
-def maximum_of_exact_mismatch(oscillator: Oscillator, reach: float, amplitude: float, room: Room) -> float:
+def maximum_of_exact_mismatch(oscillator: Oscillator, amplitude: float, room: Room) -> float:
     """Maximum over the gap of the exact orbits' mismatch, near room.fit.gap; updates room.fit; NaN if not near."""
     middle, f, state = room.fit.gap, room.nodes, room.state
-    h0 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle, f, state)
+    h0 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle, f, state)
     depth = f.w[middle_of(f)] - middle
     # Within the contact: where it begins there is a kink.
-    step = min(LENS * (reach + abs(middle)), MOST_LENS_STEP * depth)
-    h1 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle + step, f, state)
-    h2 = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, middle - step, f, state)
+    step = min(LENS * (reach_of(oscillator.p) + abs(middle)), MOST_LENS_STEP * depth)
+    h1 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle + step, f, state)
+    h2 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle - step, f, state)
     bend, rise = (h1 - 2.0 * h0 + h2) / (step * step), (h1 - h2) / (2.0 * step)
     if not (step > 0.0 and bend < 0.0 and abs(rise) < -2.0 * step * bend):
         return math.nan
     at = middle - rise / bend
-    h = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, at, f, state)
+    h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at, f, state)
     room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
     return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + END_PHASE else math.nan
 
 
 @kernel
-def decide_by_refined_maximum(
-    oscillator: Oscillator, reach: float, setpoint: float, amplitude: float, room: Room
-) -> int:
+def decide_by_refined_maximum(oscillator: Oscillator, setpoint: float, amplitude: float, room: Room) -> int:
     """Side on which the tip passes the amplitude, by a refined maximum of the exact mismatch; or UNCLEAR.
 
     Where the branch is narrowest is known for harmonic orbits. Of the maxima around that amplitude, not below the
     setpoint, the least counts.
     """
     lever = oscillator.lever
-    highest = maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
+    highest = maximum_of_exact_mismatch(oscillator, amplitude, room)
     if amplitude < (1.0 + SPREAD) * narrowest_amplitude_ratio(lever) * free_amplitude(lever):
         at, h, bend = room.fit.gap, room.fit.mismatch, room.fit.curvature
-        above = maximum_of_exact_mismatch(oscillator, reach, (1.0 + SPREAD) * amplitude, room)
+        above = maximum_of_exact_mismatch(oscillator, (1.0 + SPREAD) * amplitude, room)
         room.fit.gap = at
-        below = maximum_of_exact_mismatch(oscillator, reach, (1.0 - SPREAD) * amplitude, room)
+        below = maximum_of_exact_mismatch(oscillator, (1.0 - SPREAD) * amplitude, room)
         room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
         slope, curved = 0.5 * (above - below), 0.5 * (above + below) - highest
         if not (curved > 0.0 and abs(slope) < 4.0 * curved):
@@ -137,9 +135,7 @@ def decide_by_refined_maximum(
 
 
 @kernel
-def fill_orbit_outside_maximum(
-    oscillator: Oscillator, reach: float, amplitude: float, guess: np.ndarray, room: Room
-) -> bool:
+def fill_orbit_outside_maximum(oscillator: Oscillator, amplitude: float, guess: np.ndarray, room: Room) -> bool:
     """Fill `guess` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
 
     The mismatch goes with the square of the distance from its maximum.
@@ -150,7 +146,7 @@ def fill_orbit_outside_maximum(
         if not (highest > 0.0 and fall < 0.0):
             return False
         x = math.sqrt(-highest / fall)
-        h = attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, at + x, room.nodes, state)
+        h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
         if abs(h) < END_MISMATCH * highest and state.push < 0.0:
             guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean_force, -state.mean_force, amplitude

@@ -16,9 +16,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import extreme_between
-from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point
 from phasemap._kernels.continuation.piece import turn_between
-from phasemap._kernels.continuation.start import start_far
+from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point, start_far
 from phasemap._kernels.continuation.step import (
     FIRST_ARC_STEP,
     LARGEST_ARC_STEP,
@@ -31,19 +30,19 @@ from phasemap._kernels.continuation.step import (
 )
 from phasemap._kernels.engagement.averaged import LEAP, SURE, settle_side, worst_amplitude
 from phasemap._kernels.engagement.rebound import rebounds
-from phasemap._kernels.engagement.side_from_far import leaps, low_q_margin_factor, side_reached_from_far
+from phasemap._kernels.engagement.side_from_far import leaps, side_reached_from_far
 from phasemap._kernels.excitation import likely_amplitude
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
+from phasemap._kernels.law import Oscillator, has_longrange
+from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, REPULSIVE, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near
+from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near, refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
-from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.system import Orbit, another, head_of, new_orbit
+from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, new_orbit_like
 from phasemap._kernels.orbits.response.orbit import largest_branch_distance
+from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.records import assign, clear, record
 
 MOST_APPROACH_POINTS = 1500
@@ -132,7 +131,7 @@ def descend_by_turn(
     """
     if not extreme_between(start.point, after, wanted.entry, wanted.value) > 0.0:
         return descend(path, wanted, start, after, near, way, found)
-    turn, top, end = Point(), another(found), Point()
+    turn, top, end = Point(), new_orbit_like(found), Point()
     level = head_of(near).level
     good = turn_between(path, start, after, wanted.entry, level, wanted.tolerance, top, turn)
     if not good:
@@ -175,17 +174,17 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
     """Begin the curve at an amplitude at which the tip is surely on the attractive branch; False if none is known."""
     oscillator = standing_at(path, 0.0)
     law, p, lever = oscillator
-    reach, free = reach_of(law, p), free_amplitude(lever)
-    if p[col.LONGRANGE] == 0.0 or law.attracts == 0 or low_q(lever):
+    free = free_amplitude(lever)
+    if not has_longrange(p) or law.attracts == 0 or low_q(lever):
         return False
-    if not near_resonance(lever) or leaps(lever, reach, free):
+    if not near_resonance(lever) or leaps(oscillator):
         return False
     amplitude = roughly(lever, wanted, ATTRACTIVE)
     guess, top, worst, sure = np.zeros(col.GUESS), Maximum(), worst_amplitude(lever, amplitude), False
     for share in HIGHER:
         higher = worst + share * (free - worst)
-        side = side_reached_from_far(oscillator, reach, higher, free, low_q_margin_factor(lever), top)
-        sure = side == ATTRACTIVE and settle_side(oscillator, reach, higher, side, top, guess)
+        side = side_reached_from_far(oscillator, higher, top)
+        sure = side == ATTRACTIVE and settle_side(oscillator, higher, side, top, guess)
         if sure:
             break
     if not sure or not begin_harmonic(oscillator, orbit, guess, 0):
@@ -205,7 +204,7 @@ def engage_along_exact_curve(path: Path, wanted: Wanted, rooms: Rooms) -> int:
     """
     orbit, point = rooms.orbit, Point()
     if not start_on_branch(path, wanted, point, orbit):
-        status = start_far(path, orbit, roughly(path.lever, wanted, ATTRACTIVE), 0)
+        status = start_far(path, orbit, roughly(path.lever, wanted, ATTRACTIVE))
         clear(point)
         point.tangent_u = -1.0
         if status != col.GOOD or not mark_point(path, orbit, point):

@@ -7,26 +7,19 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import has_one_orbit, sure_orbit
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, fine_tolerance, hold_mean
 from phasemap._kernels.law import Law, Oscillator
-from phasemap._kernels.orbits.averaged.row import averaged_row
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
-from phasemap._kernels.orbits.time.by_memory import lingering
+from phasemap._kernels.orbits.result_row import averaged_row
+from phasemap._kernels.orbits.time.arms import lingering
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE
-from phasemap._kernels.orbits.time.elements import CONTACT_MODE
-from phasemap._kernels.orbits.time.forming import form_dents
+from phasemap._kernels.orbits.time.many_periods import form_dents
 from phasemap._kernels.orbits.time.period_map import hold_periodic
-from phasemap._kernels.orbits.time.tip import (
-    PeriodMap,
-    PeriodResult,
-    Periods,
-    Tip,
-    new_state,
-    ring_down_periods,
-)
+from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE
+from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state, ring_down_periods
 
 SECOND_TRY = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
 NEAR_TIMES = 5.0  # ring-down times in which a tip comes to rest that starts next to its orbit

@@ -7,7 +7,7 @@ result, with their spread behind a lock-in of stated bandwidth: theory, Eqs. (ir
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,19 +32,12 @@ from phasemap._kernels.engagement.averages import (
 )
 from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.excitation import seen_phasor, sees_tip
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.law import Oscillator, has_hysteresis
 from phasemap._kernels.lever import free_amplitude, mode_of
-from phasemap._kernels.orbits.kept import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
-from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, fill_row, skip
-from phasemap._kernels.orbits.time.tip import (
-    Z0,
-    Tip,
-    divide_result,
-)
+from phasemap._kernels.orbits.orbit_nodes import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
+from phasemap._kernels.orbits.time.period_map import Tolerance, fill_row_at_rest, fill_row_of_period, skip_transient
+from phasemap._kernels.orbits.time.tip import Z0, Tip, divide_result
 from phasemap._kernels.records import record
-
-if TYPE_CHECKING:
-    pass
 
 COARSER_STEPS = 2.0  # on the way to the setpoint, over those of a periodic orbit
 WIDER_ERRORS = 100.0  # the same of the errors allowed
@@ -70,10 +63,17 @@ HOPE = 4.0  # times the periods allowed, that a mean would take by its first sta
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 
 
+# What groups of averages say.
+TOO_FEW = 0  # go on
+PRECISE = 1
+HOPELESS = 2  # too many more are needed
+HUNTING = 3  # the amplitude jumps across the setpoint
+
+
 @kernel
 def fine_tolerance(p: np.ndarray, step_size: float, amplitude: float) -> Tolerance:
     """Steps and errors of a periodic orbit of this amplitude [m]: smaller steps through a neck, for the same error."""
-    size = step_size if p[col.RELEASE] == 0.0 else NECK_STEPS * step_size
+    size = step_size if not has_hysteresis(p) else NECK_STEPS * step_size
     return Tolerance(size, STATE_ERROR * amplitude, OFFSET_ERROR)
 
 
@@ -124,13 +124,6 @@ class Groups:
     short: float  # sum of what the amplitude falls short of the setpoint [m]
     missed: float  # sum of squares by which groups miss it, but the first ones [m2]
     total: Total  # of all that count
-
-
-# What groups of averages say.
-TOO_FEW = 0  # go on
-PRECISE = 1
-HOPELESS = 2  # too many more are needed
-HUNTING = 3  # the amplitude jumps across the setpoint
 
 
 @kernel
@@ -242,7 +235,7 @@ def fill_mean(
     if of.groups < controller.fewest or astray(amplitude, of) or not scatters_little(errors):
         return col.NOT_SETTLED
     divide_result(total.period, total.count)
-    fill_row(lever, of.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)
+    fill_row_of_period(lever, of.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)
     if amplitude > 0.0 and sees_tip(lever):
         row[col.AMPLITUDE] = amplitude
     fill_spread(total, row)
@@ -280,7 +273,7 @@ def hold_mean(
     p, lever = oscillator.p, oscillator.lever
     size = amplitude if amplitude > 0.0 else free_amplitude(lever)
     tolerance = fine_tolerance(p, step_size, size)
-    sticky, block, rough = p[col.RELEASE] != 0.0, block_of(lever), COARSER_STEPS * step_size
+    sticky, block, rough = has_hysteresis(p), block_of(lever), COARSER_STEPS * step_size
     slow = Controller(
         amplitude, min(gain, SLOW_GAIN), sticky, rough, block, STICKY_GROUP if sticky else GROUP,
         STICKY_GROUPS if sticky else LEAST_GROUPS,
@@ -295,8 +288,8 @@ def hold_mean(
     while good and says == TOO_FEW and tip.periods.marched + slow.size * block <= most_periods:
         good, series = take_group(oscillator, slow, tip, lock_in, series, of)
         still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
-        if still and lever[col.SECOND_FORCE] == 0.0 and skip(oscillator, tolerance, amplitude, tip):
-            fill_orbit(lever, tip, row)  # it repeats itself by now
+        if still and lever[col.SECOND_FORCE] == 0.0 and skip_transient(oscillator, tolerance, amplitude, tip):
+            fill_row_at_rest(lever, tip, row)  # it repeats itself by now
             return col.GOOD
         says = judge_groups(lever, slow, series, most_periods, of)
     if says == HUNTING:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import (
     FEWEST_AVERAGED,
@@ -59,26 +58,19 @@ from phasemap._kernels.engagement.lowering import (
 )
 from phasemap._kernels.engagement.ringing import LONG_RINGING, engage_ringing
 from phasemap._kernels.engagement.second_drive import begin_second_drive, pass_period
-from phasemap._kernels.engagement.stuck import (
-    JUMPS_FREE,
-    JUMPS_TO_TAPPING,
-    REACHES_AMPLITUDE,
-    raise_stuck_tip,
-    sticks,
-)
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of, scale_of
+from phasemap._kernels.engagement.stuck import JUMPS_FREE, JUMPS_TO_TAPPING, REACHES_AMPLITUDE, raise_stuck_tip, sticks
+from phasemap._kernels.law import Oscillator, has_hysteresis
+from phasemap._kernels.lever import free_amplitude, free_phasor, scale_of
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.orbits.time.period_map import Tolerance, fill_orbit, march_tip, rest, skip
-from phasemap._kernels.orbits.time.tip import (
-    Z0,
-    PeriodMap,
-    PeriodResult,
-    Periods,
-    Tip,
-    new_state,
-    ring_down_periods,
+from phasemap._kernels.orbits.time.period_map import (
+    Tolerance,
+    come_to_rest,
+    fill_row_at_rest,
+    march_tip,
+    skip_transient,
 )
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state, ring_down_periods
 from phasemap._kernels.records import assign
 
 if TYPE_CHECKING:
@@ -111,7 +103,7 @@ def slow_pace(lever: np.ndarray) -> float:
 def amplitude_after_jump(
     oscillator: Oscillator, step_size: float, block: int, most_periods: int, tip: Tip, lock_in: LockIn
 ) -> float:
-    """Mean amplitude [m] to which swings after a jump come, that may pass it; NaN where it takes too long to see."""
+    """Mean amplitude [m] on which the lever settles after a jump, which it may overshoot; NaN if periods run out."""
     wait = int(DISTURBED) * block
     if tip.periods.marched + wait + block > most_periods:
         return math.nan
@@ -134,7 +126,7 @@ def move_slowly(
     """
     p, lever = oscillator.p, oscillator.lever
     block, slow, from_z0 = block_of(lever), slow_pace(lever), tip.u[Z0]
-    hasty, haste = p[col.RELEASE] != 0.0, 1.0
+    hasty, haste = has_hysteresis(p), 1.0
     step_size = ROUGH_STEPS * tolerance.step_size if hasty else tolerance.step_size
     lock_in, u, acc = LockIn(), tip.u.copy(), PeriodResult()
     begin_lock_in(lever, tip.acc, lock_in)
@@ -170,7 +162,7 @@ def move_slowly(
             return LOWEST_OFFSET
         before, change = now, lock_in.change
         still = change < STILL_MOTION * (max(amplitude, now) if hasty else amplitude) and touches_alike(lock_in)
-        if still and abs(from_z0 - tip.u[Z0]) > least and skip(oscillator, tolerance, 0.0, tip):
+        if still and abs(from_z0 - tip.u[Z0]) > least and skip_transient(oscillator, tolerance, 0.0, tip):
             return ORBIT_AGAIN
         if hasty and not still:
             haste = max(1.0, min(2.0 * haste, MOST_HASTE, HASTE_LEFT * abs(now - amplitude) / (slow * block)))
@@ -242,12 +234,12 @@ def share_before_ringing(oscillator: Oscillator, most_periods: int) -> float:
     A contact with hysteresis or memory leads to other tapping patterns, depending on how the tip is lowered.
     """
     law, p, lever = oscillator
-    if ring_down_periods(lever) < LONG_RINGING or p[col.RELEASE] != 0.0 or law.memory != 0:
+    if ring_down_periods(lever) < LONG_RINGING or has_hysteresis(p) or law.memory != 0:
         return WITHOUT_RINGING
     # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
     if pace_of_leap(oscillator) > 0.0:
         far = abs(lever[col.DYNAMIC_STIFFNESS]) > FAR_BESIDE
-        return 1.0 if far and attraction_defies_averaging(oscillator, free_amplitude(lever)) else WITHOUT_RINGING
+        return 1.0 if far and attraction_defies_averaging(oscillator) else WITHOUT_RINGING
     return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most_periods else HASTY_SHARE
 
 
@@ -256,11 +248,10 @@ def engage_by_march(
     oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
 ) -> int:
     """Engage from so far that the surface hardly matters, as `approach_by_march`."""
-    law, p, lever = oscillator
-    free = free_amplitude(lever)
-    z0 = free * far_start(oscillator, reach_of(law, p), free, amplitude)
+    free = free_amplitude(oscillator.lever)
+    z0 = free * far_start(oscillator, amplitude)
     return approach_by_march(
-        oscillator, amplitude, z0, 0.1 * scale_of(oscillator, free) + 1e-3 * free, step_size, most_periods, row
+        oscillator, amplitude, z0, 0.1 * scale_of(oscillator) + 1e-3 * free, step_size, most_periods, row
     )
 
 
@@ -272,8 +263,8 @@ def engage_with_second_drive(
     law, p, shared = oscillator
     lever = np.empty(len(shared))
     copy(shared, lever)
-    own, free = Oscillator(law, p, lever), free_amplitude(lever)
-    u = free_state(law, lever, free * far_start(oscillator, reach_of(law, p), free, amplitude))
+    own = Oscillator(law, p, lever)
+    u = free_state(law, lever, free_amplitude(lever) * far_start(oscillator, amplitude))
     begin_second_drive(lever, u)
     tip, row[:] = Tip(u, PeriodResult(), PeriodMap(), Periods()), math.nan
     if not march_tip(own, step_size, tip):
@@ -352,10 +343,10 @@ def move_to_tip_offset(
         return col.NOT_SETTLED
     u[Z0] = z0
     tolerance = fine_tolerance(p, step_size, free_amplitude(lever))
-    if rest(
+    if come_to_rest(
         oscillator, tolerance, min(int(DISTURBED * ring_down_periods(lever)), most_periods - tip.periods.marched), tip
     ):
-        fill_orbit(lever, tip, row)
+        fill_row_at_rest(lever, tip, row)
         return col.GOOD
     return hold_mean(oscillator, 0.0, 0.0, step_size, most_periods, tip, row)
 

@@ -13,6 +13,7 @@ import math
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, longrange_force
+from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import balance_depth
 from phasemap._kernels.records import record
@@ -38,9 +39,7 @@ class FoldPoint:
 
 
 @kernel
-def find_orbit_below_resonance(
-    oscillator: Oscillator, reach: float, gap: float, amplitude: float, at: FoldPoint
-) -> bool:
+def find_orbit_below_resonance(oscillator: Oscillator, gap: float, amplitude: float, at: FoldPoint) -> bool:
     """Fill `at` with the averaged orbit of this gap driven below resonance, X > 0; False if there is none.
 
     (A s + P)^2 + (2 alpha0 omega A)^2 = u0^2 is a quadratic equation for A, with P that hardly depends on it. What
@@ -50,23 +49,24 @@ def find_orbit_below_resonance(
     stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
     whole = stiff * stiff + damped * damped
     for _ in range(4):
-        push, _, mean = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
+        push, _, mean = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
         square = lever[col.DRIVE] ** 2 * whole - (push * damped) ** 2
         if square < 0.0:
             return False
         before, amplitude = amplitude, (math.sqrt(square) - push * stiff) / whole
         at.amplitude, at.gap, at.mean_deflection, at.push = amplitude, gap, mean, push
-        if abs(amplitude - before) < 1e-3 * reach:
+        if abs(amplitude - before) < 1e-3 * reach_of(oscillator.p):
             break
     return push + amplitude * stiff > 0.0
 
 
 @kernel
-def find_fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) -> int:
+def find_fold(oscillator: Oscillator, at: FoldPoint) -> int:
     """Fill `at` with the fold, the least tip offset of the orbits from far; FOUND, NO_FOLD or FOLD_TOO_FAR."""
-    gap, amplitude = FARTHEST_FOLD * reach, free
+    reach, amplitude = reach_of(oscillator.p), free_amplitude(oscillator.lever)
+    gap = FARTHEST_FOLD * reach
     x0 = x1 = z0 = z1 = math.inf
-    while find_orbit_below_resonance(oscillator, reach, gap, amplitude, at):
+    while find_orbit_below_resonance(oscillator, gap, amplitude, at):
         amplitude = at.amplitude
         z = amplitude + gap + at.mean_deflection
         if z > z1:
@@ -76,7 +76,7 @@ def find_fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) 
             rise = (z1 - z0) / (x1 - x0)
             bend = ((z - z1) / (gap - x1) - rise) / (gap - x0)
             gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
-            return FOUND if find_orbit_below_resonance(oscillator, reach, gap, amplitude, at) else FOLD_TOO_FAR
+            return FOUND if find_orbit_below_resonance(oscillator, gap, amplitude, at) else FOLD_TOO_FAR
         x0, z0, x1, z1 = x1, z1, gap, z
         gap = NEARER * (gap + 1.5 * reach) - 1.5 * reach
         if gap < -1.4 * reach:
@@ -85,7 +85,7 @@ def find_fold(oscillator: Oscillator, reach: float, free: float, at: FoldPoint) 
 
 
 @kernel
-def highest_repulsive_tip_offset(oscillator: Oscillator, reach: float) -> float:
+def highest_repulsive_tip_offset(oscillator: Oscillator) -> float:
     """Highest tip offset [m] of an orbit below the resonance that repulsion raises, X > 0; -infinity without one.
 
     It is next to X = 0, where the amplitude is the largest that the drive can make if the sample takes nothing, and
@@ -94,16 +94,16 @@ def highest_repulsive_tip_offset(oscillator: Oscillator, reach: float) -> float:
     law, p, lever = oscillator
     pull = lever[col.DYNAMIC_STIFFNESS] * lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
     amplitude = lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
-    outer, inner, mean = 0.0, 0.7 * balance_depth(law, p, reach), 0.0
-    push, _, _ = harmonics(oscillator, reach, amplitude, 1.0 - inner / amplitude)
+    outer, inner, mean = 0.0, 0.7 * balance_depth(law, p), 0.0
+    push, _, _ = harmonics(oscillator, amplitude, 1.0 - inner / amplitude)
     while push + pull <= 0.0:
         outer, inner = inner, 1.4 * inner
         if inner > 1.9 * amplitude:
             return -math.inf
-        push, _, _ = harmonics(oscillator, reach, amplitude, 1.0 - inner / amplitude)
+        push, _, _ = harmonics(oscillator, amplitude, 1.0 - inner / amplitude)
     for _ in range(FOLD_HALVINGS):
         middle = 0.5 * (outer + inner)
-        push, _, more = harmonics(oscillator, reach, amplitude, 1.0 - middle / amplitude)
+        push, _, more = harmonics(oscillator, amplitude, 1.0 - middle / amplitude)
         if push + pull > 0.0:
             inner = middle
         else:
@@ -112,18 +112,18 @@ def highest_repulsive_tip_offset(oscillator: Oscillator, reach: float) -> float:
 
 
 @kernel
-def attraction_defies_averaging(oscillator: Oscillator, free: float) -> bool:
+def attraction_defies_averaging(oscillator: Oscillator) -> bool:
     """True if the attraction at d = 0 is too large, against stiffness times free amplitude, to be averaged."""
     law, p, lever = oscillator
-    return -longrange_force(law, 0.0, p) > STRONG * lever[col.STIFFNESS] * free
+    return -longrange_force(law, 0.0, p) > STRONG * lever[col.STIFFNESS] * free_amplitude(lever)
 
 
 @kernel
-def lands_attractive(oscillator: Oscillator, reach: float, free: float) -> bool:
+def lands_attractive(oscillator: Oscillator) -> bool:
     """Whether a tip from far is surely on the attractive side after its jump at the fold, or does not jump."""
     at = FoldPoint()
-    status = find_fold(oscillator, reach, free, at)
+    status = find_fold(oscillator, at)
     if status != FOUND:
         return status == NO_FOLD
-    height = at.amplitude + at.gap + at.mean_deflection - highest_repulsive_tip_offset(oscillator, reach)
-    return height > CLEAR * reach
+    height = at.amplitude + at.gap + at.mean_deflection - highest_repulsive_tip_offset(oscillator)
+    return height > CLEAR * reach_of(oscillator.p)

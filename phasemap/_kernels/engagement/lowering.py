@@ -15,18 +15,18 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.side_from_far import forces_are_plain, leaps
 from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import seen_phasor
-from phasemap._kernels.law import Oscillator, longrange_force
+from phasemap._kernels.law import Oscillator, has_hysteresis, has_longrange, longrange_force
 from phasemap._kernels.lever import free_amplitude, near_resonance, reach_of
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import FARTHEST_AT_ALL
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
-from phasemap._kernels.orbits.time.many_periods import Flow, begin_flow, pass_many
-from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest, skip
+from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, pass_many
+from phasemap._kernels.orbits.time.period_map import Tolerance, come_to_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import (
     Z0,
     Tip,
@@ -84,7 +84,7 @@ def deepest_offset(lever: np.ndarray) -> float:
 
 @kernel
 def too_far(lever: np.ndarray, from_z0: float, z0: float) -> bool:
-    """Whether a tip is as low as it is lowered, or as much above the surface and where it began."""
+    """Whether a tip left the range of offsets: `deepest_offset`, and as far above both surface and where it began."""
     lowest = deepest_offset(lever)
     return not lowest < z0 < max(from_z0, 0.0) - lowest
 
@@ -99,8 +99,8 @@ def pace_of_leap(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     free = free_amplitude(lever)
     # A contact with hysteresis leaves its orbits by sticking, at any frequency.
-    smooth = p[col.LONGRANGE] != 0.0 and forces_are_plain(oscillator)
-    if not (smooth and leaps(lever, reach_of(law, p), free)):
+    smooth = has_longrange(p) and forces_are_plain(oscillator)
+    if not (smooth and leaps(oscillator)):
         return 0.0
     if -longrange_force(law, 0.0, p) < lever[col.STIFFNESS] * free * lever[col.DYNAMIC_STIFFNESS]:
         return 0.0
@@ -127,7 +127,7 @@ def follow_down(
     p, lever = oscillator.p, oscillator.lever
     u, linear, slopes = tip.u, tip.linear, Way()
     before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
-    patience = int((DISTURBED if p[col.RELEASE] == 0.0 else DISTURBED_NECK) * ring_down_periods(lever))
+    patience = int((DISTURBED if not has_hysteresis(p) else DISTURBED_NECK) * ring_down_periods(lever))
     stride, slope = 0.0, 0.0
     while tip.periods.marched < most_periods:
         if u[Z0] < -FARTHEST_AT_ALL:
@@ -135,7 +135,7 @@ def follow_down(
         copy_state(u, before)
         move_state(lever, slopes, -stride, u)
         copy_state(u, predicted)
-        rests = skip(oscillator, tolerance, 0.0, tip)
+        rests = skip_transient(oscillator, tolerance, 0.0, tip)
         off = math.hypot(u[Z] - predicted[Z], u[V] - predicted[V]) if rests else math.inf
         turned = rests and amplitude_slope(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
         small = stride <= SHORTEST_STRIDE * step
@@ -147,7 +147,7 @@ def follow_down(
             # A tip that moves trails its orbit, and loses one that draws in its closest neighbours only.
             u[Z0] -= trail
             off = math.inf
-            if not skip(oscillator, tolerance, 0.0, tip):
+            if not skip_transient(oscillator, tolerance, 0.0, tip):
                 return ORBIT_LEFT
         elif not rests and trail > 0.0 and stride > 0.0:
             copy(before, u)
@@ -155,7 +155,7 @@ def follow_down(
         elif not rests:
             copy(before, u)
             u[Z0] -= stride
-            if not rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
+            if not come_to_rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
                 return ORBIT_LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
             return AMPLITUDE_SEEN
@@ -195,14 +195,14 @@ def falls_gently(oscillator: Oscillator) -> bool:
     """
     law, lever = oscillator.law, oscillator.lever
     gentle = law.memory == 0 and lever[col.MODES] < 2 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE
-    return gentle and not attraction_defies_averaging(oscillator, free_amplitude(lever))
+    return gentle and not attraction_defies_averaging(oscillator)
 
 
 @kernel
-def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: Flow, seen: Seen) -> bool:
+def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: PeriodFlow, seen: Seen) -> bool:
     """Let a ring-down time pass, in which the tip is lowered, or held by the feedback; False where marching fails."""
-    law, p, lever = oscillator
-    acc, passed, allowed = tip.acc, 0, MANY_PERIODS_MISS * reach_of(law, p)
+    lever = oscillator.lever
+    acc, passed, allowed = tip.acc, 0, MANY_PERIODS_MISS * reach_of(oscillator.p)
     seen.change = seen.missed = 0.0
     while passed < ring:
         last_x, last_y, many = acc.cos, acc.sin, 1
@@ -245,9 +245,9 @@ def end_of_fall(
     if still and held:
         if in_contact_throughout(oscillator.p, tip):
             return ORBIT_AGAIN if amplitude_of(oscillator.lever, tip.acc) > amplitude else ORBIT_HELD
-        if skip(oscillator, tolerance, amplitude, tip):
+        if skip_transient(oscillator, tolerance, amplitude, tip):
             return ORBIT_HELD
-    elif still and far and skip(oscillator, tolerance, 0.0, tip):
+    elif still and far and skip_transient(oscillator, tolerance, 0.0, tip):
         return ORBIT_AGAIN
     return ORBIT_LEFT
 
@@ -271,7 +271,7 @@ def fall_to_setpoint(
     An orbit above the amplitude is not looked for before z0 has fallen by `least` [m].
     """
     lever, acc, u = oscillator.lever, tip.acc, tip.u
-    ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), Flow(), 0
+    ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), PeriodFlow(), 0
     if not march_tip(oscillator, tolerance.step_size, tip):
         return TIME_SPENT
     seen.cos, seen.sin = seen_phasor(lever, acc.cos, acc.sin)

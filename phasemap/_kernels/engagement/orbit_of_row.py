@@ -11,24 +11,25 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.exact_orbit import Rooms, at_amplitude, new_rooms, orbit_along_curve
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.around import OrbitNodes, harmonic
+from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
     REPULSIVE,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
 )
-from phasemap._kernels.orbits.collocation.near import guess_of_row, orbit_near, same_orbit
-from phasemap._kernels.orbits.kept import (
+from phasemap._kernels.orbits.collocation.near import orbit_near
+from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
     KEPT_COUNT,
+    OrbitNodes,
+    fill_harmonic_nodes,
     nodes_from_collocation,
     nodes_from_response,
     read_nodes,
 )
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
+from phasemap._kernels.orbits.result_row import guess_of_row, same_orbit
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
 ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may differ
@@ -63,7 +64,7 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
         read_nodes(kept, again.at)
         return True
     if averaged:
-        harmonic(oscillator.law, oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], again.at)
+        fill_harmonic_nodes(oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], again.at)
         return True
     guess_of_row(oscillator.lever, row, again.guess)
     side = REPULSIVE if again.guess[col.G_P] > 0.0 else ATTRACTIVE
@@ -88,19 +89,17 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
 @kernel
 def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
     """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
-    law, p, _ = oscillator
     if not forces_are_plain(oscillator):
         return False
-    reach, amplitude, room, guess = reach_of(law, p), row[col.AMPLITUDE], again.room, again.guess
-    longrange = p[col.LONGRANGE] != 0.0
-    if longrange:
-        find_mismatch_maximum(oscillator, reach, amplitude, 0.0 if side == ATTRACTIVE else math.inf, room.top)
+    amplitude, room, guess = row[col.AMPLITUDE], again.room, again.guess
+    if has_longrange(oscillator.p):
+        find_mismatch_maximum(oscillator, amplitude, 0.0 if side == ATTRACTIVE else math.inf, room.top)
     else:
-        decide(oscillator, reach, amplitude, 1.0, room.top)
-    if not fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, room.top, guess):
+        decide(oscillator, amplitude, 1.0, room.top)
+    if not fill_averaged_orbit_on_side(oscillator, amplitude, side, room.top, guess):
         return False
-    found = refine(oscillator, reach, guess, again.limits, room)
+    found = refine(oscillator, guess, again.limits, room)
     if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
         return False
-    nodes_from_response(nodes_of_solution(room), amplitude, room.state.centre, longrange, again.at)
+    nodes_from_response(nodes_of_solution(room), amplitude, room.state.centre, again.at)
     return True

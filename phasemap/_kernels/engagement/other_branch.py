@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import LONGRANGE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.end_of_attractive_branch import (
     CLOSEST,
@@ -21,7 +20,7 @@ from phasemap._kernels.engagement.end_of_attractive_branch import (
     maximum_of_exact_mismatch,
 )
 from phasemap._kernels.engagement.side_from_far import CLEAR_MISMATCH, DETUNED, forces_are_plain, low_q_margin_factor
-from phasemap._kernels.law import Oscillator, contact_force
+from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.sides import (
@@ -55,11 +54,11 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
     guess[:] = 0.0
     if not forces_are_plain(oscillator):
         return col.PENDING
-    if p[LONGRANGE] == 0.0:
+    if not has_longrange(p):
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
-    reach, free, top = reach_of(law, p), free_amplitude(lever), room.top
-    find_mismatch_maximum(oscillator, reach, amplitude, math.inf, top)
+    free, top = free_amplitude(lever), room.top
+    find_mismatch_maximum(oscillator, amplitude, math.inf, top)
     if side == ATTRACTIVE:
         wanted = 1.0 - (amplitude / free) ** 2
         detuned = 1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS])
@@ -68,38 +67,38 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
             return col.NO_STABLE_ORBIT
         if top.mismatch < plain:
             room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-            exact = decide_exactly(oscillator, reach, amplitude, top, room.nodes, room.state, room.fit)
+            exact = decide_exactly(oscillator, amplitude, top, room.nodes, room.state, room.fit)
             if exact == UNCLEAR:
-                highest = maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
+                highest = maximum_of_exact_mismatch(oscillator, amplitude, room)
                 if abs(highest) >= CLOSEST:
                     exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
             if exact == REPULSIVE:
                 return col.NO_STABLE_ORBIT
             if exact == UNCLEAR or not top.mismatch > 0.0:
-                beside(oscillator, reach, amplitude, top, guess)
+                beside(oscillator, amplitude, top, guess)
                 return col.PENDING
-    if fill_averaged_orbit_on_side(oscillator, reach, amplitude, side, top, guess):
+    if fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess):
         return col.GOOD
     if side == ATTRACTIVE:
-        beside(oscillator, reach, amplitude, top, guess)
+        beside(oscillator, amplitude, top, guess)
         return col.PENDING
-    drag, gap = drag_at_balance(oscillator, reach, amplitude, top)
+    drag, gap = drag_at_balance(oscillator, amplitude, top)
     if abs(drag) < DAMPED * low_q_margin_factor(lever):
-        drag = exact_drag(oscillator, reach, amplitude, gap, room)
+        drag = exact_drag(oscillator, amplitude, gap, room)
         return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
     return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
 
 
 @kernel
-def beside(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum, guess: np.ndarray) -> None:
+def beside(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> None:
     """Fill `guess` with a harmonic orbit outside of the strongest pull."""
-    c = 1.0 + (top.gap + BESIDE * (reach + abs(top.gap))) / amplitude
-    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
+    c = 1.0 + (top.gap + BESIDE * (reach_of(oscillator.p) + abs(top.gap))) / amplitude
+    push, drag, mean = harmonics(oscillator, amplitude, c)
     put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
 
 
 @kernel
-def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> tuple[float, float]:
+def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> tuple[float, float]:
     """Mismatch where repulsion just makes up for attraction, and the gap there; deeper the surface takes up more.
 
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
@@ -107,10 +106,10 @@ def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top:
     """
     lever = oscillator.lever
     near, far = top.gap, top.behind
-    h, push = mismatch_at_gap(oscillator, reach, amplitude, far)
+    h, push = mismatch_at_gap(oscillator, amplitude, far)
     while push <= 0.0 and far >= DEEPEST * amplitude:
         near, far = far, 2.0 * far
-        h, push = mismatch_at_gap(oscillator, reach, amplitude, far)
+        h, push = mismatch_at_gap(oscillator, amplitude, far)
     if not push > 0.0:
         return math.inf if push <= 0.0 else math.nan, far
     middle = far
@@ -118,7 +117,7 @@ def drag_at_balance(oscillator: Oscillator, reach: float, amplitude: float, top:
         if abs(push) < 0.05 * lever[col.DRIVE]:
             break
         middle = 0.5 * (near + far)
-        h, push = mismatch_at_gap(oscillator, reach, amplitude, middle)
+        h, push = mismatch_at_gap(oscillator, amplitude, middle)
         if push > 0.0:
             far = middle
         else:
@@ -134,15 +133,15 @@ def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) ->
 
 
 @kernel
-def exact_drag(oscillator: Oscillator, reach: float, amplitude: float, gap: float, room: Room) -> float:
+def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, room: Room) -> float:
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     lever = oscillator.lever
-    before = gap + APART * min(gap, -reach)
-    attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, before, room.nodes, room.state)
+    before = gap + APART * min(gap, -reach_of(oscillator.p))
+    attractive_mismatch_of_exact_orbit(oscillator, amplitude, before, room.nodes, room.state)
     push_before = room.state.push
     for _ in range(MOST_SECANTS):
         h, push = (
-            attractive_mismatch_of_exact_orbit(oscillator, reach, amplitude, gap, room.nodes, room.state),
+            attractive_mismatch_of_exact_orbit(oscillator, amplitude, gap, room.nodes, room.state),
             room.state.push,
         )
         if not math.isfinite(h):
@@ -161,5 +160,5 @@ def orbit_on(
     done = averaged_on(oscillator, amplitude, side, guess, room)
     if done != col.GOOD:
         return done
-    exact = refine(oscillator, reach_of(oscillator.law, oscillator.p), guess, limits, room)
+    exact = refine(oscillator, guess, limits, room)
     return col.GOOD if exact and slope_is_clear(oscillator, limits, room) else col.PENDING

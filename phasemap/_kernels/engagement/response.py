@@ -22,12 +22,12 @@ from phasemap._kernels.engagement.end_of_attractive_branch import (
 )
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import phase_of, reach_of
-from phasemap._kernels.orbits.averaged.row import averaged_row
+from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
+from phasemap._kernels.orbits.result_row import averaged_row
 
 
 @kernel
@@ -38,35 +38,34 @@ def cheap_orbit(
 
     NOT_CONVERGED where only time tells.
     """
-    law, p, lever = oscillator
-    reach = reach_of(law, p)
+    lever = oscillator.lever
     if surety == SURE:
-        if refine(oscillator, reach, guess, limits, room):
+        if refine(oscillator, guess, limits, room):
             return GOOD
-        return PENDING if grazes(p, reach, guess) else KNOWN
+        return PENDING if grazes(oscillator.p, guess) else KNOWN
     if surety != UNDECIDED:
         return PENDING
     worst = worst_amplitude(lever, amplitude)
     room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-    side = decide_exactly(oscillator, reach, worst, room.top, room.nodes, room.state, room.fit)
+    side = decide_exactly(oscillator, worst, room.top, room.nodes, room.state, room.fit)
     if side == UNCLEAR:
-        side = decide_by_refined_maximum(oscillator, reach, amplitude, worst, room)
+        side = decide_by_refined_maximum(oscillator, amplitude, worst, room)
     if side == UNCLEAR:
         return PENDING
-    known = settle_side(oscillator, reach, amplitude, side, room.top, guess)
+    known = settle_side(oscillator, amplitude, side, room.top, guess)
     if side == REPULSIVE:
         if not known:
             return PENDING
         if rebounds(oscillator, guess[G_P]):
             return NOT_CONVERGED
-        return GOOD if refine(oscillator, reach, guess, limits, room) else KNOWN
-    if known and refine(oscillator, reach, guess, limits, room) and slope_is_clear(oscillator, limits, room):
+        return GOOD if refine(oscillator, guess, limits, room) else KNOWN
+    if known and refine(oscillator, guess, limits, room) and slope_is_clear(oscillator, limits, room):
         return GOOD
     if worst != amplitude:
-        maximum_of_exact_mismatch(oscillator, reach, amplitude, room)
-    if not fill_orbit_outside_maximum(oscillator, reach, amplitude, guess, room):
+        maximum_of_exact_mismatch(oscillator, amplitude, room)
+    if not fill_orbit_outside_maximum(oscillator, amplitude, guess, room):
         return PENDING
-    if not (refine(oscillator, reach, guess, limits, room) and slope_is_clear(oscillator, limits, room)):
+    if not (refine(oscillator, guess, limits, room) and slope_is_clear(oscillator, limits, room)):
         return KNOWN
     guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
     return GOOD

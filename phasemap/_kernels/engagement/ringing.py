@@ -47,8 +47,8 @@ from phasemap._kernels.engagement.stuck import sticks
 from phasemap._kernels.excitation import seen_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, slowest_decay
-from phasemap._kernels.orbits.time.pattern import find_pattern, shorten
-from phasemap._kernels.orbits.time.period_map import fill_orbit, fill_row, hold_periodic, march_tip
+from phasemap._kernels.orbits.time.many_periods import find_pattern, shorten
+from phasemap._kernels.orbits.time.period_map import fill_row_at_rest, fill_row_of_period, hold_periodic, march_tip
 from phasemap._kernels.orbits.time.tip import Z0, Tip, amplitude_of
 from phasemap._kernels.records import record
 
@@ -100,9 +100,9 @@ def fill_row_of_pattern(oscillator: Oscillator, step_size: float, tip: Tip, row:
     lever = oscillator.lever
     count = tip.periods.pattern
     if count <= 1:
-        fill_orbit(lever, tip, row)
+        fill_row_at_rest(lever, tip, row)
         return col.GOOD
-    fill_row(lever, tip.u[Z0], tip.acc, row)
+    fill_row_of_period(lever, tip.u[Z0], tip.acc, row)
     lock_in, whole = LockIn(), count * (LOCK_IN_SETTLES // count + 1)
     begin_lock_in(lever, tip.acc, lock_in)
     for _ in range(2):

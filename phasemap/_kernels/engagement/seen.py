@@ -19,11 +19,11 @@ from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit
 from phasemap._kernels.engagement.response import cheap_orbit
 from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, next_amplitude, seen_rate, show
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import drive_needed, phase_of, reach_of
+from phasemap._kernels.lever import drive_needed, phase_of
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.near import refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import solve_at_seen
-from phasemap._kernels.orbits.collocation.polish import feedback_status, refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.system import (
     RA,
     RIGHT,
@@ -38,6 +38,7 @@ from phasemap._kernels.orbits.collocation.system import (
 )
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
 from phasemap._kernels.orbits.response.state import fill_row_from_passes
+from phasemap._kernels.orbits.result_row import feedback_status
 
 ROUGHLY_SEEN, EXACTLY_SEEN = 1e-3, 1e-12  # of the amplitude seen: of averaged orbits, and of those of passes
 MOST_SECANTS = 20
@@ -84,7 +85,7 @@ def repulsive_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: 
         if not _surely_repulsive(oscillator, likely_amplitude(lever, seen, side), room):
             return False
     passes.seen = seen
-    found = refine(oscillator, reach_of(oscillator.law, oscillator.p), guess, limits, passes)
+    found = refine(oscillator, guess, limits, passes)
     passes.seen, state = 0.0, passes.state
     if not (found and state.seen_by_a > LEAST_SLOPE and _surely_repulsive(oscillator, state.amplitude, room)):
         return False

@@ -36,8 +36,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange
+from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, find_mismatch_maximum
 from phasemap._kernels.records import clear
 
@@ -64,14 +64,15 @@ def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
 @kernel(light=True)
 def forces_are_plain(oscillator: Oscillator) -> bool:
     """Whether averaging can decide the branch: no neck, and before contact attraction alone, the more the nearer."""
-    return bool(oscillator.p[col.RELEASE] == 0.0 and oscillator.law.attracts == 1)
+    return bool(not has_hysteresis(oscillator.p) and oscillator.law.attracts == 1)
 
 
 @kernel
-def leaps(lever: np.ndarray, reach: float, free: float) -> bool:
+def leaps(oscillator: Oscillator) -> bool:
     """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
+    lever = oscillator.lever
     x, y = detuning(lever)
-    return x > 0.0 and (1.0 / y - 1.0) * free > reach
+    return x > 0.0 and (1.0 / y - 1.0) * free_amplitude(lever) > reach_of(oscillator.p)
 
 
 @kernel
@@ -108,17 +109,17 @@ def attraction_is_too_weak(lever: np.ndarray, amplitude: float, highest: float) 
 
 
 @kernel
-def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float, top: Maximum) -> int:
+def decide(oscillator: Oscillator, amplitude: float, margin: float, top: Maximum) -> int:
     """Side on which the tip passes this amplitude, by averaging; UNCLEAR nearer than `margin` to the jump."""
     law, p, lever = oscillator
     clear(top)
-    if p[col.LONGRANGE] == 0.0:
+    if not has_longrange(p):
         # Without attraction there is one branch; with adhesion alone its onset jumps.
         top.behind = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least = decisive_mismatch(lever, amplitude, margin)
     plain = least * (1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS]))
-    find_mismatch_maximum(oscillator, reach, amplitude, plain, top)
+    find_mismatch_maximum(oscillator, amplitude, plain, top)
     if top.mismatch >= plain:
         return ATTRACTIVE
     # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
@@ -127,13 +128,12 @@ def decide(oscillator: Oscillator, reach: float, amplitude: float, margin: float
 
 
 @kernel
-def side_reached_from_far(
-    oscillator: Oscillator, reach: float, amplitude: float, free: float, margin: float, top: Maximum
-) -> int:
+def side_reached_from_far(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
     """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
     p, lever = oscillator.p, oscillator.lever
+    free, margin = free_amplitude(lever), low_q_margin_factor(lever)
     worst = narrowest_amplitude_ratio(lever) * free
-    side = decide(oscillator, reach, max(amplitude, min(worst, free)), margin, top)
-    if side == REPULSIVE or worst <= free or p[col.LONGRANGE] == 0.0:
+    side = decide(oscillator, max(amplitude, min(worst, free)), margin, top)
+    if side == REPULSIVE or worst <= free or not has_longrange(p):
         return side
-    return ATTRACTIVE if decide(oscillator, reach, worst, margin, top) == ATTRACTIVE else UNCLEAR
+    return ATTRACTIVE if decide(oscillator, worst, margin, top) == ATTRACTIVE else UNCLEAR

@@ -15,13 +15,13 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude
-from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis, has_longrange
 from phasemap._kernels.lever import bend_by_adhesion
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
-from phasemap._kernels.orbits.time.period_map import Tolerance, march_tip, rest
+from phasemap._kernels.orbits.time.period_map import Tolerance, come_to_rest, march_tip
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
@@ -59,7 +59,7 @@ NOT_KNOWN = 3
 def in_contact_throughout(p: np.ndarray, tip: Tip) -> bool:
     """True if tip or neck touched the sample during the whole last period."""
     acc = tip.acc
-    touches = p[col.RELEASE] == 0.0 or tip.u[TOUCHES] != 0.0
+    touches = not has_hysteresis(p) or tip.u[TOUCHES] != 0.0
     return touches and acc.mean_z - tip.u[Z0] - SWING * math.hypot(acc.cos, acc.sin) >= p[col.RELEASE]
 
 
@@ -98,7 +98,7 @@ def contact_too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
     False where that is not known: without a neck, a long-range attraction lets the tip leave contact in each period.
     """
     p, lever = oscillator.p, oscillator.lever
-    if p[col.RELEASE] == 0.0 and p[col.LONGRANGE] != 0.0:
+    if not has_hysteresis(p) and has_longrange(p):
         return False
     of_tip, drive = likely_amplitude(lever, amplitude, 1), lever[col.DRIVE]
     if not of_tip > 0.0 or pull_off_tip_offset(oscillator) < BEYOND_FREE * drive / lever[col.DYNAMIC_LOSS]:
@@ -184,7 +184,7 @@ def raise_along_contact_orbits(
     stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
     slope = low = 0.0
     while tip.periods.marched + patience < most_periods:
-        rests, now = rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
+        rests, now = come_to_rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
         as_said = least or (
             abs(now - low - slope * step) < RAISING_MISS * amplitude and amplitude_slope(linear) * slope >= 0.0
@@ -228,7 +228,7 @@ def raise_stuck_tip(
     REACHES_AMPLITUDE, or NOT_KNOWN with the tip as it was: a feedback may lower it faster than it was lowered.
     """
     p, lever, u = oscillator.p, oscillator.lever, tip.u
-    if (periodic or p[col.RELEASE] != 0.0) and contact_too_stiff(oscillator, amplitude):
+    if (periodic or has_hysteresis(p)) and contact_too_stiff(oscillator, amplitude):
         return JUMPS_FREE
     fell = u.copy()
     comes = raise_along_contact_orbits(oscillator, amplitude, tolerance, most_periods, tip)

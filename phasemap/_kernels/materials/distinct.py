@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.numerics import copy
 
 _MIX, _SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 

@@ -62,7 +62,7 @@ class Tree(NamedTuple):
     forms: np.ndarray  # int, shape (pieces,); form of u
 
 
-class Series(NamedTuple):
+class ChebyshevSeries(NamedTuple):
     """Chebyshev series of every piece."""
 
     sizes: np.ndarray  # int, shape (pieces, 3); most coefficients along x0, x1, u
@@ -107,17 +107,7 @@ def layer_coordinate(rho: float, form: int) -> float:
 
 @kernel
 def locate(points: np.ndarray, tree: Tree, piece: np.ndarray, inside: np.ndarray) -> None:
-    """Find the piece of every point, and where in it the point is.
-
-    Parameters
-    ----------
-    points : ndarray, shape (3, n)
-    tree : Tree
-    piece : ndarray of int32, shape (n,)
-        Receives the piece, OUTSIDE where there is none.
-    inside : ndarray, shape (3, n)
-        Receives the coordinates in [-1, 1].
-    """
+    """Fill in the piece of every point (shape (3, n)), or NO_PIECE, and its coordinates in [-1, 1] `inside` it."""
     for i in range(points.shape[1]):
         x0, x1, x2 = points[0, i], points[1, i], points[2, i]
         piece[i] = NO_PIECE
@@ -193,20 +183,12 @@ def _by_piece(piece: np.ndarray, pieces: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @kernel(fastmath=_SIGNS)
-def sum_series(piece: np.ndarray, inside: np.ndarray, wanted: np.ndarray, series: Series, out: np.ndarray) -> None:
-    """Sum the Chebyshev series of every point that `locate` found a piece for.
+def sum_series(
+    piece: np.ndarray, inside: np.ndarray, wanted: np.ndarray, series: ChebyshevSeries, out: np.ndarray
+) -> None:
+    """Sum the Chebyshev series of the functions `wanted` at every point that `locate` found a piece for.
 
-    The points of a piece are taken together, LANES at a time.
-
-    Parameters
-    ----------
-    piece, inside : ndarray
-        From `locate`.
-    wanted : ndarray of int
-        Which of the functions.
-    series : Series
-    out : ndarray, shape (len(wanted), n)
-        Filled where a point has a piece.
+    The points of a piece are taken together, LANES at a time. `out` has the shape (len(wanted), n).
     """
     sizes, length_starts, lengths, starts, coefficients = series
     pieces = len(sizes)

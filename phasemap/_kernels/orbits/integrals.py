@@ -8,20 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import (
-    Law,
-    Oscillator,
-    contact_force,
-    contact_slope,
-    damping,
-    longrange_force,
-    longrange_slope,
-)
-from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
-from phasemap._kernels.neck import loop_energy
-from phasemap._kernels.orbits.around import MOST_NODES, OrbitNodes
-from phasemap._kernels.wide import (
+from phasemap._kernels.columns import (
     ADHESION_LOSS,
     ADHESION_VIRIAL,
     DRAG,
@@ -34,6 +21,20 @@ from phasemap._kernels.wide import (
     STORAGE,
     WAVES,
 )
+from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import (
+    Law,
+    Oscillator,
+    contact_force,
+    contact_slope,
+    damping,
+    has_hysteresis,
+    longrange_force,
+    longrange_slope,
+)
+from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
+from phasemap._kernels.neck import loop_energy
+from phasemap._kernels.orbits.orbit_nodes import MOST_NODES, OrbitNodes
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count
 # Of the highest harmonic that a sum takes: rad from node to node, where the force is above this share of its largest
@@ -53,16 +54,8 @@ def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np
     """Fill in the harmonics `first` ... of a load at the nodes: its sums with cos(n theta) and -sin(n theta).
 
     By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
-    nothing is stored.
-
-    Parameters
-    ----------
-    at : OrbitNodes
-        The nodes.
-    load : ndarray, shape (5, MOST_NODES)
-        First the load of each node; the rest is room.
-    out : ndarray, shape (2, any)
-        Filled.
+    nothing is stored. `load` (shape (5, MOST_NODES)): first that of each node, the rest is room. `out` (shape (2,
+    any)): filled.
     """
     cosine, sine, even, odd, even_last, odd_last = at.cos, at.sin, load[1], load[2], load[3], load[4]
     for j in range(count):
@@ -266,5 +259,5 @@ def fill_adhesion_integrals(oscillator: Oscillator, without: np.ndarray, at: Orb
                 f -= contact_force(law, d, without)
         virial -= weight * f * at.cos[j]
     row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-    row[ADHESION_LOSS] = loop_energy(law, p) if at.ends > 0.0 and p[col.RELEASE] != 0.0 else 0.0
+    row[ADHESION_LOSS] = loop_energy(law, p) if at.ends > 0.0 and has_hysteresis(p) else 0.0
     row[STORAGE] = storage / (2.0 * math.pi)

@@ -28,7 +28,7 @@ def oscillator_of(pixels: Pixels, i: int) -> Oscillator:
 class Answers(NamedTuple):
     """Rows of n materials, or of each of their orbits: every array may have a first axis more, of length SLOTS."""
 
-    rows: np.ndarray  # shape (n, COLUMNS), or (n, KEEPING) with room for nodes (`phasemap._kernels.orbits.kept`)
+    rows: np.ndarray  # shape (n, COLUMNS), or (n, KEEPING) with room for nodes (`phasemap._kernels.orbits.orbit_nodes`)
     # status, solver: int8, shape (n,); codes of `phasemap._kernels.columns`
     status: np.ndarray
     solver: np.ndarray

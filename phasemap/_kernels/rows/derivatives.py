@@ -1,4 +1,4 @@
-"""Averaged orbits on a branch that is known, with their derivatives with respect to the material.
+"""Averaged orbits on a branch that is known, with their derivatives by the material, and the exact ones beside them.
 
 At a given amplitude the averaged orbit is a root c of one equation, the mismatch of the drive (`orbits.averaged`), so
 that by the implicit function theorem phase and tip offset change with a parameter at fixed c, and by what c changes:
@@ -13,16 +13,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.branch import (
+    ENOUGH_HOLD,
+    EXACT_HOLD,
+    MEASURED_OFFSET,
+    MEASURED_PHASE,
+    MOST_ROOT_STEPS,
     detector_signal,
     fill_signal_and_slopes,
     held_root,
+    stable_root,
 )
-from phasemap._kernels.orbits.response.branch import orbit_at_seen
-from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.response.orbit import Room, refine
 
 
 class Setpoints(NamedTuple):
@@ -54,41 +61,33 @@ def averaged_phases(law: Law, rows: np.ndarray, setpoints: Setpoints, search: bo
         if sides[i] == 0:
             continue
         p = parameters(rows[i])
-        oscillator, reach = Oscillator(law, p, levers[i]), reach_of(law, p)
-        amplitude, c, slope = held_root(oscillator, reach, amplitudes[i], sides[i], search, places[i])
+        oscillator = Oscillator(law, p, levers[i])
+        amplitude, c, slope = held_root(oscillator, amplitudes[i], sides[i], search, places[i])
         if slope < 0.0:
             places[i] = c
-            phases[i] = detector_signal(oscillator, reach, amplitude, c).phase
+            phases[i] = detector_signal(oscillator, amplitude, c).phase
 
 
 @kernel
 def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, found: Found) -> None:
     """Fill in averaged phase and tip offset of n materials in m images, and their derivatives.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (1 + k, n, ROW)
-        Parameters of the materials, and those with each of k logarithms larger by `step`.
-    setpoints : Setpoints
-        Its places are moved to the orbits.
-    search : bool
-        Whether to look at all averaged orbits where the places lead nowhere.
-    found : Found
-        To be filled.
+    `rows` (shape (1 + k, n, ROW)): parameters of the materials, and those with each of k logarithms larger by `step`.
+    The places of the setpoints are moved to the orbits; with `search` all averaged orbits are tried where they lead
+    nowhere.
     """
     levers, amplitudes, sides, places = setpoints
     values, slopes, good = found
     for i in range(rows.shape[1]):
         good[i] = True
         p = parameters(rows[0, i])
-        reach = reach_of(law, p)
         for j in range(len(amplitudes)):
             values[i, j] = 0.0
             slopes[i, j] = 0.0
             if sides[i, j] == 0:
                 continue
             oscillator = Oscillator(law, p, levers[j])
-            amplitude, c, slope = held_root(oscillator, reach, amplitudes[j], sides[i, j], search, places[i, j])
+            amplitude, c, slope = held_root(oscillator, amplitudes[j], sides[i, j], search, places[i, j])
             if not slope < 0.0:
                 good[i] = False
                 break
@@ -97,21 +96,45 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
 
 
 @kernel
+def orbit_at_seen(
+    oscillator: Oscillator, held: float, side: int, c: float, limits: np.ndarray, room: Room, values: np.ndarray
+) -> bool:
+    """Orbit that is seen with the amplitude held [m]: its phase and tip offset; False where the response finds none.
+
+    `c`: of the averaged orbit near by, NaN where that is to be searched for.
+    """
+    lever, guess, before = oscillator.lever, np.zeros(col.GUESS), (np.nan, np.nan)
+    amplitude = likely_amplitude(lever, held, side)
+    for step in range(MOST_ROOT_STEPS):
+        c, slope = stable_root(oscillator, amplitude, side, True, c)
+        if not slope < 0.0:
+            return False
+        push, drag, mean = harmonics(oscillator, amplitude, c)
+        put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
+        guess[col.G_SLOPE] = slope / amplitude
+        if not refine(oscillator, guess, limits, room):
+            return False
+        seen, phase = show(lever, amplitude, room.state.phase)
+        miss = seen - held
+        if abs(miss) <= (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
+            values[MEASURED_PHASE], values[MEASURED_OFFSET] = phase, room.state.tip_offset
+            return True
+        following = next_amplitude(lever, held, amplitude, room.state.phase, miss, before)
+        before, amplitude = (amplitude, miss), following
+        if not amplitude > 0.0:
+            return False
+    return False
+
+
+@kernel
 def exact_block(
     law: Law, rows: np.ndarray, setpoints: Setpoints, limits: np.ndarray, values: np.ndarray, good: np.ndarray
 ) -> None:
-    """Exact phase and tip offset of n materials in m images, by the lever's response to averaged orbits.
+    """Fill in exact phase and tip offset of n materials in m images, by passes from averaged orbits.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n, ROW)
-    setpoints : Setpoints
-        Places that are NaN are searched for.
-    limits : ndarray, shape (2,)
-        Largest estimated errors: phase [rad], tip offset [m].
-    values : ndarray, shape (n, m, 2)
-        NaN where the response does not converge, or the orbit is not sound.
-    good : ndarray of bool, shape (n, m)
+    Places of the setpoints that are NaN are searched for. `limits`: largest estimated errors, phase [rad] and tip
+    offset [m]. `values` (shape (n, m, 2)) is NaN, and `good` (shape (n, m)) False, where passes do not converge, or the
+    orbit is not sound.
     """
     (levers, amplitudes, sides, places), room = setpoints, Room()
     for i in range(len(rows)):

@@ -1,7 +1,8 @@
-"""Loops over pixels for orbits by collocation: those that the cheap path leaves, and those beside known ones.
+"""Loops over pixels for orbits by collocation: those that the cheap path leaves, those beside known ones, those seen.
 
 Which orbit the controller finds is decided alike for all solvers: by averaging where that is safe, by the fold at the
-end of the attractive branch, and along the curve of exact orbits where that is not enough.
+end of the attractive branch, and along the curve of exact orbits where that is not enough. An orbit that is solved
+already is integrated along its nodes.
 """
 
 from __future__ import annotations
@@ -12,22 +13,30 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import ENGAGED, REPELLING
+from phasemap._kernels.columns import ENGAGED, REPELLING, SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import at_amplitude, exact_orbit, new_rooms
-from phasemap._kernels.orbits.around import OrbitNodes
+from phasemap._kernels.engagement.orbit_of_row import Again, nodes_of, room_again
+from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen
+from phasemap._kernels.law import Oscillator, has_hysteresis, parameters
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.near import (
-    guess_of_row,
-    orbit_from,
-    orbit_near,
-    same_orbit,
-)
+from phasemap._kernels.orbits.collocation.near import orbit_from, orbit_near
 from phasemap._kernels.orbits.collocation.system import new_orbit
-from phasemap._kernels.orbits.kept import keep_nodes, nodes_from_collocation
+from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, room_for_loads
+from phasemap._kernels.orbits.orbit_nodes import (
+    FELT_IM,
+    FELT_RE,
+    KEPT_COUNT,
+    SECOND_IN_TIME,
+    OrbitNodes,
+    keep_nodes,
+    nodes_from_collocation,
+)
+from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.result_row import guess_of_row, has_periodic_orbit, same_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
@@ -143,3 +152,64 @@ def exact_near_rows(pixels: Pixels, tables: np.ndarray, first: int, last: int, a
                 left = True
         waiting += left
     return waiting
+
+
+@kernel
+def seen_rows(pixels: Pixels, tables: np.ndarray, limits: np.ndarray, answers: Answers, slopes: np.ndarray) -> None:
+    """Orbit of the tip of every row that is seen with an amplitude, after engagement.
+
+    limits = (phase [rad], tip offset [m]) are the largest errors of passes. Errors in the rows are those at the tip's
+    own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by that give the rest.
+    """
+    (out, status, solver), seen = answers, pixels.amplitudes
+    room, rooms = SeenRoom(np.zeros(col.GUESS), Room(), limits), new_rooms(pixels.lever, tables)
+    for i in range(len(out)):
+        oscillator, row = oscillator_of(pixels, i), out[i, : col.COLUMNS]
+        row[:], slopes[i, :] = math.nan, math.nan
+        if has_hysteresis(oscillator.p):
+            status[i] = col.NOT_CONVERGED  # between far and the setpoint there may be no periodic orbit
+            continue
+        status[i] = by_passes_at_seen(oscillator, seen[i], room, row, slopes[i])
+        solver[i] = col.CORRECTED
+        if status[i] != col.GOOD:
+            known = status[i] == col.KNOWN
+            status[i] = by_collocation_at_seen(oscillator, seen[i], known, room, rooms, row, slopes[i])
+            solver[i] = col.ORBIT
+
+
+@kernel
+def _finds_nodes(oscillator: Oscillator, solved: SolvedRows, i: int, again: Again) -> bool:
+    """Fill the nodes of row i; False where it has no periodic orbit, or that is not found again."""
+    row, kept = solved.rows[i], solved.kept
+    return has_periodic_orbit(row) and nodes_of(
+        oscillator, row, solved.averaged[i], kept[i if kept.shape[1] > 0 else 0], again
+    )
+
+
+@kernel
+def force_rows(pixels: Pixels, tables: np.ndarray, second: int, solved: SolvedRows, harmonics: int) -> None:
+    """Fill in what `fill_force_integrals` does for so many harmonics of the force, in rows that have an orbit."""
+    at, room = OrbitNodes(), room_for_loads(harmonics)
+    again = room_again(pixels.lever, tables, at, Room())
+    for i in range(len(solved.rows)):
+        oscillator = oscillator_of(pixels, i)
+        if solved.kept.shape[1] > 0 and solved.kept[i, KEPT_COUNT] == SECOND_IN_TIME:
+            row, kept = solved.rows[i], solved.kept[i]
+            row[col.GRADIENT], row[col.DRAG] = kept[FELT_RE], 0.0
+            row[col.SIDEBANDS], row[col.SIDEBANDS + 1] = 0.0, -kept[FELT_IM]
+        elif _finds_nodes(oscillator, solved, i, again):
+            fill_force_integrals(oscillator, at, second, room, solved.rows[i])
+
+
+@kernel
+def adhesion_rows(pixels: Pixels, tables: np.ndarray, bare: np.ndarray, solved: SolvedRows) -> None:
+    """Fill in what `fill_adhesion_integrals` does, in rows that have an orbit.
+
+    `bare` are the rows of the same contacts without adhesion and bias.
+    """
+    at = OrbitNodes()
+    again = room_again(pixels.lever, tables, at, Room())
+    for i in range(len(solved.rows)):
+        oscillator = oscillator_of(pixels, i)
+        if _finds_nodes(oscillator, solved, i, again):
+            fill_adhesion_integrals(oscillator, parameters(bare[i]), at, solved.rows[i])

@@ -11,7 +11,6 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, REPELLING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, averaged_beside, engage_by_averaging
@@ -21,16 +20,12 @@ from phasemap._kernels.engagement.seen import EXACTLY_SEEN, MOST_SECANTS
 from phasemap._kernels.excitation import next_amplitude, sees_tip, show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
-from phasemap._kernels.orbits.around import OrbitNodes
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-from phasemap._kernels.orbits.averaged.row import averaged_row, nearest
-from phasemap._kernels.orbits.averaged.sides import (
-    ATTRACTIVE,
-    REPULSIVE,
-    Maximum,
-)
-from phasemap._kernels.orbits.kept import FAINT_DRIVE, keep_nodes, nodes_from_response
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
+from phasemap._kernels.orbits.orbit_nodes import FAINT_DRIVE, OrbitNodes, keep_nodes, nodes_from_response
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution
+from phasemap._kernels.orbits.result_row import averaged_row, nearest_averaged_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
@@ -40,7 +35,7 @@ def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, first: int, la
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
     stand. Rows that wait hold `guess` where their averaged orbit is known. Rows with room keep the nodes of the orbit
-    (`kept`).
+    (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
     room, at, guess, waiting = Room(), OrbitNodes(), np.zeros(col.GUESS), 0
@@ -58,8 +53,8 @@ def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, first: int, la
             solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
-                    f, longrange = nodes_of_solution(room), oscillator.p[col.LONGRANGE] != 0.0
-                    nodes_from_response(f, amplitude, room.state.centre, longrange, at)
+                    f = nodes_of_solution(room)
+                    nodes_from_response(f, amplitude, room.state.centre, at)
                     keep_nodes(at, out[i])
     return waiting
 
@@ -88,7 +83,7 @@ def averaged_at_seen(oscillator: Oscillator, seen: float, row: np.ndarray, top: 
     amplitude, before = seen if sees_tip(lever) else row[col.AMPLITUDE], (math.nan, math.nan)
     for _ in range(MOST_SECANTS):
         if not averaged_beside(oscillator, amplitude, row, top, guess):
-            status = nearest(averaged_orbits(oscillator, amplitude), row, guess)
+            status = nearest_averaged_orbit(averaged_orbits(oscillator, amplitude), row, guess)
             if status != col.GOOD:
                 return status
         phase = phase_of(lever, amplitude, guess[col.G_P], guess[col.G_S])
@@ -120,15 +115,9 @@ def averaged_near_rows(pixels: Pixels, first: int, last: int, answers: Answers) 
 def other_rows(pixels: Pixels, limits: np.ndarray, allowed: np.ndarray, first: int, last: int, answers: Answers) -> int:
     """Stable orbits on both branches for every row in [first, last), from what engagement found; returns how many wait.
 
-    Parameters
-    ----------
-    limits : ndarray, shape (2,)
-        Largest estimated errors of an exact orbit: phase [rad], height [m].
-    allowed : ndarray, shape (2,)
-        The same within which an averaged orbit may stand.
-    answers : Answers
-        By slot. Of these ENGAGED is given, the other two are filled; what is PENDING has a harmonic orbit (z0, mean
-        deflection, A, P, S) to start from, or NaN.
+    `limits`: largest estimated errors of an exact orbit, phase [rad] and height [m]; `allowed`: those within which an
+    averaged one may stand. Of the slots of `answers` ENGAGED is given, the other two are filled; what is PENDING has a
+    harmonic orbit (z0, mean deflection, A, P, S) to start from, or NaN.
     """
     out, status, solver = answers
     room, guess, waiting = Room(), np.zeros(col.GUESS), 0

@@ -13,8 +13,8 @@ from phasemap._kernels.engagement.holding import settle, settle_remembering
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.relaxing import ContactMemory
-from phasemap._kernels.orbits.response.relaxing_orbit import Bench, refine_relaxing
+from phasemap._kernels.orbits.response.relaxing_contact import ContactMemory, TapRoom
+from phasemap._kernels.orbits.response.relaxing_orbit import refine_relaxing
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
@@ -62,13 +62,13 @@ def relaxing_rows(pixels: Pixels, limits: np.ndarray, answers: Answers) -> None:
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
-    guess, top, bench = np.zeros(col.GUESS), Maximum(), Bench(Nodes(), ContactMemory(), PassState())
+    guess, top, room = np.zeros(col.GUESS), Maximum(), TapRoom(Nodes(), ContactMemory(), PassState())
     for i in range(len(out)):
         oscillator = oscillator_of(pixels, i)
         status[i], out[i] = col.PENDING, math.nan
         if not oscillator.p[col.RELAXATION] > 0.0 or oscillator.p[col.SPECTRUM] != 0.0:
             continue
         sure = sure_orbit(oscillator, pixels.amplitudes[i], top, guess)
-        if sure and refine_relaxing(oscillator, guess, limits, bench):
-            fill_row_from_passes(pixels.lever, bench.nodes, bench.state, out[i])
+        if sure and refine_relaxing(oscillator, guess, limits, room):
+            fill_row_from_passes(pixels.lever, room.nodes, room.state, out[i])
             status[i], solver[i] = col.GOOD, col.CORRECTED

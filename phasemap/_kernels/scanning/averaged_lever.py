@@ -20,7 +20,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import inverse_inertia
+from phasemap._kernels.lever import inverse_inertia, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.records import record
 from phasemap._kernels.scanning.higher_harmonics import Shares, tip_shift
@@ -59,10 +59,9 @@ class FlowMemory:
 
 
 class Sample(NamedTuple):
-    """A material under the lever, the reach [m] of its force, and its shares in the shift of the tip (`tip_shift`)."""
+    """A material under the lever, and its shares in the shift of the tip (`tip_shift`)."""
 
     oscillator: Oscillator
-    reach: float
     shares: Shares
 
 
@@ -81,7 +80,7 @@ def slow_flow_rhs(
     The amplitude a of the lever follows from b. The depth of the tip is where what P carries it by agrees with P. It is
     found along the secant through the harmonics that were last computed, which were those of almost the same depth.
     """
-    oscillator, reach, shares = sample
+    oscillator, shares = sample
     lever = oscillator.lever
     omega = lever[col.OMEGA]
     to, out[INTEGRAL], _ = scanner_command(loop, y)
@@ -102,11 +101,11 @@ def slow_flow_rhs(
     for _ in range(MOST_DEPTHS):
         size = max(modulus(a), LEAST_AMPLITUDE * loop.setpoint)
         depth, c = size + shift - away, (away - shift) / size
-        push, drag, mean = harmonics(oscillator, reach, size, c)
+        push, drag, mean = harmonics(oscillator, size, c)
         unit = a * (1.0 / size)
         rate = (lever[col.DRIVE] - free * a - complex(push, -drag) * unit) * inverse
         lead = rate * inverse
-        new = mean + tip_shift(oscillator, reach, size, c, push, shares)
+        new = mean + tip_shift(oscillator, size, c, push, shares)
         carried = modulus(b - lead) - whole + new
         wrong, known = whole + carried - away - depth, memory.known
         stepped = depth - memory.depth
@@ -123,7 +122,7 @@ def slow_flow_rhs(
             lead = rate * inverse
             shift += t * more
             if abs(wrong * stepped) < CORRECTED_DEPTH * loop.setpoint * max(
-                abs(depth), reach
+                abs(depth), reach_of(oscillator.p)
             ):  # all is nearly straight
                 break
         a = b - lead

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.harmonics import attraction
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
 from phasemap._kernels.orbits.response.orbit import Room, refine
@@ -84,11 +84,11 @@ def kappa_of_push(c: float) -> float:
 
 
 @kernel
-def pull_of(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> float:
+def pull_of(oscillator: Oscillator, amplitude: float, c: float) -> float:
     """First harmonic [m], below zero, of the attraction on an orbit: in contact it is as large as at the edge."""
     law, p, lever = oscillator
     within = contact_force(law, 0.0, p) * math.sqrt(1.0 - c * c) if abs(c) < 1.0 else 0.0
-    return 2.0 / (math.pi * lever[col.STIFFNESS]) * (within + attraction(law, p, reach, amplitude, c)[1])
+    return 2.0 / (math.pi * lever[col.STIFFNESS]) * (within + attraction(law, p, amplitude, c)[1])
 
 
 @kernel
@@ -100,11 +100,11 @@ def kappa_of_pull(share: float, reach: float, amplitude: float, c: float) -> flo
 
 
 @kernel
-def tip_shift(oscillator: Oscillator, reach: float, amplitude: float, c: float, push: float, shares: Shares) -> float:
+def tip_shift(oscillator: Oscillator, amplitude: float, c: float, push: float, shares: Shares) -> float:
     """Tip displacement [m] towards the surface by higher harmonics, on a harmonic orbit of this P: (slow-flow-5)."""
-    pull = pull_of(oscillator, reach, amplitude, c)
+    pull = pull_of(oscillator, amplitude, c)
     kappa = KAPPA_OF_SHORT_PUSH - shares.push * (KAPPA_OF_SHORT_PUSH - kappa_of_push(c))
-    return kappa * (push - pull) + kappa_of_pull(shares.attraction, reach, amplitude, c) * pull
+    return kappa * (push - pull) + kappa_of_pull(shares.attraction, reach_of(oscillator.p), amplitude, c) * pull
 
 
 @kernel
@@ -119,16 +119,16 @@ def share_rows(
     attractive, repulsive = Shift(), Shift()
     for i in range(len(rows)):
         oscillator, amplitude = Oscillator(law, parameters(rows[i]), lever), amplitudes[i]
-        reach = reach_of(law, oscillator.p)
+        reach = reach_of(oscillator.p)
         clear(attractive)
         clear(repulsive)
         orbits = averaged_orbits(oscillator, amplitude)
         for j in range(len(orbits)):
             copy(orbits[j], guess)
             guess[col.G_SLOPE] = mismatch_slope(oscillator, guess)
-            if refine(oscillator, reach, guess, limits, room):
+            if refine(oscillator, guess, limits, room):
                 c, push = (guess[col.G_Z0] - guess[col.G_MEAN]) / amplitude, guess[col.G_P]
-                pull = pull_of(oscillator, reach, amplitude, c)
+                pull = pull_of(oscillator, amplitude, c)
                 if push < 0.0 and attractive.attraction != 0.0:
                     continue  # from far: the first attractive orbit and the last repulsive one are stable
                 side = repulsive if push > 0.0 else attractive

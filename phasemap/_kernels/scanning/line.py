@@ -11,7 +11,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.chosen import Chosen
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, free_phasor, reach_of, slowest_decay
+from phasemap._kernels.lever import free_amplitude, free_phasor, slowest_decay
 from phasemap._kernels.orbits.averaged.orbits import far_start
 from phasemap._kernels.records import assign, clear
 from phasemap._kernels.scanning.loop import (
@@ -27,7 +27,7 @@ from phasemap._kernels.scanning.loop import (
     Tally,
     amplitude_shown,
 )
-from phasemap._kernels.scanning.periods import Periods, begin_periods, march_on
+from phasemap._kernels.scanning.periods import PeriodsUnderLoop, begin_periods, march_on
 from phasemap._kernels.scanning.slow_flow import Flow, flow_on
 
 APPROACH = 0.02  # of the free amplitude, by which the tip comes nearer while the lever's amplitude decays by 1/e
@@ -77,7 +77,7 @@ def start_swinging(tip: Any, lever: np.ndarray, place: float, mean: float, a: co
 
 
 move_over.of(Flow)(flow_on)
-move_over.of(Periods)(march_on)
+move_over.of(PeriodsUnderLoop)(march_on)
 
 
 @kernel
@@ -99,9 +99,9 @@ def _start_averaged(tip: Flow, lever: np.ndarray, place: float, mean: float, a: 
     tip.memory.shift = mean
 
 
-@start_swinging.of(Periods)
+@start_swinging.of(PeriodsUnderLoop)
 @kernel
-def _start_marched(tip: Periods, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
+def _start_marched(tip: PeriodsUnderLoop, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
     """Begin the motion in time with the complex amplitude a, the mean deflection and the scanner at `place` [m]."""
     _set_loop(place, a, tip.y)
     begin_periods(lever, mean, a, tip)
@@ -115,9 +115,9 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
     """
     law, lever, loop, noise = setup
     p = parameters(row)
-    reach, free = reach_of(law, p), free_amplitude(lever)
+    free = free_amplitude(lever)
     decay, y = 1.0 / slowest_decay(lever), tip.y
-    far = free * far_start(Oscillator(law, p, lever), reach, free, loop.setpoint)
+    far = free * far_start(Oscillator(law, p, lever), loop.setpoint)
     start_swinging(tip, lever, ground + far, 0.0, free_phasor(lever))
     lowering, tally, passed = Loop(), Tally(), 0.0
     assign(lowering, loop)

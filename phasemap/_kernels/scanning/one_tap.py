@@ -14,7 +14,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, Oscillator, contact_slope
+from phasemap._kernels.law import Law, Oscillator, contact_slope, has_hysteresis, has_longrange
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult, V, Z
@@ -97,7 +97,7 @@ def tap_or_march(
     """
     law, p, lever = oscillator
     apt = abs(lever[col.OMEGA] - 1.0) < OFF_RESONANCE and lever[col.ALPHA0] < HARDLY_RINGS
-    if apt and lever[col.MODES] < 2 and law.memory == 0 and law.lossy == 0 and p[col.RELEASE] == 0.0:
+    if apt and lever[col.MODES] < 2 and law.memory == 0 and law.lossy == 0 and not has_hysteresis(p):
         if taps.marches > 0:
             taps.marches -= 1
         elif tap_once(oscillator, z0, y, acc, taps):
@@ -109,20 +109,14 @@ def tap_or_march(
 def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: PeriodResult, taps: Taps) -> bool:
     """Solve a period with one tap; returns True if it was one that the pieces can follow.
 
-    Parameters
-    ----------
-    y : ndarray
-        State as `tip` names it, at drive phase 0. Advanced if the period was followed.
-    acc : PeriodResult
-        The first harmonic is filled if it was.
-    taps : Taps
-        Left by the period before; zeros at first.
+    If so the state `y` at drive phase 0 is advanced, and the first harmonic in `acc` filled. `taps` was left by the
+    period before; zeros at first.
     """
     law, p, lever = oscillator
     alone = lever_with_spring(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], 0.0, z0)
     period = 2.0 * math.pi / alone.omega
     start = Instant(y[Z], y[V], complex(1.0, 0.0))
-    surface = Surface(law, p, 1.0 / lever[col.STIFFNESS], reach_of(law, p), z0)
+    surface = Surface(law, p, 1.0 / lever[col.STIFFNESS], reach_of(p), z0)
     time, at = _free_landing(alone, start, z0)
     if not SHORTEST_FLIGHT < time < period - SHORTEST_FLIGHT:
         return False
@@ -178,7 +172,7 @@ def _place_nodes(surface: Surface, at: Instant, start: float, end: float, side: 
 def _solve_landing(surface: Surface, lever: SprungLever, at: Instant, time: float, nodes: PieceNodes) -> Piece:
     """Flight to contact, which the free lever makes after a time at the instant `at`: attraction makes it sooner."""
     last = math.inf
-    if surface.p[col.LONGRANGE] == 0.0:
+    if not has_longrange(surface.p):
         return Piece(True, time, at, complex(0.0, 0.0))
     more = (
         nodes.w_speed[0] * nodes.time[0] - nodes.w[0]
@@ -226,7 +220,7 @@ def _solve_flight(
 ) -> Piece:
     """Flight between two times from a contact where the free lever is `at`: after it, or before it to the near one."""
     last, to = math.inf, far if side == AFTER_CONTACT else -near
-    if surface.p[col.LONGRANGE] == 0.0:
+    if not has_longrange(surface.p):
         end = move_freely(lever, at, to)
         return Piece(end.z < surface.z0, far - near, end, complex(0.0, 0.0))
     _place_nodes(surface, at, near, far, side, nodes)

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.orbits.time import elements
+from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z, fill_higher_modes
 from phasemap._kernels.records import clear, record
 from phasemap._kernels.scanning.loop import (
@@ -46,7 +46,7 @@ class PeriodMemory:
     phase: float  # that the lock-in showed [rad]
 
 
-class Periods(NamedTuple):
+class PeriodsUnderLoop(NamedTuple):
     """The lever under its loop by the equation of motion."""
 
     y: np.ndarray  # state of the loop, shape (LOOP_STATE,)
@@ -56,15 +56,15 @@ class Periods(NamedTuple):
     taps: Taps
 
 
-def new_periods(step_size: float) -> Periods:
+def new_periods(step_size: float) -> PeriodsUnderLoop:
     """Return a lever at rest, to be marched in steps of this size."""
     memory = PeriodMemory()
     memory.step_size = step_size
-    return Periods(np.zeros(LOOP_STATE), np.zeros(elements.memory_size(col.MOST_ARMS)), PeriodResult(), memory, Taps())
+    return PeriodsUnderLoop(np.zeros(LOOP_STATE), np.zeros(memory_size(col.MOST_ARMS)), PeriodResult(), memory, Taps())
 
 
 @kernel
-def begin_periods(lever: np.ndarray, mean: float, a: complex, state: Periods) -> None:
+def begin_periods(lever: np.ndarray, mean: float, a: complex, state: PeriodsUnderLoop) -> None:
     """Set the lever swinging about a mean deflection with a complex amplitude [m], at drive phase 0."""
     state.tip[Z], state.tip[V], state.tip[TOUCHES] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
     fill_higher_modes(lever, mean, state.tip)
@@ -82,7 +82,9 @@ def _add_time(memory: PeriodMemory, time: float, tally: Tally) -> None:
 
 
 @kernel
-def _add_noise(lever: np.ndarray, loop: Loop, period: float, noise: np.random.Generator, state: Periods) -> None:
+def _add_noise(
+    lever: np.ndarray, loop: Loop, period: float, noise: np.random.Generator, state: PeriodsUnderLoop
+) -> None:
     """Add the thermal noise of a period to z and z', and the noise of the detector to a."""
     kick = math.sqrt(-loop.thermal_noise * math.expm1(-2.0 * lever[col.ALPHA0] * period))
     spread = math.sqrt(loop.detector_noise / period)
@@ -92,7 +94,7 @@ def _add_noise(lever: np.ndarray, loop: Loop, period: float, noise: np.random.Ge
 
 
 @kernel
-def march_on(state: Periods, setup: Setup, row: np.ndarray, stretch: Stretch, tally: Tally) -> int:
+def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: Stretch, tally: Tally) -> int:
     """March the periods whose middle is over a stretch of ground; returns a status."""
     law, lever, loop, noise = setup
     ground, slope, span = stretch

@@ -20,7 +20,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, contact_force, damping, longrange_force
-from phasemap._kernels.orbits.time.runge_kutta import turn
+from phasemap._kernels.orbits.time.runge_kutta import cosine_and_sine
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
@@ -120,7 +120,7 @@ def move_by_series(lever: SprungLever, at: Instant, time: float) -> Instant:
     a = base * drive.real - stiffness * (z - place) - 2.0 * alpha0 * v
     b = -omega * base * drive.imag - stiffness * v - 2.0 * alpha0 * a
     c = -omega * omega * base * drive.real - stiffness * a - 2.0 * alpha0 * b
-    cosine, sine = turn(omega * time)
+    cosine, sine = cosine_and_sine(omega * time)
     return Instant(
         z + time * (v + time / 2.0 * (a + time / 3.0 * (b + time / 4.0 * c))),
         v + time * (a + time / 2.0 * (b + time / 3.0 * c)),
@@ -131,7 +131,7 @@ def move_by_series(lever: SprungLever, at: Instant, time: float) -> Instant:
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _cosine_and_sine(angle: float) -> tuple[float, float]:
     """Cosine and sine of an angle of at most a turn and a quarter, by Taylor's series of an eighth of it."""
-    c, s = turn(0.125 * angle)
+    c, s = cosine_and_sine(0.125 * angle)
     c, s = c * c - s * s, 2.0 * c * s
     c, s = c * c - s * s, 2.0 * c * s
     return c * c - s * s, 2.0 * c * s

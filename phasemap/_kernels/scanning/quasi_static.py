@@ -1,16 +1,23 @@
-"""Branch of the tip at each pixel of a line, there and back, where it rests at each."""
+"""A tip that rests at each pixel of a line, there and back: on which branch, and up to which tip offset it keeps it."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from phasemap._kernels.columns import ENGAGED, NOWHERE
+from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ENGAGED, NOWHERE, UNKNOWN_ORBIT, StableOrbits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.scanning.slots import UNKNOWN_ORBIT, Orbits
+from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
+from phasemap._kernels.engagement.holding_mean import COARSER_STEPS
+from phasemap._kernels.engagement.in_time import slow_pace
+from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state
 
 
 @kernel
-def next_branch(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[int, int]:
+def next_branch(orbits: StableOrbits, material: int, branch: int, z0: float) -> tuple[int, int]:
     """Branch of the tip after a pixel to which it comes at tip offset z0, and the number of its orbit there.
 
     That is ENGAGED if it is on none of the material's.
@@ -27,24 +34,14 @@ def next_branch(orbits: Orbits, material: int, branch: int, z0: float) -> tuple[
 
 @kernel
 def walk(
-    materials: np.ndarray, orbits: Orbits, anew: bool, branch: int, z0: float, slots: np.ndarray
+    materials: np.ndarray, orbits: StableOrbits, anew: bool, branch: int, z0: float, slots: np.ndarray
 ) -> tuple[int, float]:
     """Fill in the orbit of each pixel line by line, trace and then retrace; returns the last branch and tip offset.
 
-    Parameters
-    ----------
-    materials : ndarray of int, shape (lines, pixels)
-        Number of the material of each pixel.
-    orbits : Orbits
-    anew : bool
-        Engage at the start of each line.
-    branch : int
-        On which the tip comes, or NOWHERE: then it is engaged as soon as a material lets it.
-    z0 : float
-        Tip offset at which it comes [m].
-    slots : ndarray of int, shape (2, lines, pixels)
-        Receives the number of the orbit, by direction; its complement ~ if the tip came on a branch of which it is
-        unknown whether the material has it, and went on as if it had not.
+    `materials` (shape (lines, pixels)): number of the material of each pixel. The tip comes on a `branch` at a tip
+    offset z0 [m]; NOWHERE, or at the start of each line `anew`, it is engaged as soon as a material lets it. `slots`
+    (shape (2, lines, pixels)) gets the number of the orbit, by direction; its complement ~ where it is unknown whether
+    the material has the branch on which the tip came, and the tip went on as if it had not.
     """
     lines, pixels = materials.shape
     for y in range(lines):
@@ -60,3 +57,38 @@ def walk(
                 z0 = orbits.offsets[slot, material]
             slots[way, y, x] = ~slot if guessed else slot
     return branch, z0
+
+
+@kernel
+def reach_rows(
+    law: Law,
+    rows: np.ndarray,
+    lever: np.ndarray,
+    step_size: float,
+    most_periods: int,
+    orbits: np.ndarray,
+    reach: np.ndarray,
+) -> None:
+    """Replace each tip offset in `reach` by the one at which the mean phase changes sign on the way there.
+
+    The tip is raised from `orbits` (shape (n, COLUMNS)) up to `reach` (shape (n,)) [m], which becomes infinite where
+    the branch is not left.
+    """
+    block, up = block_of(lever), (-slow_pace(lever), 0.0, 0.0)
+    for i in range(len(rows)):
+        orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
+        z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)
+        v = lever[col.OMEGA] * orbit[col.AMPLITUDE] * math.sin(lag)
+        u = new_state(law, lever, orbit[col.MEAN], z, v, orbit[col.TIP_OFFSET])
+        tip, lock_in, top = Tip(u, PeriodResult(), PeriodMap(), Periods()), LockIn(), reach[i]
+        begin_lock_in(lever, tip.acc, lock_in)
+        reach[i] = math.inf
+        while tip.periods.marched < most_periods and tip.u[Z0] < top:
+            if (
+                not average(
+                    Oscillator(law, parameters(rows[i]), lever), COARSER_STEPS * step_size, block, up, tip, lock_in
+                )
+                or lock_in.total.period.cos < 0.0
+            ):
+                reach[i] = tip.u[Z0]
+                break

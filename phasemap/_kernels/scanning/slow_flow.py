@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import inverse_inertia, reach_of
+from phasemap._kernels.lever import inverse_inertia
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.records import assign, record
 from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, modulus, slow_flow_rhs
 from phasemap._kernels.scanning.higher_harmonics import Shares
@@ -181,9 +181,7 @@ def flow_on(flow: Flow, setup: Setup, row: np.ndarray, stretch: Stretch, tally: 
     p = parameters(row)
     shares = Shares(row[FIRST_SHARE], row[FIRST_SHARE + 1])
     flow.memory.known = 0
-    return _flow_over(
-        setup, Sample(Oscillator(setup.law, p, setup.lever), reach_of(setup.law, p), shares), stretch, flow, tally
-    )
+    return _flow_over(setup, Sample(Oscillator(setup.law, p, setup.lever), shares), stretch, flow, tally)
 
 
 @kernel

@@ -243,9 +243,9 @@ class Interaction(Shown):
             found = found._replace(lossy=address_of(law.withdrawn))
         if not remembers:
             return found
-        from phasemap._kernels.orbits.time.compiled_memory import address
+        from phasemap._kernels.orbits.time.march import address_of_relaxing
 
-        return found._replace(memory=address())
+        return found._replace(memory=address_of_relaxing())
 
     @property
     def _is_own(self) -> bool:

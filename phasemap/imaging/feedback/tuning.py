@@ -15,7 +15,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import phase_of, reach_of
+from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
@@ -153,11 +153,11 @@ def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
     if sees_tip(work.lever):
         found: Array = averaged_orbits(Oscillator(work.law, p, work.lever), amplitude)
         return found
-    rows, reach = [], reach_of(work.law, p)
+    rows = []
     for side in (-1, 1):
-        a, c, slope = held_root(Oscillator(work.law, p, work.lever), reach, amplitude, side, True, math.nan)
+        a, c, slope = held_root(Oscillator(work.law, p, work.lever), amplitude, side, True, math.nan)
         if slope < 0:
-            push, drag, mean = harmonics(Oscillator(work.law, p, work.lever), reach, a, c)
+            push, drag, mean = harmonics(Oscillator(work.law, p, work.lever), a, c)
             rows.append([a * c + mean, mean, a, push, drag])
     return np.array(rows).reshape(-1, 5)
 
@@ -172,7 +172,7 @@ def _steady(work: Work, p: tuple[float, ...], loop: of.Loop, orbit: Array) -> tu
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and what carries the tip there."""
     z0, mean, amplitude, push, drag = orbit[:5]
     c = (z0 - mean) / amplitude
-    more = tip_shift(Oscillator(work.law, p, work.lever), reach_of(work.law, p), amplitude, c, push, TYPICAL_SHARES)
+    more = tip_shift(Oscillator(work.law, p, work.lever), amplitude, c, push, TYPICAL_SHARES)
     a = amplitude * np.exp(-1j * (math.pi / 2 - phase_of(work.lever, amplitude, push, drag)))
     state = np.zeros(of.LOOP_STATE)
     state[of.A_REAL : of.A_IMAG + 1] = a.real, a.imag
@@ -183,7 +183,7 @@ def _steady(work: Work, p: tuple[float, ...], loop: of.Loop, orbit: Array) -> tu
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: of.Loop, state: Array, shift: float) -> Array:
     """Central differences of the loop's rates."""
-    sample = Sample(Oscillator(work.law, p, work.lever), reach_of(work.law, p), TYPICAL_SHARES)  # will do for ringing
+    sample = Sample(Oscillator(work.law, p, work.lever), TYPICAL_SHARES)  # will do for ringing
     size = NUDGE * loop.setpoint
     out = np.zeros((of.LOOP_STATE, of.LOOP_STATE))
     rate = np.zeros(of.LOOP_STATE)

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.materials.interpolate import BORDER, CUT, LEAF, NO_PIECE, Series, Tree, locate, sum_series
+from phasemap._kernels.materials.interpolate import (
+    BORDER,
+    CUT,
+    LEAF,
+    NO_PIECE,
+    ChebyshevSeries,
+    Tree,
+    locate,
+    sum_series,
+)
 from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
 from phasemap.imaging.interpolation.cells import Cell, Piece, best_of, fit
@@ -28,7 +37,7 @@ class Atlas:
     """Interpolants over materials, as `phasemap._kernels.materials.interpolate` reads them."""
 
     tree: Tree
-    series: Series
+    series: ChebyshevSeries
     errors: Array  # shape (pieces, 2); estimated in each piece, of height [m] and phase [rad]
 
     @classmethod
@@ -90,7 +99,7 @@ def _without_rest(table: Array) -> Array:
     return table[: rows[-1] + 1, : columns[-1] + 1] if len(rows) else table[:1, :1]
 
 
-def _packed(pieces: Sequence[Piece]) -> Series:
+def _packed(pieces: Sequence[Piece]) -> ChebyshevSeries:
     """Series of each piece, without the negligible coefficients at the end along u."""
     count = pieces[0].coefficients.shape[-1] if pieces else 0
     sizes = np.array([piece.coefficients.shape[:3] for piece in pieces], np.int64).reshape(-1, 3)
@@ -107,7 +116,7 @@ def _packed(pieces: Sequence[Piece]) -> Series:
             lengths.append(length)
             kept.append(part)
             at_length, at = at_length + len(length), at + len(part)
-    return Series(sizes, length_starts, _joined(lengths, np.int64), starts, _joined(kept, np.float64))
+    return ChebyshevSeries(sizes, length_starts, _joined(lengths, np.int64), starts, _joined(kept, np.float64))
 
 
 def _joined(parts: Sequence[Array], dtype: type) -> Array:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.continuation.path import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point
 from phasemap._kernels.continuation.piece import (
     PIECE_CLOSED,
     PIECE_FULL,
@@ -20,14 +19,14 @@ from phasemap._kernels.continuation.piece import (
     follow_piece,
     mark_start,
 )
-from phasemap._kernels.continuation.start import start_far
+from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point, start_far
 from phasemap._kernels.continuation.step import copy_orbit
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, held_value, standing_at
-from phasemap._kernels.orbits.collocation.polish import tolerance_of
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, another, head_of, new_orbit
+from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, head_of, new_orbit, new_orbit_like
 from phasemap._kernels.orbits.time.landing import land_free, state_in_row
 from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped
@@ -102,7 +101,7 @@ class Curves:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
         free = free_amplitude(self.standing(0.0).lever)
         orbit = new_orbit(self.path.lever, TABLES)
-        status = start_far(self.path, orbit, 0.9999 * free, 0)
+        status = start_far(self.path, orbit, 0.9999 * free)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
             status, orbit = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
         if status == col.GOOD:
@@ -206,7 +205,7 @@ class Curves:
         return (col.GOOD if good else col.NOT_CONVERGED), orbit
 
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
-        start = another(orbit)
+        start = new_orbit_like(orbit)
         copy_orbit(orbit, start)
         tolerance = self._tolerance(float(head_of(orbit).parameter))
         asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)

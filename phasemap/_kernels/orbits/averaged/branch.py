@@ -52,15 +52,14 @@ def phase_and_offset(
 
 
 @kernel
-def root_near(oscillator: Oscillator, reach: float, amplitude: float, side: int, c: float) -> tuple[float, float]:
+def root_near(oscillator: Oscillator, amplitude: float, side: int, c: float) -> tuple[float, float]:
     """Root c of the mismatch near a guess, and its slope; NaN if Newton's method leaves the stable branch."""
-    lever = oscillator.lever
-    slope = math.nan
+    lever, reach, slope = oscillator.lever, reach_of(oscillator.p), math.nan
     for _ in range(MOST_ROOT_STEPS):
         depth = mismatch_scale(reach, amplitude, c)
-        push, drag, _mean = harmonics(oscillator, reach, amplitude, c)
+        push, drag, _mean = harmonics(oscillator, amplitude, c)
         h = mismatch(lever, amplitude, push, drag)
-        near, far, _mean = harmonics(oscillator, reach, amplitude, c + C_DIFFERENCE * depth)
+        near, far, _mean = harmonics(oscillator, amplitude, c + C_DIFFERENCE * depth)
         slope = (mismatch(lever, amplitude, near, far) - h) / (C_DIFFERENCE * depth)
         if not slope < 0.0:
             return math.nan, math.nan
@@ -72,13 +71,13 @@ def root_near(oscillator: Oscillator, reach: float, amplitude: float, side: int,
 
 
 @kernel
-def root_anywhere(oscillator: Oscillator, reach: float, amplitude: float, side: int) -> tuple[float, float]:
+def root_anywhere(oscillator: Oscillator, amplitude: float, side: int) -> tuple[float, float]:
     """Farthest stable root c of the mismatch on this branch, and the slope there; NaN if there is none."""
     candidates = averaged_orbits(oscillator, amplitude)
     for i in range(len(candidates)):
         if (candidates[i, col.G_P] > 0.0) == (side > 0):
             c, slope = root_near(
-                oscillator, reach, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
+                oscillator, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
             )
             if slope < 0.0:
                 return c, slope
@@ -86,38 +85,34 @@ def root_anywhere(oscillator: Oscillator, reach: float, amplitude: float, side: 
 
 
 @kernel
-def stable_root(
-    oscillator: Oscillator, reach: float, amplitude: float, side: int, search: bool, c: float
-) -> tuple[float, float]:
+def stable_root(oscillator: Oscillator, amplitude: float, side: int, search: bool, c: float) -> tuple[float, float]:
     """Stable root c of the mismatch near a guess, or with `search` anywhere, and the slope there; NaN without one."""
-    root, slope = root_near(oscillator, reach, amplitude, side, c)
+    root, slope = root_near(oscillator, amplitude, side, c)
     if search and not slope < 0.0:
-        root, slope = root_anywhere(oscillator, reach, amplitude, side)
+        root, slope = root_anywhere(oscillator, amplitude, side)
     return root, slope
 
 
 @kernel
-def detector_signal(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> DetectorSignal:
+def detector_signal(oscillator: Oscillator, amplitude: float, c: float) -> DetectorSignal:
     """Signal of the detector on a harmonic orbit, and the mismatch of its drive."""
     lever = oscillator.lever
-    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
+    push, drag, mean = harmonics(oscillator, amplitude, c)
     phase, offset = phase_and_offset(lever, amplitude, c, push, drag, mean)
     seen, turned = show(lever, amplitude, phase)
     return DetectorSignal(mismatch(lever, amplitude, push, drag), seen, turned, offset)
 
 
 @kernel
-def held_root(
-    oscillator: Oscillator, reach: float, held: float, side: int, search: bool, c: float
-) -> tuple[float, float, float]:
+def held_root(oscillator: Oscillator, held: float, side: int, search: bool, c: float) -> tuple[float, float, float]:
     """Amplitude A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and the slope there."""
     lever = oscillator.lever
     amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
     for step in range(MOST_ROOT_STEPS):
-        c, slope = stable_root(oscillator, reach, amplitude, side, search, c)
+        c, slope = stable_root(oscillator, amplitude, side, search, c)
         if not slope < 0.0 or sees_tip(lever):
             return amplitude, c, slope
-        push, drag, mean = harmonics(oscillator, reach, amplitude, c)
+        push, drag, mean = harmonics(oscillator, amplitude, c)
         phase, _ = phase_and_offset(lever, amplitude, c, push, drag, mean)
         miss = show(lever, amplitude, phase)[0] - held
         if abs(miss) < (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
@@ -142,23 +137,23 @@ def fill_signal_and_slopes(
     """
     law, p, lever = oscillator
     amplitude, c = at
-    reach = reach_of(law, p)
-    here = detector_signal(oscillator, reach, amplitude, c)
+    reach = reach_of(p)
+    here = detector_signal(oscillator, amplitude, c)
     values[MEASURED_PHASE], values[MEASURED_OFFSET] = here.phase, here.offset
     small, wide = C_DIFFERENCE * mismatch_scale(reach, amplitude, c), AMPLITUDE_DIFFERENCE * amplitude
-    there = detector_signal(oscillator, reach, amplitude, c + small)
+    there = detector_signal(oscillator, amplitude, c + small)
     h_c, v_c, phase_c, offset_c = (
         (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
         (there.phase - here.phase) / small, (there.offset - here.offset) / small,
     )  # fmt: skip
     h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
     if not sees_tip(lever):
-        there = detector_signal(oscillator, reach, amplitude + wide, c)
+        there = detector_signal(oscillator, amplitude + wide, c)
         h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
         phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
     for k in range(len(rows) - 1):
         other = parameters(rows[1 + k, i])
-        there = detector_signal(Oscillator(law, other, lever), reach_of(law, other), amplitude, c)
+        there = detector_signal(Oscillator(law, other, lever), amplitude, c)
         # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
         h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
         both = h_c * v_a - h_a * v_c

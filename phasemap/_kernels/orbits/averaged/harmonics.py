@@ -23,13 +23,21 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, RELEASE, STIFFNESS
+from phasemap._kernels.columns import DAMPING, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, Oscillator, contact_force, damping, longrange_force
-from phasemap._kernels.lever import static_compliance
+from phasemap._kernels.law import (
+    Law,
+    Oscillator,
+    contact_force,
+    damping,
+    has_hysteresis,
+    has_longrange,
+    longrange_force,
+)
+from phasemap._kernels.lever import distance_to_pole, reach_of, static_compliance
 from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, knows_contact
 from phasemap._kernels.orbits.averaged.remembered import remembered_harmonics
-from phasemap._kernels.orbits.time.by_memory import remembers
+from phasemap._kernels.orbits.time.arms import remembers
 from phasemap._kernels.quadrature import gauss
 
 _X, _W = gauss(16)
@@ -48,9 +56,7 @@ DEEP_CONTACT = -0.6  # below this c the contact integrals need the finer nodes
 
 
 @kernel
-def _neck(
-    law: Law, p: np.ndarray, reach: float, amplitude: float, c: float, caught: bool
-) -> tuple[float, float, float]:
+def _neck(law: Law, p: np.ndarray, amplitude: float, c: float, caught: bool) -> tuple[float, float, float]:
     """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
 
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
@@ -80,12 +86,8 @@ def _neck(
         loss += f * math.sin(theta)
     if caught:
         return mean, push, 0.0
-    if p[LONGRANGE] != 0.0:
-        ratio = 0.5 * reach / amplitude * (1.0 + start * start) ** 2
-        delta = math.sqrt(start * start + ratio) - start
-        if delta < 1e-4 * start:
-            delta = 0.5 * ratio / start
-        rise = far - start
+    if has_longrange(p):
+        delta, rise = distance_to_pole(start, reach_of(p) / amplitude), far - start
         last = rise / (delta + rise)
         for i in range(len(_NECK_X)):
             x = last * _NECK_X[i]
@@ -101,20 +103,16 @@ def _neck(
 
 
 @kernel(fastmath=ANY_ORDER)
-def attraction(law: Law, p: np.ndarray, reach: float, amplitude: float, c: float) -> tuple[float, float]:
+def attraction(law: Law, p: np.ndarray, amplitude: float, c: float) -> tuple[float, float]:
     """Integrals of F and F cos [N] outside contact, over 0 ... pi."""
-    if p[LONGRANGE] == 0.0 or not c > -1.0:
+    if not has_longrange(p) or not c > -1.0:
         return 0.0, 0.0
     if law.longrange_force == 0:
         return attraction_integrals(p, amplitude, c)
     mean, push = 0.0, 0.0
     least = max(c - 1.0, 0.0)  # smallest gap over A
-    start2 = (1.0 - c) / (1.0 + c) if c < 1.0 else 0.0
-    start = math.sqrt(start2)
-    ratio = 0.5 * (least + reach / amplitude) * (1.0 + start2) ** 2
-    delta = math.sqrt(start2 + ratio) - start
-    if delta < 1e-4 * start:
-        delta = 0.5 * ratio / start
+    start = math.sqrt((1.0 - c) / (1.0 + c)) if c < 1.0 else 0.0
+    delta = distance_to_pole(start, least + reach_of(p) / amplitude)
     far, weights = (_FAR_X, _FAR_W) if law.attracts == 1 else (_FINE_X, _FINE_W)
     for i in range(len(far)):
         u = start + delta * far[i]
@@ -128,9 +126,7 @@ def attraction(law: Law, p: np.ndarray, reach: float, amplitude: float, c: float
 
 
 @kernel(fastmath=ANY_ORDER)
-def _even(
-    oscillator: Oscillator, reach: float, amplitude: float, c: float, outside: bool
-) -> tuple[float, float, float]:
+def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: bool) -> tuple[float, float, float]:
     """P, S and A0 [m] without a neck: the same way in and out; without the long-range force unless `outside`."""
     law, p, lever = oscillator
     inverse_k = 1.0 / lever[STIFFNESS]
@@ -164,7 +160,7 @@ def _even(
                 if damped:
                     loss += share * damping(law, d, p) * (1.0 - x * x)
     if outside:
-        more_mean, more_push = attraction(law, p, reach, amplitude, c)
+        more_mean, more_push = attraction(law, p, amplitude, c)
         mean, push = mean + more_mean, push + more_push
     mean *= -inverse_k / math.pi
     push *= 2.0 * inverse_k / math.pi
@@ -172,26 +168,26 @@ def _even(
 
 
 @kernel(shared=True)
-def harmonics(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> tuple[float, float, float]:
+def harmonics(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
     """P, S and A0 [m] of the harmonic orbit of this amplitude that touches where cos(theta) > c.
 
     A neck that is longer than the tip withdraws is never released.
     """
-    push, drag, mean = _of_one_mode(oscillator, reach, amplitude, c)
+    push, drag, mean = _of_one_mode(oscillator, amplitude, c)
     return push, drag, static_compliance(oscillator.lever) * mean
 
 
 @kernel
-def _of_one_mode(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> tuple[float, float, float]:
+def _of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
     """P, S and what A0 would be if the lever had its first mode alone [m]."""
     law, p, lever = oscillator
     if law.memory != 0 and abs(c) < 1.0 and remembers(p):
-        return remembered_harmonics(oscillator, reach, amplitude, c)
-    if p[RELEASE] == 0.0 or abs(c) >= 1.0:
-        return _even(oscillator, reach, amplitude, c, True)  # bit by bit what it is for laws without a neck
+        return remembered_harmonics(oscillator, amplitude, c)
+    if not has_hysteresis(p) or abs(c) >= 1.0:
+        return _without_neck(oscillator, amplitude, c, True)  # bit by bit what it is for laws without a neck
     caught = amplitude * (c + 1.0) < -p[RELEASE]
-    push, drag, mean = _even(oscillator, reach, amplitude, c, not caught)
-    more_mean, more_push, more_drag = _neck(law, p, reach, amplitude, c, caught)
+    push, drag, mean = _without_neck(oscillator, amplitude, c, not caught)
+    more_mean, more_push, more_drag = _neck(law, p, amplitude, c, caught)
     share = 2.0 / (math.pi * lever[STIFFNESS])
     return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean
 

@@ -7,22 +7,22 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
+from phasemap._kernels.numerics import narrowed
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 
 MOST_ORBITS = 32  # of one amplitude that are kept, from far to near; a material has a handful
 
 
 @kernel
-def crossing(oscillator: Oscillator, reach: float, amplitude: float, near: float, far: float) -> float:
-    """Return c between near and far where an orbit has this amplitude (regula falsi); NaN if not bracketed."""
+def root_between(oscillator: Oscillator, amplitude: float, near: float, far: float) -> float:
+    """Root c of the mismatch between two values of c at which its signs differ (regula falsi); NaN if they do not."""
     lever = oscillator.lever
-    push, drag, _ = harmonics(oscillator, reach, amplitude, near)
+    push, drag, _ = harmonics(oscillator, amplitude, near)
     h_near = math.log(1.0 + mismatch(lever, amplitude, push, drag))
-    push, drag, _ = harmonics(oscillator, reach, amplitude, far)
+    push, drag, _ = harmonics(oscillator, amplitude, far)
     h_far = math.log(1.0 + mismatch(lever, amplitude, push, drag))
     if (h_near > 0.0) == (h_far > 0.0):
         return math.nan
@@ -30,7 +30,7 @@ def crossing(oscillator: Oscillator, reach: float, amplitude: float, near: float
     for _ in range(60):
         before = c
         c = (near * h_far - far * h_near) / (h_far - h_near)
-        push, drag, _ = harmonics(oscillator, reach, amplitude, c)
+        push, drag, _ = harmonics(oscillator, amplitude, c)
         h = math.log(1.0 + mismatch(lever, amplitude, push, drag))
         if abs(h) < 1e-10 or abs(c - before) < 1e-14 * max(1.0, abs(c)):
             break
@@ -39,13 +39,14 @@ def crossing(oscillator: Oscillator, reach: float, amplitude: float, near: float
 
 
 @kernel
-def far_start(oscillator: Oscillator, reach: float, free: float, amplitude: float) -> float:
-    """Return c so large that the surface hardly matters at this setpoint."""
+def far_start(oscillator: Oscillator, amplitude: float) -> float:
+    """Ratio c = (z0 - A0)/A of a harmonic orbit so far out that the surface hardly matters at this setpoint."""
     p, lever = oscillator.p, oscillator.lever
+    free = free_amplitude(lever)
     allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.DRIVE]
-    away = scale_of(oscillator, free) / free
+    away = scale_of(oscillator) / free
     for _ in range(60):
-        if p[col.LONGRANGE] == 0.0 or abs(harmonics(oscillator, reach, free, 1.0 + away)[0]) < allowed:
+        if not has_longrange(p) or abs(harmonics(oscillator, free, 1.0 + away)[0]) < allowed:
             break
         away *= 1.5
     return 1.0 + away - p[col.FORMING] / free
@@ -54,18 +55,18 @@ def far_start(oscillator: Oscillator, reach: float, free: float, amplitude: floa
 @kernel
 def mismatch_slope(oscillator: Oscillator, guess: np.ndarray) -> float:
     """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
-    law, p, lever = oscillator
-    reach, amplitude, e = reach_of(law, p), guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
+    lever = oscillator.lever
+    reach, amplitude, e = reach_of(oscillator.p), guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
     small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
-    push, drag, _ = harmonics(oscillator, reach, amplitude, (e + small) / amplitude)
+    push, drag, _ = harmonics(oscillator, amplitude, (e + small) / amplitude)
     return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[col.G_P], guess[col.G_S])) / small
 
 
 @kernel
-def in_phase(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> float:
-    """P + A (1 - omega^2), the part of the drive that acts against stiffness; it passes zero between two branches."""
+def in_phase_drive(oscillator: Oscillator, amplitude: float, c: float) -> float:
+    """Part of the drive [m] against stiffness, P + A (1 - omega^2): it passes zero between two branches."""
     lever = oscillator.lever
-    return harmonics(oscillator, reach, amplitude, c)[0] + amplitude * lever[col.DYNAMIC_STIFFNESS]
+    return harmonics(oscillator, amplitude, c)[0] + amplitude * lever[col.DYNAMIC_STIFFNESS]
 
 
 @kernel(shared=True)
@@ -74,11 +75,9 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
 
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
-    law, p, lever = oscillator
-    reach = reach_of(law, p)
-    free = free_amplitude(lever)
-    epsilon = scale_of(oscillator, free) / amplitude
-    start = max(far_start(oscillator, reach, free, amplitude), 1.5)
+    lever = oscillator.lever
+    epsilon = scale_of(oscillator) / amplitude
+    start = max(far_start(oscillator, amplitude), 1.5)
     zeta, end, samples = math.asinh(2.0 * start / epsilon), -math.asinh(6.0 / epsilon), 400
     at = np.empty(2 * samples + 2)
     above = np.empty(len(at), np.bool_)  # whether an orbit there needs more drive than there is
@@ -86,18 +85,18 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
     x_before = 0.0
     for i in range(samples + 1):
         c = 1.0 + epsilon * math.sinh(zeta + (end - zeta) * i / samples)
-        push, drag, _ = harmonics(oscillator, reach, amplitude, c)
+        push, drag, _ = harmonics(oscillator, amplitude, c)
         x = push + amplitude * lever[col.DYNAMIC_STIFFNESS]
         if i > 0 and (x > 0.0) != (x_before > 0.0):
             near, far = c, at[count - 1]
             for _ in range(60):
                 middle = 0.5 * (near + far)
-                if (in_phase(oscillator, reach, amplitude, middle) > 0.0) == (x > 0.0):
+                if (in_phase_drive(oscillator, amplitude, middle) > 0.0) == (x > 0.0):
                     near = middle
                 else:
                     far = middle
             at[count] = 0.5 * (near + far)
-            between, lag, _ = harmonics(oscillator, reach, amplitude, at[count])
+            between, lag, _ = harmonics(oscillator, amplitude, at[count])
             above[count] = math.log(1.0 + mismatch(lever, amplitude, between, lag)) > 0.0
             count += 1
         at[count], above[count] = c, math.log(1.0 + mismatch(lever, amplitude, push, drag)) > 0.0
@@ -108,9 +107,9 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
     for i in range(1, count):
         if above[i] == above[i - 1]:
             continue
-        root = crossing(oscillator, reach, amplitude, at[i], at[i - 1])
+        root = root_between(oscillator, amplitude, at[i], at[i - 1])
         if not math.isnan(root) and found < len(rows):
-            push, drag, mean = harmonics(oscillator, reach, amplitude, root)
+            push, drag, mean = harmonics(oscillator, amplitude, root)
             put_harmonic_orbit(rows[found], amplitude, root, push, drag, mean)
             found += 1
     return rows[:found]

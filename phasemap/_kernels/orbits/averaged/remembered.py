@@ -15,12 +15,13 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
-from phasemap._kernels.orbits.time.arms import Arms, fill_arms
-from phasemap._kernels.orbits.time.by_memory import recovery_of
+from phasemap._kernels.law import Law, Oscillator, contact_force, has_longrange, longrange_force
+from phasemap._kernels.lever import distance_to_pole, reach_of
+from phasemap._kernels.numerics import newton_in_bracket
+from phasemap._kernels.orbits.time.arms import Arms, fill_arms, recovery_of
 from phasemap._kernels.quadrature import gauss
 
-Sums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(theta)
+TapSums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(theta)
 
 
 class Angle(NamedTuple):
@@ -37,7 +38,7 @@ _FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2
 
 
 @kernel(inline=True)
-def _added(sums: Sums, force: float, cosine: float, sine: float) -> Sums:
+def _added(sums: TapSums, force: float, cosine: float, sine: float) -> TapSums:
     """Mean, in-phase and out-of-phase sums with the force at one more node."""
     mean, push, drag = sums
     return mean + force, push + force * cosine, drag + force * sine
@@ -73,21 +74,15 @@ def _angle_of_equal_edge(
             falls += share / time * (d - seen + left)
             held -= share * (1 - kept)
             arms.value[a], arms.slope[a] = seen, kept
-        if off > 0:
-            low = at
-        else:
-            high = at
-        way = off / falls
-        at += way
-        if not low < at < high:
-            at = 0.5 * (low + high)
-        elif abs(way) < 1e-6 * most:
+        before = at
+        at, low, high = newton_in_bracket(at, off, -falls, low, high, False)
+        if abs(at - before) < 1e-6 * most:
             break
     return Angle(at, d, held / falls)
 
 
 @kernel
-def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[Sums, float]:
+def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, float]:
     """Integrals of the force of a solid that relaxes [N], and theta where the contact ends."""
     arms = Arms()
     fill_arms(p, arms)
@@ -134,7 +129,7 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[Sums, floa
 
 
 @kernel
-def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[Sums, float]:
+def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[TapSums, float]:
     """Sums of a Kelvin-Voigt contact after Ting, and the angle of its end: theory, Eq. (memory-7), time = omega t0."""
     m2, whole = 0.5 * (1 - c), math.hypot(1.0, time)
     m, lag = math.sqrt(m2), math.atan(time)
@@ -152,15 +147,10 @@ def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[Sums, flo
 
 
 @kernel
-def _attraction(
-    law: Law, p: Any, reach: float, amplitude: float, c: float, theta: float, dent: float, rate: float
-) -> Sums:
+def _attraction(law: Law, p: Any, amplitude: float, c: float, theta: float, dent: float, rate: float) -> TapSums:
     """Integrals of the long-range force from theta to pi over a dent that recovers, theory, Eq. (memory-6)."""
     start, sums = math.tan(0.5 * theta), (0.0, 0.0, 0.0)
-    ratio = 0.5 * reach / amplitude * (1 + start * start) ** 2
-    delta = math.sqrt(start * start + ratio) - start
-    if delta < 1e-4 * start:
-        delta = 0.5 * ratio / start
+    delta = distance_to_pole(start, reach_of(p) / amplitude)
     for i in range(len(_FAR_X)):
         u = start + delta * _FAR_X[i]
         below = 1 / (1 + u * u)
@@ -174,7 +164,7 @@ def _attraction(
 
 
 @kernel
-def remembered_harmonics(oscillator: Oscillator, reach: float, amplitude: float, c: float) -> Sums:
+def remembered_harmonics(oscillator: Oscillator, amplitude: float, c: float) -> TapSums:
     """P, S and A0 [m] of the harmonic orbit that taps, -1 < c < 1, as `harmonics` has them."""
     law, p, lever = oscillator
     omega, recovery = lever[col.OMEGA], recovery_of(p, lever)
@@ -187,10 +177,10 @@ def remembered_harmonics(oscillator: Oscillator, reach: float, amplitude: float,
     mean, push, drag = sums
     push += pull * (math.sin(end) + math.sin(touch))
     drag += pull * (math.cos(touch) - math.cos(end))
-    if p[col.LONGRANGE] != 0.0:
+    if has_longrange(p):
         dent = max(math.cos(end) - c, 0.0)
-        mean_in, push_in, drag_in = _attraction(law, p, reach, amplitude, c, touch, 0.0, 0.0)
-        mean_out, push_out, drag_out = _attraction(law, p, reach, amplitude, c, end, dent, recovery / omega)
+        mean_in, push_in, drag_in = _attraction(law, p, amplitude, c, touch, 0.0, 0.0)
+        mean_out, push_out, drag_out = _attraction(law, p, amplitude, c, end, dent, recovery / omega)
         mean += mean_in + mean_out
         push += push_in + push_out
         drag += drag_out - drag_in

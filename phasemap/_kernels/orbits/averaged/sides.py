@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import beside_resonance, lowest_tip_offset, mismatch
+from phasemap._kernels.lever import beside_resonance, lowest_tip_offset, mismatch, reach_of
+from phasemap._kernels.numerics import narrowed
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.records import record
 
@@ -25,6 +25,19 @@ CROSSING_TOLERANCE = 1e-7  # mismatch left at a crossing, far below what averagi
 LEAST_MISMATCH = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
 FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
+FIRST_DEPTH = 0.12  # of `balance_depth`: the first depth at which the maximum of the mismatch is sought, then doubled
+TRIAL_DEPTH = 0.1  # of the reach, depth at which the elastic force is asked for
+MOST_DEPTHS_OF_BALANCE = 10.0  # in reaches, at which attraction still outweighs what is elastic: a soft sample
+MOST_GAPS = 60  # that are tried for a maximum or a crossing: each grows by a share, so that they reach any scale
+MOST_CROSSING_STEPS = 50  # of regula falsi, whose bracket is decades wide
+FARTHER = 2.0  # times the height over the pole, by which the gap grows on the way out to the attractive crossing
+NOT_REPULSIVE = -0.5  # value in place of the logarithm of 1 + mismatch where the orbit is no repulsive one, or less
+OVERSHOOT = (
+    1.1  # of the depth at which P, rising as its square, would reach what is wanted: the crossing is then inside
+)
+LEAST_GROWTH, MOST_GROWTH = 1.15, 4.0  # of that depth from one gap to the next
+LEAST_RISE = 0.02  # of what P has to rise by, the least that counts as its rise
+DIFFERENCE = 1e-5  # of reach, gap or amplitude, by which derivatives are taken
 
 
 @record
@@ -38,10 +51,10 @@ class Maximum:
 
 
 @kernel
-def mismatch_at_gap(oscillator: Oscillator, reach: float, amplitude: float, gap: float) -> tuple[float, float]:
+def mismatch_at_gap(oscillator: Oscillator, amplitude: float, gap: float) -> tuple[float, float]:
     """Mismatch of the drive, and in-phase force P [m], of the harmonic orbit with this amplitude and gap."""
     lever = oscillator.lever
-    push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
+    push, drag, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     return mismatch(lever, amplitude, push, drag), push
 
 
@@ -57,41 +70,39 @@ def attractive_mismatch(lever: np.ndarray, amplitude: float, push: float, drag: 
 
 
 @kernel
-def attractive_mismatch_at_gap(
-    oscillator: Oscillator, reach: float, amplitude: float, gap: float
-) -> tuple[float, float]:
+def attractive_mismatch_at_gap(oscillator: Oscillator, amplitude: float, gap: float) -> tuple[float, float]:
     """Attractive mismatch, and in-phase force P [m], of the harmonic orbit that comes to `gap` [m] above contact.
 
-    The mismatch is by what the drive falls short of the averaged equation on the attractive side of the resonance; the
-    force is felt within `reach` [m].
+    The mismatch is by what the drive falls short of the averaged equation on the attractive side of the resonance.
     """
     lever = oscillator.lever
-    push, drag, _ = harmonics(oscillator, reach, amplitude, 1.0 + gap / amplitude)
+    push, drag, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     return attractive_mismatch(lever, amplitude, push, drag), push
 
 
 @kernel
-def balance_depth(law: Law, p: np.ndarray, reach: float) -> float:
+def balance_depth(law: Law, p: np.ndarray) -> float:
     """Indentation [m] at which the elastic force makes up for the attraction, taking it to rise as d^(3/2)."""
-    d = 0.1 * reach
+    reach = reach_of(p)
+    d = TRIAL_DEPTH * reach
     rise = contact_force(law, d, p) - contact_force(law, 0.0, p)
     if not rise > 0.0:
-        return 10.0 * reach
-    return min(d * (-longrange_force(law, 0.0, p) / rise) ** (2 / 3), 10.0 * reach)
+        return MOST_DEPTHS_OF_BALANCE * reach
+    return min(d * (-longrange_force(law, 0.0, p) / rise) ** (2 / 3), MOST_DEPTHS_OF_BALANCE * reach)
 
 
 @kernel
-def find_mismatch_maximum(oscillator: Oscillator, reach: float, amplitude: float, plain: float, top: Maximum) -> None:
+def find_mismatch_maximum(oscillator: Oscillator, amplitude: float, plain: float, top: Maximum) -> None:
     """Fill `top` with the first maximum of the attractive mismatch on approach; stop early where it exceeds `plain`."""
     law, p = oscillator.law, oscillator.p
-    h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, 0.0)
+    h, push = attractive_mismatch_at_gap(oscillator, amplitude, 0.0)
     top.gap, top.mismatch, top.push = 0.0, h, push
     if h >= plain:
         return
     before, h_before, here, h_here = 0.0, h, 0.0, h
-    deeper = -0.12 * balance_depth(law, p, reach)
-    for _ in range(60):
-        h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, deeper)
+    deeper = -FIRST_DEPTH * balance_depth(law, p)
+    for _ in range(MOST_GAPS):
+        h, push = attractive_mismatch_at_gap(oscillator, amplitude, deeper)
         if h < h_here or push > 0.0:
             break
         top.gap, top.mismatch, top.push = deeper, h, push
@@ -108,14 +119,14 @@ def find_mismatch_maximum(oscillator: Oscillator, reach: float, amplitude: float
         x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
         highest = h_before + (x - x0) * (rise + bend * (x - x1))
         if x0 < x < x2 and abs(highest) < 2.0 * plain:
-            h, push = attractive_mismatch_at_gap(oscillator, reach, amplitude, -x * x)
+            h, push = attractive_mismatch_at_gap(oscillator, amplitude, -x * x)
             if h > top.mismatch:
                 top.gap, top.mismatch, top.push = -x * x, h, push
 
 
 @kernel
 def _gap_of_crossing(
-    oscillator: Oscillator, reach: float, amplitude: float, side: int, shift: float,
+    oscillator: Oscillator, amplitude: float, side: int, shift: float,
     one: tuple[float, float], two: tuple[float, float],
 ) -> float:  # fmt: skip
     """Gap [m] of zero mismatch between two points (gap, f) of opposite sign, by regula falsi; NaN without one."""
@@ -126,9 +137,9 @@ def _gap_of_crossing(
     if logarithmic:
         a, b = math.log(a + shift), math.log(b + shift)
     x = a
-    for _ in range(50):
+    for _ in range(MOST_CROSSING_STEPS):
         x = (a * f_b - b * f_a) / (f_b - f_a)
-        h, push = mismatch_at_gap(oscillator, reach, amplitude, math.exp(x) - shift if logarithmic else x)
+        h, push = mismatch_at_gap(oscillator, amplitude, math.exp(x) - shift if logarithmic else x)
         f = sided_log_mismatch(lever, amplitude, side, h, push)
         if abs(f) < CROSSING_TOLERANCE:
             return math.exp(x) - shift if logarithmic else x
@@ -147,20 +158,20 @@ def sided_log_mismatch(lever: np.ndarray, amplitude: float, side: int, h: float,
     """Logarithm of 1 + mismatch; on the repulsive side made negative where the orbit is not a repulsive one."""
     if side == ATTRACTIVE or repelled(lever, amplitude, push):
         return math.log1p(h)
-    return min(-0.5, -abs(math.log1p(h)))
+    return min(NOT_REPULSIVE, -abs(math.log1p(h)))
 
 
 @kernel
-def attractive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
+def attractive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
     """Gap of the attractive crossing, outside of a point with more than enough attraction; NaN if it is not found."""
     near, h_near = top.gap, top.mismatch
-    shift = reach + max(-near, 0.0)
-    for _ in range(40):
-        far = near + 2.0 * (near + shift)
-        h, _ = mismatch_at_gap(oscillator, reach, amplitude, far)
+    shift = reach_of(oscillator.p) + max(-near, 0.0)
+    for _ in range(MOST_GAPS):
+        far = near + FARTHER * (near + shift)
+        h, _ = mismatch_at_gap(oscillator, amplitude, far)
         if h <= 0.0:
             return _gap_of_crossing(
-                oscillator, reach, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
+                oscillator, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
             )
         near, h_near = far, h
     return math.nan
@@ -179,56 +190,56 @@ def deepest_tip_offset(oscillator: Oscillator) -> float:
 
 
 @kernel
-def repulsive_gap(oscillator: Oscillator, reach: float, amplitude: float, top: Maximum) -> float:
+def repulsive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     lever = oscillator.lever
     stiff = amplitude * lever[col.DYNAMIC_STIFFNESS]
     peak, want = top.gap, lever[col.DRIVE] - stiff - top.push
-    near, f_near = peak, min(-0.5, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
+    near, f_near = peak, min(NOT_REPULSIVE, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
     gap, last = top.behind, deepest_tip_offset(oscillator)
-    for _ in range(60):
-        h, push = mismatch_at_gap(oscillator, reach, amplitude, gap)
+    for _ in range(MOST_GAPS):
+        h, push = mismatch_at_gap(oscillator, amplitude, gap)
         if h > 0.0 and push > 0.0:
             if not repelled(lever, amplitude, push):
                 return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _gap_of_crossing(oscillator, reach, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
+            return _gap_of_crossing(oscillator, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
         near, f_near = gap, sided_log_mismatch(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
-        grow = 1.1 * math.sqrt(want / max(push - top.push, 0.02 * want))
-        gap = peak + (gap - peak) * min(max(grow, 1.15), 4.0)
+        grow = OVERSHOOT * math.sqrt(want / max(push - top.push, LEAST_RISE * want))
+        gap = peak + (gap - peak) * min(max(grow, LEAST_GROWTH), MOST_GROWTH)
         if gap < last:
             break
     return math.nan
 
 
 @kernel
-def put_averaged_orbit(oscillator: Oscillator, reach: float, amplitude: float, gap: float, guess: np.ndarray) -> float:
+def put_averaged_orbit(oscillator: Oscillator, amplitude: float, gap: float, guess: np.ndarray) -> float:
     """Fill `guess` (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit at this gap; returns dz0/dA."""
-    lever = oscillator.lever
+    lever, reach = oscillator.lever, reach_of(oscillator.p)
     c = 1.0 + gap / amplitude
-    push, drag, mean = harmonics(oscillator, reach, amplitude, c)
+    push, drag, mean = harmonics(oscillator, amplitude, c)
     h = mismatch(lever, amplitude, push, drag)
     # dz0/dA along the orbits, from the two slopes of the mismatch at fixed A and fixed c.
-    small = 1e-5 * (reach if reach > 0.0 else -gap)
-    slope = (mismatch_at_gap(oscillator, reach, amplitude, gap + small)[0] - h) / small
-    larger = amplitude * 1.00001
-    push_a, drag_a, _ = harmonics(oscillator, reach, larger, c)
+    small = DIFFERENCE * (reach if reach > 0.0 else -gap)
+    slope = (mismatch_at_gap(oscillator, amplitude, gap + small)[0] - h) / small
+    larger = amplitude * (1.0 + DIFFERENCE)
+    push_a, drag_a, _ = harmonics(oscillator, larger, c)
     put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
     guess[col.G_SLOPE] = slope
-    return c - (mismatch(lever, larger, push_a, drag_a) - h) / (1e-5 * amplitude * slope)
+    return c - (mismatch(lever, larger, push_a, drag_a) - h) / (DIFFERENCE * amplitude * slope)
 
 
 @kernel
 def fill_averaged_orbit_on_side(
-    oscillator: Oscillator, reach: float, amplitude: float, side: int, top: Maximum, guess: np.ndarray
+    oscillator: Oscillator, amplitude: float, side: int, top: Maximum, guess: np.ndarray
 ) -> bool:
     """Fill `guess` with the averaged orbit on this side; False near a fold, or where the tip is pressed in."""
     if side == ATTRACTIVE:
-        gap = attractive_gap(oscillator, reach, amplitude, top)
+        gap = attractive_gap(oscillator, amplitude, top)
     else:
-        gap = repulsive_gap(oscillator, reach, amplitude, top)
+        gap = repulsive_gap(oscillator, amplitude, top)
     if math.isnan(gap):
         return False
-    along = put_averaged_orbit(oscillator, reach, amplitude, gap, guess)
+    along = put_averaged_orbit(oscillator, amplitude, gap, guess)
     inside = guess[col.G_Z0] > deepest_tip_offset(oscillator)
     return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside

@@ -4,27 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.arrays import copy_rows
-from phasemap._kernels.columns import (
-    DRIVE,
-    DYNAMIC_LOSS,
-    DYNAMIC_STIFFNESS,
-    OMEGA,
-    ROW,
-)
+from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, ROW
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.dense import eliminate
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of
+from phasemap._kernels.numerics import copy_rows, eliminate
 from phasemap._kernels.orbits.collocation.linearised import add_times
-from phasemap._kernels.orbits.collocation.mode_motion import add_answer, left_alone
+from phasemap._kernels.orbits.collocation.mode_motion import add_response, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_OTHER,
-    GROWTH,
-    MOTION,
-    MOTION_BY_M,
-    MOTION_RATE,
-    MOTION_RATE_BY_M,
     PLACES,
     RA,
     RIGHT,
@@ -33,20 +21,19 @@ from phasemap._kernels.orbits.collocation.system import (
     RS,
     RZ,
     STATE,
-    TURN_COSINE,
-    TURN_SINE,
     Equation,
     Head,
     Orbit,
     close_ring,
     element_of,
     head_of,
+    motion_of_mode,
 )
 from phasemap._kernels.quadrature import NODES
 
 
 @kernel
-def _drive(lever: np.ndarray, head: Head) -> float:
+def _drive_surplus(lever: np.ndarray, head: Head) -> float:
     """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
     base = lever[DRIVE]
     x, y = drive_needed(lever, head.amplitude, head.push, head.drag)
@@ -54,7 +41,7 @@ def _drive(lever: np.ndarray, head: Head) -> float:
 
 
 @kernel(shared=True)
-def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
+def _append_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
     """Add the drive's equation, linearised, to the chained ones; returns the row of the next equation."""
     head, system, base = head_of(orbit), orbit.system, lever[DRIVE]
     states = 2 * modes_of(lever)
@@ -66,36 +53,43 @@ def _with_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
     system[row, RA] = 2 * (x * lever[DYNAMIC_STIFFNESS] + y * lever[DYNAMIC_LOSS]) / base
     system[row, RIGHT] = (x * x + y * y) / base + base
     if len(drift) > 0:
-        system[row, RM] = (_drive(drift[0][ROW:], head) - _drive(drift[1][ROW:], head)) / (2.0 * DRIFT_STEP)
+        system[row, RM] = (_drive_surplus(drift[0][ROW:], head) - _drive_surplus(drift[1][ROW:], head)) / (
+            2.0 * DRIFT_STEP
+        )
     return row + 1
 
 
 @kernel
-def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
-    """Solve the chained equations with the drive's and two that hold, for the unknowns after a step; True if solvable.
-
-    Where no parameter moves, the second of them is `hold_parameter`.
-    """
-    head, system = head_of(orbit), orbit.system
-    row = _with_drive(lever, orbit, drift)
+def _hold(held: tuple[Equation, Equation], row: int, system: np.ndarray) -> None:
+    """Fill in the coefficients of two equations for what is held, from a row of the system on."""
     for i in range(2):
         one = held[i]
         system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
         system[row + i, RP], system[row + i, RS] = one.normal_p, one.normal_s
-        system[row + i, RIGHT] = one.equals - one.normal_m * head.parameter
+
+
+@kernel
+def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
+    """Solve the chained equations, the drive's, and two for what is held, for the unknowns; False if singular.
+
+    Where no parameter moves, the second of what is held is `hold_parameter`.
+    """
+    head, system, row = head_of(orbit), orbit.system, _append_drive(lever, orbit, drift)
+    _hold(held, row, system)
+    for i in range(2):
+        system[row + i, RIGHT] = held[i].equals - held[i].normal_m * head.parameter
     return eliminate(system, len(system))
 
 
 @kernel
 def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
-    """Leave the derivative along the curve in the last column: the first equation stays, the second changes by one."""
-    system = orbit.system
-    row = _with_drive(lever, orbit, drift)
+    """Solve for the derivative along a curve of orbits, left in the last column of the system.
+
+    The first equation stays, the second changes by one.
+    """
+    system, row = orbit.system, _append_drive(lever, orbit, drift)
+    _hold(held, row, system)
     system[:, RIGHT] = 0.0
-    for i in range(2):
-        one = held[i]
-        system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
-        system[row + i, RP], system[row + i, RS] = one.normal_p, one.normal_s
     system[row + 1, RIGHT] = 1.0
     return eliminate(system, len(system))
 
@@ -123,7 +117,7 @@ def apply_step(lever: np.ndarray, orbit: Orbit, share: float) -> float:
             add_times(-much, by, f)
         for j in range(NODES):
             old[j] = one.w[j]
-        move_modes(orbit.tables[one.table], lever, orbit, e, states, f, x[RM], share)
+        move_modes(lever, orbit, e, states, f, x[RM], share)
         for j in range(NODES):
             largest = max(largest, abs((one.w[j] - old[j]) / share + gain * one.cos[j] - shift))
     close_ring(orbit)
@@ -138,44 +132,37 @@ def apply_step(lever: np.ndarray, orbit: Orbit, share: float) -> float:
 
 @kernel(fastmath=ANY_ORDER)
 def move_modes(
-    table: np.ndarray,
-    lever: np.ndarray,
-    orbit: Orbit,
-    e: int,
-    states: np.ndarray,
-    f: np.ndarray,
-    m: float,
-    share: float,
+    lever: np.ndarray, orbit: Orbit, e: int, states: np.ndarray, f: np.ndarray, m: float, share: float
 ) -> None:
     """Move each mode in an element by `share` of the way to its motion under a force f, from these states."""
-    one, modes, omega = element_of(orbit, e), orbit.modes, lever[OMEGA]
+    one, omega = element_of(orbit, e), lever[OMEGA]
     one.edge_w, one.edge_u = 0.0, 0.0
     for j in range(NODES):
         one.w[j], one.u[j], one.bend[j] = 0.0, 0.0, 0.0
     for i in range(modes_of(lever)):
         w0, u0 = states[2 * i], states[2 * i + 1]
         a, nu, square, rate, yields = mode_of(lever, i)
+        own, inverse = motion_of_mode(orbit, e, i), 1.0 / nu
+        w, u, grow, cosine, sine = own.w, own.u, own.growth, own.cos, own.sin
         for j in range(PLACES):
-            modes[e, i, MOTION, j] *= 1.0 - share
-            modes[e, i, MOTION_RATE, j] *= 1.0 - share
-        modes[e, i, MOTION, NODES] += share * w0
-        modes[e, i, MOTION_RATE, NODES] += share * u0
-        grow, cosine, sine, inverse = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE], 1.0 / nu
-        w, u = modes[e, i, MOTION], modes[e, i, MOTION_RATE]
+            w[j] *= 1.0 - share
+            u[j] *= 1.0 - share
+        w[NODES] += share * w0
+        u[NODES] += share * u0
         for j in range(NODES):
-            ww, wu, uw, uu = left_alone(a, nu, inverse, grow[j], cosine[j], sine[j])
+            ww, wu, uw, uu = free_transfer(a, nu, inverse, grow[j], cosine[j], sine[j])
             w[j] += share * (ww * w0 + wu * u0)
             u[j] += share * (uw * w0 + uu * u0)
         if m != 0.0:
             for j in range(NODES):
-                w[j] += share * m * modes[e, i, MOTION_BY_M, j]
-                u[j] += share * m * modes[e, i, MOTION_RATE_BY_M, j]
-        add_answer(lever, orbit, e, table, i, share, f, (MOTION, MOTION_RATE))
+                w[j] += share * m * own.w_by_m[j]
+                u[j] += share * m * own.u_by_m[j]
+        add_response(lever, orbit, e, i, share, f, w, u)
         scale = 1.0 / (omega * omega)
         of_f, of_u, of_w = scale * yields, 2.0 * scale * rate * omega, scale * square
         for j in range(NODES):
             one.w[j] += w[j]
             one.u[j] += u[j]
             one.bend[j] += of_f * f[j] - of_u * u[j] - of_w * w[j]
-        one.edge_w += modes[e, i, MOTION, NODES]
-        one.edge_u += modes[e, i, MOTION_RATE, NODES]
+        one.edge_w += w[NODES]
+        one.edge_u += u[NODES]

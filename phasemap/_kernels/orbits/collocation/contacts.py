@@ -8,21 +8,17 @@ import numpy as np
 
 from phasemap._kernels.columns import RELEASE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.law import has_hysteresis
+from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.collocation.system import MOST_CONTACTS, Head, Orbit, element_of, head_of
-from phasemap._kernels.quadrature import (
-    NODES,
-    T_BARY,
-    T_BARY_FIRST,
-    T_BARY_LAST,
-    T_FIRST,
-    T_LAST,
-    T_NUMBERS,
-    T_S,
-)
+from phasemap._kernels.quadrature import NODES, T_BARY, T_BARY_FIRST, T_BARY_LAST, T_FIRST, T_LAST, T_NUMBERS, T_S
 from phasemap._kernels.records import column, record
 
 TWO_PI = 2 * math.pi
 PERMANENT = -1  # contacts of an orbit that never leaves contact
+MOST_BORDER_STEPS = 60  # of Newton's method to where the depth passes a border, bisections among them
+SAME_ANGLE = 1e-15 * TWO_PI  # [rad], last of these steps: rounding
+EXTREME_HALVINGS = 40  # of the bracket of an extreme, to 1e-12 of it
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -54,7 +50,7 @@ def interpolate(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
 
 @kernel(fastmath=ANY_ORDER)
 def interpolation_shares(orbit: Orbit, e: int, theta: float, shares: np.ndarray) -> None:
-    """Fill the shares of the nodes of element e, of its start and of its end in what is interpolated at an angle."""
+    """Fill the weights of barycentric interpolation at an angle in element e: of its nodes, its start and its end."""
     one, table = element_of(orbit, e), orbit.tables[element_of(orbit, e).table]
     x = (theta - one.origin) / one.scale
     total = 0.0
@@ -83,20 +79,12 @@ def depth_at(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
 def _root(orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float) -> float:
     """Angle between low and high where d passes `border`, by Newton's method kept inside the bracket."""
     theta = low + (high - low) * d_low / (d_low - d_high)
-    for _ in range(60):
+    for _ in range(MOST_BORDER_STEPS):
         d, slope = depth_at(orbit, e, theta)
-        d -= border
-        if (d > 0.0) == (d_low > 0.0):
-            low = theta
-        else:
-            high = theta
-        step = -d / slope if slope != 0.0 else 0.0
-        following = theta + step
-        if not (low < following < high):
-            following = 0.5 * (low + high)
-        if abs(following - theta) < 1e-15 * TWO_PI:
-            return following
-        theta = following
+        before = theta
+        theta, low, high = newton_in_bracket(theta, d - border, slope, low, high, d_high > 0.0)
+        if abs(theta - before) < SAME_ANGLE:
+            break
     return theta
 
 
@@ -104,7 +92,7 @@ def _root(orbit: Orbit, e: int, border: float, low: float, d_low: float, high: f
 def _extreme(orbit: Orbit, e: int, low: float, high: float) -> float:
     """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
     sign = depth_at(orbit, e, low)[1] > 0.0
-    for _ in range(40):
+    for _ in range(EXTREME_HALVINGS):
         middle = 0.5 * (low + high)
         if (depth_at(orbit, e, middle)[1] > 0.0) == sign:
             low = middle
@@ -120,10 +108,10 @@ def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
     Without contact, or in contact for good: where the tip is nearest to the other side.
     """
     held = head_of(orbit).contacts == PERMANENT  # in a neck, it depends on where the tip came from
-    if not _find_pressed(orbit):
+    if not _find_crossings(orbit):
         return False
     contacts = head_of(orbit).contacts
-    if p[RELEASE] == 0.0:
+    if not has_hysteresis(p):
         for i in range(contacts):
             head_of(orbit).neck_end[i] = head_of(orbit).contact_end[i]
     elif contacts > 0:
@@ -226,7 +214,7 @@ def _point_of(orbit: Orbit, e: int, k: int) -> tuple[float, float, float]:
 
 
 @kernel
-def _find_pressed(orbit: Orbit) -> bool:
+def _find_crossings(orbit: Orbit) -> bool:
     """Find where d rises and falls through 0; fills their angles in the head. False if there are too many."""
     head, found = head_of(orbit), Crossings()
     theta_before, d_before, slope_before = _point_of(orbit, 0, 0)

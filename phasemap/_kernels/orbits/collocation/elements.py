@@ -6,16 +6,11 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import (
-    DAMPING,
-    LONGRANGE,
-    OMEGA,
-    RELEASE,
-)
+from phasemap._kernels.columns import DAMPING, OMEGA, RELEASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator, contact_slope, damping
+from phasemap._kernels.law import Oscillator, contact_slope, damping, has_hysteresis, has_longrange
 from phasemap._kernels.lever import fastest_turn, modes_of, reach_of
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.collocation.contacts import (
     PERMANENT,
     TWO_PI,
@@ -27,16 +22,16 @@ from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     IN_CONTACT,
     IN_NECK,
-    MOTION,
-    MOTION_RATE,
     OUT_OF_CONTACT,
     PLACES,
     Element,
     Orbit,
     close_ring,
     element_of,
-    elsewhere,
     head_of,
+    in_other_room,
+    mode_count,
+    motion_of_mode,
 )
 from phasemap._kernels.quadrature import (
     CONTACT_COUNTS,
@@ -54,7 +49,9 @@ from phasemap._kernels.quadrature import (
 from phasemap._kernels.records import assign
 
 MOST_SLIP = 1e-3  # of half a contact: series to the second order leave less than a billionth of it
-FEWEST_PERMANENT = 16.0  # elements of a period in contact
+FEWEST_IN_CONTACT = 3.0  # elements of a contact
+FEWEST_PERMANENT = 16.0  # the same of a period in contact
+LONGEST_HALF = 0.8  # [rad] of half a contact, for which there is one more
 LONGEST_RINGING = 3.0  # [rad] of a higher mode's oscillation that an element of the widest kind may span
 LONGEST_OSCILLATION = 5.0  # [rad] of the contact's own oscillation that an element may span
 
@@ -137,41 +134,32 @@ def longest_flight(lever: np.ndarray, level: int) -> float:
 
 
 @kernel
-def _contact_count(oscillator: Oscillator, amplitude: float, half: float, level: int) -> int:
-    """Index in CONTACT_COUNTS of the elements that resolve a contact of this half length, its frequency and damping."""
+def _rate_at_depth(oscillator: Oscillator, d: float) -> float:
+    """Rate [1] of the fastest oscillation of a tip at a depth d, and of its damping there."""
     law, p, lever = oscillator
-    deepest = 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude
-    rate = fastest_turn(lever, contact_slope(law, deepest, p))
-    if p[DAMPING] != 0.0:
-        rate += damping(law, deepest, p)
-    return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
+    rate = fastest_turn(lever, contact_slope(law, d, p))
+    return rate + damping(law, d, p) if p[DAMPING] != 0.0 and d > 0.0 else rate
 
 
 @kernel
-def _permanent_count(oscillator: Oscillator, amplitude: float, nearest: float, level: int) -> int:
-    """Index in CONTACT_COUNTS of the elements that resolve a whole period in contact.
+def _contact_count(rate: float, half: float, level: int) -> int:
+    """Index in CONTACT_COUNTS of the elements that resolve a contact or neck of this half length, and a rate in it."""
+    wanted = FEWEST_IN_CONTACT + math.floor(2.0 * half * rate / LONGEST_OSCILLATION) + math.floor(half / LONGEST_HALF)
+    return _index_of_count(wanted * (1.0 + 0.5 * level))
+
+
+@kernel
+def _permanent_count(rate: float, level: int) -> int:
+    """Index in CONTACT_COUNTS of the elements that resolve a period in contact, and a rate over that of the drive.
 
     Short elements also keep what is lost of a large force that stays, against which all else is a difference.
     """
-    law, p, lever = oscillator
-    deepest = nearest + 2.0 * amplitude
-    rate = fastest_turn(lever, contact_slope(law, deepest, p))
-    if p[DAMPING] != 0.0:
-        rate += damping(law, deepest, p)
-    turn = TWO_PI * rate / lever[OMEGA]
-    return _pick(max(FEWEST_PERMANENT, (4.0 + math.floor(turn / LONGEST_OSCILLATION)) * (1.0 + 0.5 * level)))
+    wanted = FEWEST_IN_CONTACT + 1.0 + math.floor(TWO_PI * rate / LONGEST_OSCILLATION)
+    return _index_of_count(max(FEWEST_PERMANENT, wanted * (1.0 + 0.5 * level)))
 
 
 @kernel
-def _neck_count(oscillator: Oscillator, half: float, level: int) -> int:
-    """Index in CONTACT_COUNTS of the elements that resolve a neck of this half length, with the root at its end."""
-    law, p, lever = oscillator
-    rate = fastest_turn(lever, contact_slope(law, 0.5 * p[RELEASE], p))
-    return _pick((3.0 + math.floor(2.0 * half * rate / 5.0) + math.floor(half / 0.8)) * (1.0 + 0.5 * level))
-
-
-@kernel
-def _pick(wanted: float) -> int:
+def _index_of_count(wanted: float) -> int:
     """Index of the first of CONTACT_COUNTS that is at least `wanted`, or of the last."""
     pick = 0
     while pick < len(CONTACT_COUNTS) - 1 and CONTACT_COUNTS[pick] < wanted:
@@ -180,7 +168,7 @@ def _pick(wanted: float) -> int:
 
 
 @kernel
-def _span(orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
+def _append_contact(orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
     """Append the elements of a contact, between two ends at which the force may start like a root."""
     ok = True
     for e in range(CONTACT_COUNTS[pick]):
@@ -191,22 +179,22 @@ def _span(orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
 @kernel(shared=True)
 def lay_elements(oscillator: Oscillator, orbit: Orbit, source: Orbit, level: int) -> bool:
     """Lay the elements of `orbit` for the contacts, A and z0 of `source`; False if there are too many."""
-    law, p = oscillator.law, oscillator.p
-    head, longest = head_of(orbit), longest_flight(oscillator.lever, level)
+    p, head, longest = oscillator.p, head_of(orbit), longest_flight(oscillator.lever, level)
     amplitude = head_of(source).amplitude
     assign(head, head_of(source))
     contacts = head.contacts
     head.level = level
     head.count, head.equations = 0, EQUATIONS_OTHER
-    reach = reach_of(law, p)
+    reach = reach_of(p)
     if contacts <= 0:
         theta, nearest = head.nearest_angle, head.nearest_depth
         side = OUT_OF_CONTACT if contacts != PERMANENT else IN_CONTACT if nearest > 0.0 else IN_NECK
         if side == IN_CONTACT:
-            pick = _permanent_count(oscillator, amplitude, nearest, level)
-            return _span(orbit, IN_CONTACT, theta, theta + TWO_PI, pick)
+            rate = _rate_at_depth(oscillator, nearest + 2.0 * amplitude) / oscillator.lever[OMEGA]
+            pick = _permanent_count(rate, level)
+            return _append_contact(orbit, IN_CONTACT, theta, theta + TWO_PI, pick)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUT_OF_CONTACT else 0.0)) / amplitude)
-        if side == OUT_OF_CONTACT and p[LONGRANGE] == 0.0:
+        if side == OUT_OF_CONTACT and not has_longrange(p):
             scale = 0.0
         return _append_from_contact(orbit, side, theta, math.pi, scale, 0, longest) and _append_from_contact(
             orbit, side, theta + TWO_PI, math.pi, scale, 1, longest
@@ -216,10 +204,12 @@ def lay_elements(oscillator: Oscillator, orbit: Orbit, source: Orbit, level: int
         start, end, broken = head.contact_start[i], head.contact_end[i], head.neck_end[i]
         following = head.contact_start[i + 1] if i + 1 < contacts else head.contact_start[0] + TWO_PI
         half = 0.5 * (end - start)
-        ok = _span(orbit, IN_CONTACT, start, end, _contact_count(oscillator, amplitude, half, level)) and ok
+        rate = _rate_at_depth(oscillator, 0.5 * amplitude * half * half if half < 2.0 else 2.0 * amplitude)
+        ok = _append_contact(orbit, IN_CONTACT, start, end, _contact_count(rate, half, level)) and ok
         if broken > end:
             half = 0.5 * (broken - end)
-            ok = _span(orbit, IN_NECK, end, broken, _neck_count(oscillator, half, level)) and ok
+            rate = _rate_at_depth(oscillator, 0.5 * p[RELEASE])
+            ok = _append_contact(orbit, IN_NECK, end, broken, _contact_count(rate, half, level)) and ok
         if broken >= following:
             continue
         gap = 0.5 * (following - broken)
@@ -227,7 +217,7 @@ def lay_elements(oscillator: Oscillator, orbit: Orbit, source: Orbit, level: int
             at = broken if incoming == 0 else following
             slope = amplitude * abs(math.sin(at))
             root = math.sqrt(slope * slope + 2.0 * amplitude * reach)
-            scale = 0.0 if p[LONGRANGE] == 0.0 else 2.0 * reach / (slope + root)
+            scale = 0.0 if not has_longrange(p) else 2.0 * reach / (slope + root)
             ok = _append_from_contact(orbit, OUT_OF_CONTACT, at, gap, scale, incoming, longest) and ok
     return ok
 
@@ -236,11 +226,11 @@ def lay_elements(oscillator: Oscillator, orbit: Orbit, source: Orbit, level: int
 def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
     """Interpolate the motion of `source` to the nodes and edges of `orbit`."""
     last, count = head_of(source).count, head_of(orbit).count
-    several = orbit.modes.shape[1] > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
+    several = mode_count(orbit) > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
     begin, at = element_of(source, 0).edge, 0
     shares = np.empty(PLACES + 1)
     for e in range(count):
-        one = element_of(orbit, e)
+        one, own = element_of(orbit, e), motion_of_mode(orbit, e, 0)
         for k in range(PLACES):
             theta = one.edge if k == NODES else one.theta[k]
             theta -= math.floor((theta - begin) / TWO_PI) * TWO_PI
@@ -255,30 +245,33 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
                 one.w[k], one.u[k] = w, u
             if several:
                 interpolation_shares(source, at, theta, shares)
-                for i in range(orbit.modes.shape[1]):
-                    for row in (MOTION, MOTION_RATE):
-                        x = shares[PLACES] * source.modes[at + 1, i, row, NODES]
-                        for j in range(PLACES):
-                            x += shares[j] * source.modes[at, i, row, j]
-                        orbit.modes[e, i, row, k] = x
+                for i in range(mode_count(orbit)):
+                    of, following = motion_of_mode(source, at, i), motion_of_mode(source, at + 1, i)
+                    to = motion_of_mode(orbit, e, i)
+                    w, u = shares[PLACES] * following.w[NODES], shares[PLACES] * following.u[NODES]
+                    for j in range(PLACES):
+                        w += shares[j] * of.w[j]
+                        u += shares[j] * of.u[j]
+                    to.w[k], to.u[k] = w, u
             else:
-                orbit.modes[e, 0, MOTION, k], orbit.modes[e, 0, MOTION_RATE, k] = w, u
+                own.w[k], own.u[k] = w, u
     close_ring(orbit)
 
 
 @kernel(shared=True)
 def lay_again(oscillator: Oscillator, orbit: Orbit, level: int) -> bool:
     """Lay the elements anew where the contacts now are, and carry the motion over; False if there are too many."""
-    other = elsewhere(orbit)
+    other = in_other_room(orbit)
     if not find_contacts(oscillator.p, orbit) or not lay_elements(oscillator, other, orbit, level):
         return False
     interpolate_motion(orbit, other)
     assign(head_of(orbit), head_of(other))
     for e in range(head_of(orbit).count + 1):
         assign(element_of(orbit, e), element_of(other, e))
-        for i in range(orbit.modes.shape[1]):
-            for row in (MOTION, MOTION_RATE):
-                copy(other.modes[e, i, row], orbit.modes[e, i, row])
+        for i in range(mode_count(orbit)):
+            of, to = motion_of_mode(other, e, i), motion_of_mode(orbit, e, i)
+            copy(of.w, to.w)
+            copy(of.u, to.u)
     return True
 
 
@@ -301,7 +294,7 @@ def move_elements(p: np.ndarray, orbit: Orbit) -> bool:
     """
     head = head_of(orbit)
     count = head.count
-    if head.contacts != 1 or p[RELEASE] != 0.0 or orbit.modes.shape[1] > 1:
+    if head.contacts != 1 or has_hysteresis(p) or mode_count(orbit) > 1:
         return False
     inner = 0
     while inner < count and element_of(orbit, inner).side == IN_CONTACT:
@@ -320,7 +313,7 @@ def move_elements(p: np.ndarray, orbit: Orbit) -> bool:
         return False
     longer = 1.0 + (entry - exit_) / (begin + TWO_PI - end)
     for e in range(count):
-        one = element_of(orbit, e)
+        one, own = element_of(orbit, e), motion_of_mode(orbit, e, 0)
         place, table = one, orbit.tables[one.table]
         origin, scale = place.origin, place.scale
         if e < inner:
@@ -338,7 +331,7 @@ def move_elements(p: np.ndarray, orbit: Orbit) -> bool:
             one.cos[j], one.sin[j] = c - c * less - s * sine, s - s * less + c * sine
             one.w[j] += t * (one.u[j] + 0.5 * t * bend)
             one.u[j] += t * bend
-            orbit.modes[e, 0, MOTION, j], orbit.modes[e, 0, MOTION_RATE, j] = one.w[j], one.u[j]
+            own.w[j], own.u[j] = one.w[j], one.u[j]
         t = origin + scale * table[T_NUMBERS, T_FIRST]
         place.edge += t
         place.edge_w += t * (place.edge_u + 0.5 * t * one.bend[0])

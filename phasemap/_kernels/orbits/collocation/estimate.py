@@ -15,10 +15,10 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.collocation.closing import solve_step
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import append_element, lay_elements
@@ -31,10 +31,11 @@ from phasemap._kernels.orbits.collocation.system import (
     Head,
     Orbit,
     element_of,
-    elsewhere,
     head_of,
     hold_amplitude,
     hold_parameter,
+    in_other_room,
+    mode_count,
     no_drift,
     room_for,
 )
@@ -48,7 +49,7 @@ LEAST_PHASE_ERROR, LEAST_OFFSET_ERROR = 4e-11, 1e-19  # [rad, m], least error to
 OFFSET_ROUNDING = (
     2e-13  # of the tip offset, in the amplitude: what is rounded where a lever is pressed deep into the surface
 )
-ASIDE = 1e-3  # [rad] by which elements may lie beside the contacts and still be the same ones
+BESIDE_CONTACTS = 1e-3  # [rad] by which elements may lie beside the contacts and still be the same ones
 
 
 @kernel(shared=True)
@@ -60,11 +61,11 @@ def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> No
     """
     p, lever = oscillator.p, oscillator.lever
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = math.nan, math.nan
-    head, kept, other = Head(), head_of(orbit), elsewhere(orbit)
+    head, kept, other = Head(), head_of(orbit), in_other_room(orbit)
     assign(head, kept)
     laid = find_contacts(p, orbit) and lay_elements(oscillator, other, orbit, head.level)
     assign(kept, head)
-    halves = _halve(orbit, other if laid and _same(orbit, other) else orbit)
+    halves = _cut_elements_in_two(orbit, other if laid and _have_same_elements(orbit, other) else orbit)
     chained = linearise_orbit(oscillator, halves, no_drift())
     if not chained or not solve_step(lever, halves, no_drift(), (hold_amplitude(halves), hold_parameter(halves))):
         return
@@ -76,23 +77,23 @@ def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> No
 
 
 @kernel
-def _same(orbit: Orbit, places: Orbit) -> bool:
-    """Whether both have the same elements, at almost the same places."""
+def _have_same_elements(orbit: Orbit, places: Orbit) -> bool:
+    """Whether two orbits have as many elements, at almost the same angles."""
     count = head_of(orbit).count
     if head_of(places).count != count:
         return False
     for e in range(count):
         one, place = element_of(orbit, e), element_of(places, e)
-        if one.table != place.table or not abs(one.edge - place.edge) < ASIDE:
+        if one.table != place.table or not abs(one.edge - place.edge) < BESIDE_CONTACTS:
             return False
     return True
 
 
 @kernel
-def _halve(orbit: Orbit, places: Orbit) -> Orbit:
+def _cut_elements_in_two(orbit: Orbit, places: Orbit) -> Orbit:
     """The orbit on elements cut in two, which lie where those of `places` do."""
     count = head_of(orbit).count
-    halves = room_for(2 * count, orbit.modes.shape[1], orbit.tables)
+    halves = room_for(2 * count, mode_count(orbit), orbit.tables)
     assign(head_of(halves), head_of(orbit))
     head_of(halves).count = 0
     w, u = np.empty(NODES + 2), np.empty(NODES + 2)

@@ -14,10 +14,18 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.bracket import narrowed
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
+from phasemap._kernels.law import (
+    Oscillator,
+    contact_force,
+    contact_slope,
+    damping,
+    has_hysteresis,
+    has_longrange,
+    longrange_force,
+)
 from phasemap._kernels.lever import all_shares, mode_of, modes_of, reach_of
+from phasemap._kernels.numerics import narrowed
 from phasemap._kernels.orbits.collocation.elements import lay_elements
 from phasemap._kernels.orbits.collocation.newton import share_motion
 from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
@@ -106,8 +114,8 @@ def kick_at(oscillator: Oscillator, speed: float, turn: float, hit: Hit) -> floa
     if not bounce(oscillator, turn, hit):
         return math.nan
     squared, outside = lever[col.OMEGA] ** 2 / all_shares(lever), 0.0
-    if p[col.LONGRANGE] != 0.0:
-        outside = reach_of(law, p) * longrange_force(law, 0.0, p) / (lever[col.STIFFNESS] * squared * speed)
+    if has_longrange(p):
+        outside = reach_of(p) * longrange_force(law, 0.0, p) / (lever[col.STIFFNESS] * squared * speed)
     return 2.0 * squared / math.pi * (speed - turn * hit.half + outside)
 
 
@@ -214,7 +222,7 @@ def begin_impact(oscillator: Oscillator, orbit: Orbit, amplitude: float, level: 
     """Set the motion after a kick that takes the drive at this amplitude; False where no short contact does."""
     p, lever = oscillator.p, oscillator.lever
     hit, head = Hit(), head_of(orbit)
-    if p[col.RELEASE] != 0.0 or not find_hit(oscillator, amplitude, hit):
+    if has_hysteresis(p) or not find_hit(oscillator, amplitude, hit):
         return False
     kick, angle, half = hit.kick, hit.angle, hit.half
     lifted = after_kick(lever, half)[0] + after_kick(lever, 2.0 * math.pi - half)[0]

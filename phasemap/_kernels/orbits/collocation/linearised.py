@@ -6,7 +6,7 @@ it is an affine function of these states and of (P, S, z0, A), and the elements 
 product of their transfer matrices is the monodromy matrix, so the Floquet multipliers come with the orbit.
 
 Anything else that the orbit depends on may be unknown too: the law's parameters and the lever are then functions of
-one number m (see `phasemap._kernels.continuation.path`), and a column of the equations says what a change of m does.
+one number m (see `phasemap._kernels.continuation.point`), and a column of the equations says what a change of m does.
 """
 
 from __future__ import annotations
@@ -15,29 +15,16 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import (
-    DRIVE,
-    LONGRANGE,
-    MOST_MODES,
-    OMEGA,
-    RELEASE,
-    ROW,
-    STIFFNESS,
-)
+from phasemap._kernels.columns import DRIVE, MOST_MODES, OMEGA, RELEASE, ROW, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.dense import eliminate_columns
-from phasemap._kernels.law import Oscillator, parameters
+from phasemap._kernels.law import Oscillator, has_longrange, parameters
 from phasemap._kernels.lever import mode_of, modes_of
-from phasemap._kernels.orbits.collocation.mode_motion import add_answer, fill_turns, left_alone
+from phasemap._kernels.numerics import eliminate_columns
+from phasemap._kernels.orbits.collocation.mode_motion import add_response, fill_turns, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_CURRENT,
-    GROWTH,
     IN_NECK,
-    MOTION,
-    MOTION_BY_M,
-    MOTION_RATE,
-    MOTION_RATE_BY_M,
     OUT_OF_CONTACT,
     RA,
     RM,
@@ -45,13 +32,12 @@ from phasemap._kernels.orbits.collocation.system import (
     RS,
     RZ,
     STATE,
-    TURN_COSINE,
-    TURN_SINE,
     Element,
     Orbit,
     depth_on_side,
     element_of,
     head_of,
+    motion_of_mode,
     surface_force,
 )
 from phasemap._kernels.quadrature import NODES, T_END1, T_UPTO
@@ -59,15 +45,13 @@ from phasemap._kernels.records import column, record
 
 
 @kernel
-def _add_drift(
-    oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, table: np.ndarray, by_m: np.ndarray
-) -> None:
-    """Fill what a change of m does to the motion over an element, the force as it is: to each mode like a force.
+def _fill_drift_of_motion(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, by_m: np.ndarray) -> None:
+    """Fill the change of the motion over an element with the path's parameter m, at a given force: as if by a force.
 
     by_m[i] (shape (modes, NODES)) becomes the force on mode i.
     """
     law, p, lever = oscillator
-    head, one, modes, f = head_of(orbit), element_of(orbit, e), orbit.modes, np.empty(NODES)
+    head, one, f = head_of(orbit), element_of(orbit, e), np.empty(NODES)
     omega, scale = lever[OMEGA], 1.0 / (2.0 * DRIFT_STEP)
     up, down = drift[0, ROW:], drift[1, ROW:]
     for j in range(NODES):
@@ -80,12 +64,13 @@ def _add_drift(
         mode, more, less = mode_of(lever, i), mode_of(up, i), mode_of(down, i)
         of_u = 2.0 * scale * (more.rate * up[OMEGA] - less.rate * down[OMEGA])
         of_w, of_force = scale * (more.square - less.square), scale * (more.share - less.share)
+        own = motion_of_mode(orbit, e, i)
         for k in range(NODES):
-            w, u = modes[e, i, MOTION, k], modes[e, i, MOTION_RATE, k]
+            w, u = own.w[k], own.u[k]
             bend = (mode.share * f[k] - 2.0 * mode.rate * omega * u - mode.square * w) / (omega * omega)
             by_m[i, k] = (of_force * f[k] - of_u * u - of_w * w - of_bend * bend) / mode.share
-            modes[e, i, MOTION_BY_M, k], modes[e, i, MOTION_RATE_BY_M, k] = 0.0, 0.0
-        add_answer(lever, orbit, e, table, i, 1.0, by_m[i], (MOTION_BY_M, MOTION_RATE_BY_M))
+            own.w_by_m[k], own.u_by_m[k] = 0.0, 0.0
+        add_response(lever, orbit, e, i, 1.0, by_m[i], own.w_by_m, own.u_by_m)
 
 
 @record
@@ -97,10 +82,10 @@ class Slopes:
 
 
 @kernel
-def _drift_of_force(
+def _fill_drift_of_force(
     oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, slopes: Slopes, by_m: np.ndarray
 ) -> None:
-    """Fill what a change of m does to the force at the nodes of an element, itself and by the motion."""
+    """Fill the change of the force at an element's nodes with the path's parameter m, directly and by the motion."""
     law, lever, head, one = oscillator.law, oscillator.lever, head_of(orbit), element_of(orbit, e)
     up, down = drift[0, ROW:], drift[1, ROW:]
     for j in range(NODES):
@@ -110,8 +95,8 @@ def _drift_of_force(
         more -= surface_force(law, parameters(drift[1]), 1.0 / down[STIFFNESS], one.side, d, down[OMEGA] * turn)[0]
         by_m[j] = more / (2.0 * DRIFT_STEP)
         for i in range(modes_of(lever)):
-            by_m[j] += slopes.of_w[j] * orbit.modes[e, i, MOTION_BY_M, j]
-            by_m[j] += slopes.of_u[j] * orbit.modes[e, i, MOTION_RATE_BY_M, j]
+            own = motion_of_mode(orbit, e, i)
+            by_m[j] += slopes.of_w[j] * own.w_by_m[j] + slopes.of_u[j] * own.u_by_m[j]
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -125,16 +110,14 @@ def add_times(factor: float, x: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _add_response(
-    lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, i: int, slopes: Slopes, m: np.ndarray
-) -> None:
-    """Add to m[k] the change of the forces at all nodes by the force at node k through mode i; mode 0 sets it.
+def _add_response(lever: np.ndarray, orbit: Orbit, e: int, i: int, slopes: Slopes, m: np.ndarray) -> None:
+    """Add to m[k] how the force at node k changes that at all nodes through the motion of mode i; mode 0 sets it.
 
     A mode answers a kick of one with Im exp(lambda theta) / (omega^2 nu): theory, Eq. (collocation-4).
     """
-    one, omega, modes, to = element_of(orbit, e), lever[OMEGA], orbit.modes, Slopes()
+    one, omega, own, to = element_of(orbit, e), lever[OMEGA], motion_of_mode(orbit, e, i), Slopes()
     a, nu, _, _, yields = mode_of(lever, i)
-    grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+    table, grow, cosine, sine = orbit.tables[one.table], own.growth, own.cos, own.sin
     p, q = to.of_w, to.of_u
     for j in range(NODES):
         by_w, by_u = grow[j] * (slopes.of_w[j] + a * slopes.of_u[j]), grow[j] * nu * slopes.of_u[j]
@@ -154,15 +137,13 @@ def _add_response(
 
 
 @kernel(fastmath=ANY_ORDER)
-def _force_in_element(
-    oscillator: Oscillator, orbit: Orbit, e: int, table: np.ndarray, drift: np.ndarray, m: np.ndarray
-) -> bool:
-    """Fill the force at the nodes of an element as an affine function: theory, Eq. (collocation-5).
+def _force_in_element(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, m: np.ndarray) -> bool:
+    """Fill the force at the nodes of an element as an affine function of the unknowns: theory, Eq. (collocation-5).
 
     m is scratch, shape (NODES + unknowns + 1, NODES), with column j of the equations in m[j].
     """
     law, p, lever = oscillator
-    head, one, modes, forces = head_of(orbit), element_of(orbit, e), orbit.modes, orbit.forces
+    head, one, forces = head_of(orbit), element_of(orbit, e), orbit.forces
     omega, inverse_k, count = lever[OMEGA], 1.0 / lever[STIFFNESS], modes_of(lever)
     z0, amplitude, side, unknowns = head.tip_offset, head.amplitude, one.side, STATE + 2 * count
     slopes = Slopes()
@@ -178,7 +159,7 @@ def _force_in_element(
         m[NODES + RZ, j], m[NODES + RA, j] = -gd, gd * c - gu * s
         m[NODES + RM, j] = g - gd * d - gu * turn
     for i in range(count):
-        _add_response(lever, orbit, e, table, i, slopes, m)
+        _add_response(lever, orbit, e, i, slopes, m)
     for k in range(NODES):
         add_times(one.cos[k], m[k], m[NODES + RP])
         add_times(one.sin[k], m[k], m[NODES + RS])
@@ -186,13 +167,14 @@ def _force_in_element(
         m[j, j] += 1.0
     for i in range(count):
         a, nu, _, _, _ = mode_of(lever, i)
-        grow, cosine, sine, inverse = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE], 1.0 / nu
+        own, inverse = motion_of_mode(orbit, e, i), 1.0 / nu
+        grow, cosine, sine = own.growth, own.cos, own.sin
         by_w0, by_u0 = m[NODES + STATE + 2 * i], m[NODES + STATE + 2 * i + 1]
         for j in range(NODES):
-            ww, wu, uw, uu = left_alone(a, nu, inverse, grow[j], cosine[j], sine[j])
+            ww, wu, uw, uu = free_transfer(a, nu, inverse, grow[j], cosine[j], sine[j])
             by_w0[j], by_u0[j] = of_w[j] * ww + of_u[j] * uw, of_w[j] * wu + of_u[j] * uu
     if len(drift) > 0:
-        _drift_of_force(oscillator, orbit, e, drift, slopes, m[NODES + unknowns])
+        _fill_drift_of_force(oscillator, orbit, e, drift, slopes, m[NODES + unknowns])
     if not eliminate_columns(m, NODES + unknowns + (1 if len(drift) > 0 else 0)):
         return False
     for q in range(unknowns + 1):
@@ -254,7 +236,7 @@ def _jump_at_start(oscillator: Oscillator, orbit: Orbit, e: int, integrals: np.n
 
 @record
 class Transfers:
-    """Transfers of the modes over an element, left alone, see `left_alone`."""
+    """Transfers of the modes over an element, left alone, see `free_transfer`."""
 
     ww: np.ndarray = column(MOST_MODES)
     wu: np.ndarray = column(MOST_MODES)
@@ -263,24 +245,26 @@ class Transfers:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _carry_over(
-    lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, scratch: tuple[np.ndarray, np.ndarray, np.ndarray],
+def _chain_element(
+    lever: np.ndarray, orbit: Orbit, e: int, scratch: tuple[np.ndarray, np.ndarray, np.ndarray],
     integrals: np.ndarray,
 ) -> None:  # fmt: skip
     """States at the end of an element by the unknowns, from those at its start; adds what its force does to (P, S).
 
-    `scratch`: what a change of m does like a force (see `_add_drift`), and room of shape (states, NODES) and (NODES,).
+    `scratch`: what a change of m does like a force (`_fill_drift_of_motion`), and room of shape (states, NODES) and
+    (NODES,).
     """
-    one, modes, forces = element_of(orbit, e), orbit.modes, orbit.forces[e]
+    one, forces = element_of(orbit, e), orbit.forces[e]
     before, after, (by_m, to, felt) = orbit.chain[e], orbit.chain[e + 1], scratch
-    omega, count, h, weights = lever[OMEGA], modes_of(lever), one.scale, table[T_END1]
+    omega, count, h, weights = lever[OMEGA], modes_of(lever), one.scale, orbit.tables[one.table, T_END1]
     last, alone = STATE + 2 * count, Transfers()
     for i in range(count):
         a, nu, _, _, yields = mode_of(lever, i)
-        grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+        own = motion_of_mode(orbit, e, i)
+        grow, cosine, sine = own.growth, own.cos, own.sin
         share = h * yields / (omega * omega * nu) * grow[NODES]
         c, s, to_w, to_u = cosine[NODES], sine[NODES], to[2 * i], to[2 * i + 1]
-        ww, wu, uw, uu = left_alone(a, nu, 1.0 / nu, grow[NODES], c, s)
+        ww, wu, uw, uu = free_transfer(a, nu, 1.0 / nu, grow[NODES], c, s)
         alone.ww[i], alone.wu[i], alone.uw[i], alone.uu[i] = ww, wu, uw, uu
         for k in range(NODES):
             weight = share * weights[k] / grow[k]
@@ -334,17 +318,16 @@ def linearise_orbit(oscillator: Oscillator, orbit: Orbit, drift: np.ndarray) -> 
         for q in range(last + 1):
             chain[0, r, q] = 1.0 if q == STATE + r else 0.0
     for e in range(head.count):
-        table = orbit.tables[element_of(orbit, e).table]
         fill_turns(lever, orbit, e)
         if len(drift) > 0:
-            _add_drift(oscillator, orbit, e, drift, table, by_m)
-        if element_of(orbit, e).side == OUT_OF_CONTACT and oscillator.p[LONGRANGE] == 0.0:
+            _fill_drift_of_motion(oscillator, orbit, e, drift, by_m)
+        if element_of(orbit, e).side == OUT_OF_CONTACT and not has_longrange(oscillator.p):
             orbit.forces[e] = 0.0
         else:
-            if not _force_in_element(oscillator, orbit, e, table, drift, m):
+            if not _force_in_element(oscillator, orbit, e, drift, m):
                 return False
         _jump_at_start(oscillator, orbit, e, integrals)
-        _carry_over(lever, orbit, e, table, (by_m, to, felt), integrals)
+        _chain_element(lever, orbit, e, (by_m, to, felt), integrals)
     for r in range(states):
         for q in range(last + 1):
             chained[r, q] = chain[head.count, r, q]

@@ -11,7 +11,7 @@ import numpy as np
 from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.lever import mode_of, modes_of
-from phasemap._kernels.orbits.collocation.system import GROWTH, PLACES, TURN_COSINE, TURN_SINE, Orbit, element_of
+from phasemap._kernels.orbits.collocation.system import PLACES, Orbit, element_of, motion_of_mode
 from phasemap._kernels.quadrature import NODES, T_UPTO
 from phasemap._kernels.records import column, record
 
@@ -22,11 +22,12 @@ def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
 
     By Taylor's series at an eighth of the angle, doubled three times, in vectors: to rounding up to 4 rad.
     """
-    one, modes = element_of(orbit, e), orbit.modes
+    one = element_of(orbit, e)
     last = element_of(orbit, e + 1).edge - one.edge
     for i in range(modes_of(lever)):
         a, nu, _, _, _ = mode_of(lever, i)
-        grow, c, s = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
+        own = motion_of_mode(orbit, e, i)
+        grow, c, s = own.growth, own.cos, own.sin
         for j in range(PLACES):
             grow[j] = 0.125 * (one.theta[j] - one.edge if j < NODES else last)
         for j in range(PLACES):
@@ -48,10 +49,10 @@ def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
 
 
 @kernel(inline=True)
-def left_alone(
+def free_transfer(
     a: float, nu: float, inverse: float, growth: float, cosine: float, sine: float
 ) -> tuple[float, float, float, float]:
-    """Transfer (w by w, w by w', w' by w, w' by w') of a mode left alone while it turns; `inverse` is 1 / nu."""
+    """Transfer (w by w, w by w', w' by w, w' by w') of a mode that moves freely over an angle; `inverse` is 1 / nu."""
     c, s = growth * cosine, growth * sine * inverse
     return c - a * s, s, -(a * a + nu * nu) * s, c + a * s
 
@@ -65,14 +66,13 @@ class Kicks:
 
 
 @kernel(fastmath=ANY_ORDER)
-def add_answer(
-    lever: np.ndarray, orbit: Orbit, e: int, table: np.ndarray, i: int, part: float, f: np.ndarray, to: tuple[int, int]
+def add_response(
+    lever: np.ndarray, orbit: Orbit, e: int, i: int, part: float, f: np.ndarray, w: np.ndarray, u: np.ndarray
 ) -> None:
-    """Add to two rows of mode i what a force, `part` of f at the nodes of element e, makes of its motion and rate."""
-    one, omega, modes, kicks = element_of(orbit, e), lever[OMEGA], orbit.modes, Kicks()
+    """Add to w and u the motion and the rate of mode i by a force, `part` of f at the nodes of element e."""
+    one, omega, own, kicks = element_of(orbit, e), lever[OMEGA], motion_of_mode(orbit, e, i), Kicks()
     a, nu, _, _, yields = mode_of(lever, i)
-    grow, cosine, sine = modes[e, i, GROWTH], modes[e, i, TURN_COSINE], modes[e, i, TURN_SINE]
-    w, u = modes[e, i, to[0]], modes[e, i, to[1]]
+    table, grow, cosine, sine = orbit.tables[one.table], own.growth, own.cos, own.sin
     share = part * one.scale * yields / (omega * omega * nu)
     re, im = kicks.re, kicks.im
     for j in range(NODES):

@@ -1,4 +1,4 @@
-"""The exact orbit beside a harmonic one: Newton's method from there, on finer elements where it does not converge."""
+"""The exact orbit beside a harmonic one: Newton's method from there, on finer elements until its energy closes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,51 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import low_q
+from phasemap._kernels.lever import free_amplitude, low_q, scale_of
 from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
-from phasemap._kernels.orbits.collocation.polish import FINEST_LEVEL, feedback_status, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.newton import (
+    MOST_NEWTON_STEPS,
+    begin_harmonic,
+    fill_row_of_orbit,
+    solve_at_amplitude,
+)
 from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
+from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.quadrature import NODES
 
+LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
+LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
+FINEST_LEVEL = 2  # level of refinement
+MOST_IMBALANCE = 1e-7  # largest energy imbalance accepted from a coarser level
+WORST_IMBALANCE = 1e-5  # of an orbit that is an answer
 MOST_STEPS_NEARBY = 12  # of Newton's method
-SAME_ORBIT = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
+
+
+@kernel
+def tolerance_of(oscillator: Oscillator) -> float:
+    """Last change [m] of an orbit that is converged."""
+    lever = oscillator.lever
+    free = free_amplitude(lever)
+    return min(min(LAST_CHANGE, LAST_CHANGE_RELATIVE * free), 1e-3 * scale_of(oscillator))
+
+
+@kernel(shared=True)
+def refine_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
+    """Fill the row of a converged orbit, on finer elements if the energy does not close."""
+    status = fill_row_of_orbit(oscillator, orbit, row)
+    level, tolerance = head_of(orbit).level, tolerance_of(oscillator)
+    while status == col.GOOD and abs(row[col.CLOSURE]) > MOST_IMBALANCE and level < FINEST_LEVEL:
+        level += 1
+        if not lay_again(oscillator, orbit, level):
+            break
+        fine = solve_at_amplitude(oscillator, orbit, level, tolerance, MOST_NEWTON_STEPS)
+        if fine != col.GOOD:
+            break
+        status = fill_row_of_orbit(oscillator, orbit, row)
+    if status == col.GOOD and abs(row[col.CLOSURE]) > WORST_IMBALANCE:
+        status = col.NOT_CONVERGED
+    return status
 
 
 @kernel
@@ -70,19 +105,3 @@ def orbit_from(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.
     if done == col.GOOD:
         done = refine_orbit(oscillator, orbit, row)
     return feedback_status(row) if done == col.GOOD else done
-
-
-@kernel
-def guess_of_row(lever: np.ndarray, row: np.ndarray, guess: np.ndarray) -> None:
-    """Fill in the harmonic orbit of a result row of the tip."""
-    amplitude = row[col.AMPLITUDE]
-    guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A] = row[col.TIP_OFFSET], row[col.MEAN], amplitude
-    guess[col.G_P] = lever[col.DRIVE] * math.sin(row[col.PHASE]) - amplitude * lever[col.DYNAMIC_STIFFNESS]
-    guess[col.G_S] = amplitude * lever[col.DYNAMIC_LOSS] - lever[col.DRIVE] * math.cos(row[col.PHASE])
-
-
-@kernel
-def same_orbit(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two result rows are of the same orbit."""
-    apart = abs(one[col.TIP_OFFSET] - other[col.TIP_OFFSET]) / one[col.AMPLITUDE]
-    return max(apart, abs(one[col.PHASE] - other[col.PHASE])) < SAME_ORBIT

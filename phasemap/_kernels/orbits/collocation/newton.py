@@ -9,10 +9,10 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.dense import factor, spectral_radius
 from phasemap._kernels.excitation import seen_amplitude
-from phasemap._kernels.law import Oscillator, contact_force, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange, longrange_force
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
+from phasemap._kernels.numerics import MOST_SQUARINGS, factor, spectral_radius
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements, move_elements
@@ -21,8 +21,6 @@ from phasemap._kernels.orbits.collocation.path import Path, drift_at, fixed_path
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
     EQUATIONS_KEPT,
-    MOTION,
-    MOTION_RATE,
     PLACES,
     RA,
     RIGHT,
@@ -37,6 +35,7 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_amplitude,
     hold_parameter,
     hold_seen,
+    motion_of_mode,
     no_drift,
     surface_force,
 )
@@ -101,10 +100,10 @@ def share_motion(lever: np.ndarray, orbit: Orbit) -> None:
     for i in range(modes_of(lever)):
         part = static_share(lever, i)
         for e in range(head_of(orbit).count + 1):
-            one = element_of(orbit, e)
+            one, own = element_of(orbit, e), motion_of_mode(orbit, e, i)
             for k in range(PLACES):
                 w, u = (one.edge_w, one.edge_u) if k == NODES else (one.w[k], one.u[k])
-                orbit.modes[e, i, MOTION, k], orbit.modes[e, i, MOTION_RATE, k] = part * w, part * u
+                own.w[k], own.u[k] = part * w, part * u
 
 
 @kernel
@@ -123,8 +122,8 @@ def contact_size(head: Head, reach: float) -> float:
 def allowed_displacement(oscillator: Oscillator, level: int) -> float:
     """Distance of the elements from the contact that does no harm, over its depth: 0 where the force jumps there."""
     law, p, lever = oscillator
-    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if p[col.LONGRANGE] != 0.0 else 0.0)
-    if p[col.RELEASE] != 0.0 or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.DRIVE]:
+    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if has_longrange(p) else 0.0)
+    if has_hysteresis(p) or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.DRIVE]:
         return 0.0
     return 2e-6 if level == 0 else 0.0
 
@@ -137,7 +136,7 @@ def settled(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
 
 
 @kernel(shared=True, vectors=True)
-def take_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
+def take_newton_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: bool) -> tuple[int, float]:
     """Take the step just solved. GOOD where it was within tolerance, PENDING, or NOT_CONVERGED; and its size [m]."""
     head = head_of(orbit)
     gain = abs(orbit.system[RA, RIGHT] - head.amplitude)
@@ -177,8 +176,8 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
         first, other = (held_equation(path, m), held) if along else (held, hold_parameter(orbit))
         if not solve_step(lever, orbit, drift, (first, other)):
             return col.NOT_CONVERGED, step
-        status, change = take_step(lever, orbit, tolerance, coarse)
-        size = contact_size(head, reach_of(path.law, p))
+        status, change = take_newton_step(lever, orbit, tolerance, coarse)
+        size = contact_size(head, reach_of(p))
         if status == col.GOOD and not is_seen(lever, head, seen):
             continue
         if status != col.PENDING:
@@ -234,7 +233,7 @@ def monodromy_matrix(transfer: np.ndarray, states: int) -> np.ndarray:
 def floquet(transfer: np.ndarray, states: int) -> float:
     """Return the largest modulus of the multipliers of a monodromy matrix: theory, Eq. (stability-3)."""
     if states > 2:
-        return spectral_radius(monodromy_matrix(transfer, states))
+        return spectral_radius(monodromy_matrix(transfer, states), MOST_SQUARINGS)
     half = 0.5 * (transfer[0] + transfer[3])
     product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
     root = half * half - product
@@ -260,7 +259,7 @@ def determinant_of_return(transfer: np.ndarray, states: int) -> float:
 
 
 @kernel(shared=True, vectors=True)
-def observe(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
+def fill_observables(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
     """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
     law, p, lever = oscillator
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
@@ -291,7 +290,7 @@ def observe(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
             drive += weight * (x * c - y * s) * v / omega
             virial -= weight * g * z
     air = math.pi * lever[col.DYNAMIC_LOSS] * amplitude * amplitude + lost_by_harmonics(lever, orbit)
-    if p[col.RELEASE] != 0.0:
+    if has_hysteresis(p):
         surface += loop
     row[:] = math.nan
     row[col.TIP_OFFSET] = z0
@@ -313,18 +312,17 @@ def lost_by_harmonics(lever: np.ndarray, orbit: Orbit) -> float:
     for i in range(modes_of(lever)):
         by = 2.0 * mode_of(lever, i).rate * lever[col.OMEGA] / mode_of(lever, i).share
         for e in range(head_of(orbit).count):
-            one = element_of(orbit, e)
+            one, own = element_of(orbit, e), motion_of_mode(orbit, e, i)
             for j in range(NODES):
-                weight = one.scale * orbit.tables[one.table, T_END1, j]
-                lost += by * weight * orbit.modes[e, i, MOTION_RATE, j] ** 2
+                lost += by * one.scale * orbit.tables[one.table, T_END1, j] * own.u[j] ** 2
     return lost
 
 
 @kernel
-def fill_row(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
+def fill_row_of_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
     lever = oscillator.lever
-    observe(oscillator, orbit, row)
+    fill_observables(oscillator, orbit, row)
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
     return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED

@@ -15,7 +15,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, scale_of
+from phasemap._kernels.lever import scale_of
 from phasemap._kernels.orbits.collocation.system import DRIFT_STEP, Equation, no_drift
 
 # Kinds of paths.
@@ -46,13 +46,13 @@ class Path(NamedTuple):
 def fixed_path(oscillator: Oscillator) -> Path:
     """Return the path on which only tip offset and amplitude move."""
     law, p, lever = oscillator
-    reach = scale_of(oscillator, free_amplitude(lever))
+    reach = scale_of(oscillator)
     return Path(law, FIXED_PATH, p, lever, reach, np.empty((0, 0)), 0.0)
 
 
 @kernel(light=True)
 def swept_path(law: Law, table: np.ndarray, kind: int, width: float) -> Path:
-    """Return the path on which m moves what the table says."""
+    """Return the path on which material and lever are Chebyshev series of the parameter m, given in the table."""
     p, lever = material_at(table, 0.0)
     return Path(law, kind, p, lever, math.nan, table, width)
 

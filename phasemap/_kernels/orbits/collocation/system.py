@@ -16,12 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import (
-    DAMPING,
-    LONGRANGE,
-    MOST_MODES,
-    RELEASE,
-)
+from phasemap._kernels.columns import DAMPING, MOST_MODES, RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import (
@@ -30,6 +25,7 @@ from phasemap._kernels.law import (
     contact_slope,
     damping,
     damping_slope,
+    has_longrange,
     longrange_force,
     longrange_slope,
 )
@@ -65,18 +61,7 @@ RM = 4
 STATE = 5
 RIGHT = -1
 
-# Of the motion of each mode over an element: |exp(lambda theta)| from its start to its nodes and its end, with cosine
-# and sine of its turn; w_i and w_i' at its nodes, and at its start; what these change by with m, the force as it is.
-GROWTH = 0
-TURN_COSINE = 1
-TURN_SINE = 2
-MOTION = 3
-MOTION_RATE = 4
-MOTION_BY_M = 5
-MOTION_RATE_BY_M = 6
-MODE_ROWS = 7
-PLACES = NODES + 1
-
+PLACES = NODES + 1  # the nodes of an element, and its start or end
 
 # Where a parameter m moves, `drift`, shape (2, ROW + len(lever)), has the law's parameters and the lever at
 # m + DRIFT_STEP and m - DRIFT_STEP; elsewhere it has no rows.
@@ -114,6 +99,19 @@ class Element:
 
 
 @record
+class ModeMotion:
+    """Motion of a mode over an element, at its nodes and one place more."""
+
+    growth: np.ndarray = column(PLACES)  # |exp(lambda theta)| from the element's start to its nodes and its end
+    cos: np.ndarray = column(PLACES)  # cosine and sine of Im(lambda) theta there
+    sin: np.ndarray = column(PLACES)
+    w: np.ndarray = column(PLACES)  # w_i [m] at the nodes, and at the start
+    u: np.ndarray = column(PLACES)  # w_i' [m]
+    w_by_m: np.ndarray = column(PLACES)  # change of w_i and w_i' with m, the force as it is
+    u_by_m: np.ndarray = column(PLACES)
+
+
+@record
 class Head:
     """Numbers of a whole orbit: its values, its contacts, and how its last step went."""
 
@@ -142,22 +140,36 @@ class Orbit(NamedTuple):
 
     elements: np.ndarray  # a row of words for each, and one for the end of the last; see `element_of`
     head: np.ndarray  # shape (1, words); see `head_of`
-    modes: np.ndarray  # shape (elements + 1, modes, MODE_ROWS, PLACES); motion of each mode
+    modes: np.ndarray  # a row of words for each mode over each element; see `motion_of_mode`
     # shape (elements, unknowns + 1, NODES); g at its nodes by the unknowns, with the states at its start
     forces: np.ndarray
     chain: np.ndarray  # shape (elements + 1, states, unknowns + 1); states at its start by the unknowns
     chained: np.ndarray  # shape (states + 2, unknowns + 1); the chained equations
     system: np.ndarray  # shape (unknowns, unknowns + 1); the same with those of the drive and of what is held, solved
     tables: np.ndarray  # `phasemap._kernels.quadrature.TABLES`
-    other_elements: np.ndarray  # room to lay the elements anew, see `elsewhere`
+    other_elements: np.ndarray  # room to lay the elements anew, see `in_other_room`
     other_head: np.ndarray
     other_modes: np.ndarray
 
 
 ELEMENT_WORDS = words_of(Element)
 HEAD_WORDS = words_of(Head)
+MOTION_WORDS = words_of(ModeMotion)
 element_of = rows_of(Element, Orbit, "elements")
 head_of = rows_of(Head, Orbit, "head")
+_motion_in_row = rows_of(ModeMotion, Orbit, "modes")
+
+
+@kernel(inline=True)
+def mode_count(orbit: Orbit) -> int:
+    """Number of modes of the lever that an orbit is of."""
+    return orbit.chain.shape[1] // 2
+
+
+@kernel(inline=True)
+def motion_of_mode(orbit: Orbit, e: int, i: int) -> ModeMotion:
+    """Motion of mode i over element e; with e the number of elements, at the end of the last one."""
+    return _motion_in_row(orbit, e * mode_count(orbit) + i)
 
 
 @kernel(light=True)
@@ -165,7 +177,7 @@ def room_for(elements: int, modes: int, tables: np.ndarray) -> Orbit:
     """Return an orbit's room for so many elements, and modes of the lever."""
     unknowns = STATE + 2 * modes
     laid = np.zeros((elements + 1, ELEMENT_WORDS)), np.zeros((1, HEAD_WORDS))
-    motion = np.zeros((elements + 1, modes, MODE_ROWS, PLACES))
+    motion = np.zeros(((elements + 1) * modes, MOTION_WORDS))
     return Orbit(
         laid[0], laid[1], motion,
         np.empty((elements, unknowns + 1, NODES)),
@@ -183,13 +195,13 @@ def new_orbit(lever: np.ndarray, tables: np.ndarray) -> Orbit:
 
 
 @kernel(light=True)
-def another(orbit: Orbit) -> Orbit:
+def new_orbit_like(orbit: Orbit) -> Orbit:
     """Return room for an orbit of the same lever."""
-    return room_for(MOST_ELEMENTS, orbit.modes.shape[1], orbit.tables)
+    return room_for(MOST_ELEMENTS, mode_count(orbit), orbit.tables)
 
 
 @kernel(light=True)
-def elsewhere(orbit: Orbit) -> Orbit:
+def in_other_room(orbit: Orbit) -> Orbit:
     """Return an orbit with its elements, head and motion in the other room."""
     elements, head, modes, forces, chain, chained, system, tables, other, other_head, other_modes = orbit
     return Orbit(other, other_head, other_modes, forces, chain, chained, system, tables, elements, head, modes)
@@ -258,7 +270,7 @@ def surface_force(
             return g, slope, 0.0
         alpha = damping(law, d, p)
         return g + 2.0 * alpha * v, slope + 2.0 * damping_slope(law, d, p) * v, 2.0 * alpha
-    if p[LONGRANGE] == 0.0:
+    if not has_longrange(p):
         return 0.0, 0.0, 0.0
     return inverse_k * longrange_force(law, d, p), inverse_k * longrange_slope(law, d, p), 0.0
 
@@ -266,9 +278,9 @@ def surface_force(
 @kernel
 def close_ring(orbit: Orbit) -> None:
     """Let the end of the last element move as the start of the first does."""
-    head, modes = head_of(orbit), orbit.modes
-    first, last = element_of(orbit, 0), element_of(orbit, head.count)
+    count = head_of(orbit).count
+    first, last = element_of(orbit, 0), element_of(orbit, count)
     last.edge_w, last.edge_u = first.edge_w, first.edge_u
-    for i in range(modes.shape[1]):
-        modes[head.count, i, MOTION, NODES] = modes[0, i, MOTION, NODES]
-        modes[head.count, i, MOTION_RATE, NODES] = modes[0, i, MOTION_RATE, NODES]
+    for i in range(mode_count(orbit)):
+        start, end = motion_of_mode(orbit, 0, i), motion_of_mode(orbit, count, i)
+        end.w[NODES], end.u[NODES] = start.w[NODES], start.u[NODES]

@@ -10,13 +10,14 @@ from phasemap._kernels.orbits.response.nodes import (
     EXIT,
     GAUSS_X,
     IN,
-    LATE,
     OUT,
     TOUCH,
     N,
     Nodes,
+    contact_node,
     first_of,
     parts_of,
+    rate_at_node,
 )
 from phasemap._kernels.quadrature import barycentric
 
@@ -47,16 +48,16 @@ def apex_between(
 @kernel
 def apex_of(nodes: Nodes, amplitude: float) -> float:
     """Largest A cos(theta) + w, in contact or, without one, where the elements before and after it meet."""
-    touching = nodes.theta[EXIT] > nodes.theta[ENTRY]
+    touching = nodes.touches == 1
     theta, w, u = nodes.theta, nodes.w, nodes.u
     first = TOUCH if touching else OUT
     before = first if touching else IN
     most = -math.inf
     for k in range(N * parts_of(nodes) if touching else N):
-        j = first + k if k < N else LATE + k - N
+        j = first + k if k < N else contact_node(k)
         i, before = before, j
         most = max(most, amplitude * nodes.cos[j] + w[j])
-        if not u[i] - amplitude * nodes.sin[i] > 0.0 >= u[j] - amplitude * nodes.sin[j]:
+        if not rate_at_node(nodes, amplitude, i) > 0.0 >= rate_at_node(nodes, amplitude, j):
             continue  # no largest one between, for which two sines more would be taken
         between, angle = apex_between(amplitude, theta[i], w[i], u[i], theta[j], w[j], u[j])
         if touching and between > most:

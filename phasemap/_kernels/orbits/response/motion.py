@@ -21,9 +21,11 @@ from phasemap._kernels.orbits.response.nodes import (
     N,
     Nodes,
     count_of,
+    counts,
     fill_mode,
     first_harmonic,
     first_of,
+    first_of_element,
     parts_of,
     periods_before,
 )
@@ -33,22 +35,20 @@ UNRESOLVED_SHARE = 0.1
 
 
 @kernel(fastmath=ANY_ORDER)
-def respond(
-    nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float, touching: bool, longrange: bool
-) -> None:
+def respond(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float) -> None:
     """Replace w and w' by the lever's response to g."""
     nodes.missed = 0.0
     for i in range(modes_of(lever)):
         mode = mode_of(lever, i)
         fill_mode(nodes, mode)
-        all_re, all_im = _sum_up(nodes, touching, longrange)
+        all_re, all_im = _sum_up(nodes)
         e_re, e_im = periods_before(mode.decay, mode.turn)
         round_ = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
         h = first_harmonic(lever[OMEGA], mode, push, drag)
         share = mode.share / (lever[OMEGA] * lever[OMEGA] * mode.turn)
         _add_motion(nodes, mode, share, round_, (mean * mode.share / mode.square, h[0], h[1]), i == 0)
         if i > 0:
-            nodes.missed += share * _unresolved(nodes, touching, longrange, math.hypot(e_re, e_im))
+            nodes.missed += share * _unresolved(nodes, math.hypot(e_re, e_im))
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -79,7 +79,7 @@ def _running(nodes: Nodes, first: int) -> tuple[float, float]:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _sum_up(nodes: Nodes, touching: bool, longrange: bool) -> tuple[float, float]:
+def _sum_up(nodes: Nodes) -> tuple[float, float]:
     """Fill in g exp(-lambda theta) and its integrals from the start of the period; returns those over all of it."""
     for j in range(3 * N):
         share = nodes.g[j] * nodes.weight[j] * nodes.growth[j]
@@ -88,11 +88,11 @@ def _sum_up(nodes: Nodes, touching: bool, longrange: bool) -> tuple[float, float
         share = nodes.g[j] * nodes.weight[j] * nodes.growth[j]
         nodes.re[j], nodes.im[j] = share * nodes.turn_cos[j], -share * nodes.turn_sin[j]
     in_re, in_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0
-    if longrange:
+    if nodes.outside == 1:
         in_re, in_im = _running(nodes, IN)
         out_re, out_im = _running(nodes, OUT)
     at_re, at_im = in_re, in_im
-    for part in range(parts_of(nodes) if touching else 0):
+    for part in range(parts_of(nodes) if nodes.touches == 1 else 0):
         first = first_of(part)
         part_re, part_im = _running(nodes, first)
         for j in range(first, first + N):
@@ -133,7 +133,7 @@ def _add_motion(
 
 
 @kernel(fastmath=ANY_ORDER)
-def _unresolved(nodes: Nodes, touching: bool, longrange: bool, again: float) -> float:
+def _unresolved(nodes: Nodes, again: float) -> float:
     """Integral of g exp(-i nu theta) that the nodes may miss, from what their highest polynomials find in it.
 
     Where a share x of it is found there, some x^4/20 or x^4/30 is missed, for a mode turns by many radians in an
@@ -142,9 +142,9 @@ def _unresolved(nodes: Nodes, touching: bool, longrange: bool, again: float) -> 
     """
     rest = 0.0
     for element in range(2 + parts_of(nodes)):
-        if not (longrange if element == 0 or element == 2 else touching):
+        if not counts(nodes, element):
             continue
-        first = N * element if element < 3 else first_of(element - 2)
+        first = first_of_element(element)
         re, im, re_before, im_before, size = 0.0, 0.0, 0.0, 0.0, 1e-300
         for j in range(N):
             shrink = 1.0 / nodes.growth[first + j]

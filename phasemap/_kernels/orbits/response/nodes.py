@@ -20,11 +20,11 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import DAMPING, LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, longrange_force
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_longrange, longrange_force
 from phasemap._kernels.lever import Mode, fastest_turn
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
@@ -54,6 +54,8 @@ class Nodes:
     """Nodes of an orbit before, in and after contact, with the motion and the force at each."""
 
     parts: int  # elements into which the contact is cut; 0 is 1
+    touches: int  # 1 where the tip touches, so that the nodes in contact count
+    outside: int  # 1 where a force acts out of contact, so that the nodes before and after contact count
     missed: float  # of the motion by the higher modes, which the nodes may be too few for [m]
     theta: np.ndarray = column(ALL_CUT)  # angle of the first harmonic [rad]
     cos: np.ndarray = column(ALL_CUT)
@@ -111,7 +113,7 @@ def grade_outer_nodes(nodes: Nodes, amplitude: float, centre: float, reach: floa
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_nodes(nodes: Nodes, entry: float, exit_: float, longrange: bool) -> None:
+def lay_nodes(nodes: Nodes, entry: float, exit_: float) -> None:
     """Place the nodes: contact from entry to exit, and outside, the finer the nearer."""
     theta, weight = nodes.theta, nodes.weight
     centre, half = 0.5 * (entry + exit_), 0.5 * (exit_ - entry)
@@ -122,7 +124,7 @@ def lay_nodes(nodes: Nodes, entry: float, exit_: float, longrange: bool) -> None
         for j in range(N):
             theta[first + j] = centre + half * _CONTACT_S[place + j]
             weight[first + j] = half * _CONTACT_W[place + j]
-    for j in range(N if longrange else 0):
+    for j in range(N if nodes.outside == 1 else 0):
         theta[IN + j], weight[IN + j] = entry - before * nodes.far[j], before * nodes.far_weight[j]
         theta[OUT + j], weight[OUT + j] = exit_ + after * nodes.far[j], after * nodes.far_weight[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
@@ -174,6 +176,18 @@ def first_of(part: int) -> int:
 
 
 @kernel
+def first_of_element(element: int) -> int:
+    """The first node of an element: before contact (0), in contact (1), after contact (2), later parts of contact."""
+    return N * element if element < 3 else first_of(element - 2)
+
+
+@kernel
+def counts(nodes: Nodes, element: int) -> bool:
+    """Whether a force acts at the nodes of an element, counted as for `first_of_element`."""
+    return (nodes.outside if element == 0 or element == 2 else nodes.touches) == 1
+
+
+@kernel
 def count_of(nodes: Nodes) -> int:
     """Number of nodes, the two edges of the contact included."""
     return ALL + (parts_of(nodes) - 1) * N
@@ -208,25 +222,49 @@ def clear_motion(nodes: Nodes) -> None:
 
 @kernel
 def contact_node(k: int) -> int:
-    """The k-th node in contact."""
+    """Index of the k-th node in contact."""
     return TOUCH + k if k < N else LATE + k - N
 
 
+@kernel
+def node_in_time(nodes: Nodes, k: int) -> int:
+    """Index of the k-th node in the order of time; the element before contact runs backwards."""
+    contact = N * parts_of(nodes)
+    return N - 1 - k if k < N else contact_node(k - N) if k < N + contact else OUT + k - N - contact
+
+
+@kernel(inline=True, fastmath=ANY_ORDER)
+def weight_of_node(nodes: Nodes, i: int) -> float:
+    """Weight [rad] of node i in an integral over the angle."""
+    return GAUSS_WEIGHTS[i % N if i < LATE else (i - LATE) % N] * nodes.weight[i]
+
+
+@kernel(inline=True, fastmath=ANY_ORDER)
+def depth_at_node(nodes: Nodes, amplitude: float, centre: float, i: int) -> float:
+    """Depth d [m] of the tip at node i: A cos(theta) + w - e."""
+    return amplitude * nodes.cos[i] + nodes.w[i] - centre
+
+
+@kernel(inline=True, fastmath=ANY_ORDER)
+def rate_at_node(nodes: Nodes, amplitude: float, i: int) -> float:
+    """Rate of the depth at node i over the angle of the first harmonic, dd/d(theta) [m]."""
+    return nodes.u[i] - amplitude * nodes.sin[i]
+
+
 @kernel(fastmath=ANY_ORDER)
-def force(
-    oscillator: Oscillator, nodes: Nodes, amplitude: float, centre: float, touching: bool
+def fill_force(
+    oscillator: Oscillator, nodes: Nodes, amplitude: float, centre: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Fill g at the nodes; mean, P, S of g, the work of its conservative part, that of damping, and the virial sum."""
+    """Fill in the force g at the nodes; returns its mean, P, S, its work, that of damping apart, and the virial."""
     law, p, lever = oscillator
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     damped = p[DAMPING] != 0.0
-    for part in range(parts_of(nodes) if touching else 0):
+    for part in range(parts_of(nodes) if nodes.touches == 1 else 0):
         first = first_of(part)
         for j in range(N):
             i = first + j
-            d = max(amplitude * nodes.cos[i] + nodes.w[i] - centre, 0.0)
-            turn = nodes.u[i] - amplitude * nodes.sin[i]
+            d, turn = max(depth_at_node(nodes, amplitude, centre, i), 0.0), rate_at_node(nodes, amplitude, i)
             g = inverse_k * contact_force(law, d, p)
             weight = GAUSS_WEIGHTS[j] * nodes.weight[i]
             work += weight * g * turn
@@ -239,16 +277,16 @@ def force(
             push += weight * g * nodes.cos[i]
             drag += weight * g * nodes.sin[i]
             virial += weight * g * (amplitude * nodes.cos[i] + nodes.w[i])
-    if p[LONGRANGE] != 0.0:
+    if has_longrange(p):
         for side in range(2):
             first = IN if side == 0 else OUT
             for j in range(N):
                 i = first + j
-                d = min(amplitude * nodes.cos[i] + nodes.w[i] - centre, 0.0)
+                d = min(depth_at_node(nodes, amplitude, centre, i), 0.0)
                 g = inverse_k * longrange_force(law, d, p)
                 nodes.g[i] = g
                 weight = GAUSS_WEIGHTS[j] * nodes.weight[i]
-                work += weight * g * (nodes.u[i] - amplitude * nodes.sin[i])
+                work += weight * g * rate_at_node(nodes, amplitude, i)
                 mean += weight * g
                 push += weight * g * nodes.cos[i]
                 drag += weight * g * nodes.sin[i]
@@ -274,31 +312,27 @@ def first_harmonic(omega: float, mode: Mode, push: float, drag: float) -> tuple[
 
 
 @kernel(fastmath=ANY_ORDER)
-def move_nodes(nodes: Nodes, amplitude: float, centre: float, touching: bool, longrange: bool) -> None:
+def move_nodes(nodes: Nodes, amplitude: float, centre: float) -> None:
     """Move the nodes to where the contact is now, and w with them."""
     count, before = count_of(nodes), nodes.re
     theta = nodes.theta[:count]
     copy(theta, before)
     entry, exit_ = 0.0, 0.0
-    if touching:
-        entry = theta[ENTRY] - (amplitude * nodes.cos[ENTRY] + nodes.w[ENTRY] - centre) / (
-            nodes.u[ENTRY] - amplitude * nodes.sin[ENTRY]
-        )
-        exit_ = theta[EXIT] - (amplitude * nodes.cos[EXIT] + nodes.w[EXIT] - centre) / (
-            nodes.u[EXIT] - amplitude * nodes.sin[EXIT]
-        )
-    lay_nodes(nodes, entry, exit_, longrange)
+    if nodes.touches == 1:
+        entry = theta[ENTRY] - depth_at_node(nodes, amplitude, centre, ENTRY) / rate_at_node(nodes, amplitude, ENTRY)
+        exit_ = theta[EXIT] - depth_at_node(nodes, amplitude, centre, EXIT) / rate_at_node(nodes, amplitude, EXIT)
+    lay_nodes(nodes, entry, exit_)
     for j in range(count):
         nodes.w[j] += nodes.u[j] * (theta[j] - before[j])
 
 
 @kernel
-def cut_contact(nodes: Nodes, finer: Nodes, longrange: bool) -> None:
+def cut_contact(nodes: Nodes, finer: Nodes) -> None:
     """Carry an orbit over to nodes that cut each part of its contact in two."""
-    finer.parts = 2 * parts_of(nodes)
+    finer.parts, finer.touches, finer.outside = 2 * parts_of(nodes), nodes.touches, nodes.outside
     copy(nodes.far, finer.far)
     copy(nodes.far_weight, finer.far_weight)
-    lay_nodes(finer, nodes.theta[ENTRY], nodes.theta[EXIT], longrange)
+    lay_nodes(finer, nodes.theta[ENTRY], nodes.theta[EXIT])
     _interpolate(nodes.w, parts_of(nodes), finer.w)
     _interpolate(nodes.u, parts_of(nodes), finer.u)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import DYNAMIC_STIFFNESS, LONGRANGE
+from phasemap._kernels.columns import DYNAMIC_STIFFNESS
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.sides import Maximum, put_averaged_orbit
-from phasemap._kernels.orbits.response.nodes import ENTRY, EXIT, MOST_PARTS, Nodes, cut_contact, parts_of
+from phasemap._kernels.orbits.response.nodes import MOST_PARTS, Nodes, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, by_newton, converge, start_passes
 from phasemap._kernels.orbits.response.stability import orbit_is_kept
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
@@ -65,38 +65,35 @@ def nodes_of_solution(room: Room) -> Nodes:
 
 
 @kernel
-def grazes(p: np.ndarray, reach: float, guess: np.ndarray) -> bool:
+def grazes(p: np.ndarray, guess: np.ndarray) -> bool:
     """Whether an averaged orbit is so near to just touching that the exact one may do otherwise."""
     gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
-    return bool(p[LONGRANGE] != 0.0 and abs(gap) <= GRAZING * reach)
+    return bool(has_longrange(p) and abs(gap) <= GRAZING * reach_of(p))
 
 
 @kernel
-def refine(oscillator: Oscillator, reach: float, guess: np.ndarray, limits: np.ndarray, room: Room) -> bool:
+def refine(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, room: Room) -> bool:
     """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
-    if _pass_from(oscillator, reach, guess, e, limits, room):
+    if _pass_from(oscillator, guess, e, limits, room):
         return True
-    if not grazes(oscillator.p, reach, guess):
+    if not grazes(oscillator.p, guess):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
-    e = amplitude + (1e-6 if e < amplitude else -0.05) * reach
-    return _pass_from(oscillator, reach, guess, e, limits, room)
+    e = amplitude + (1e-6 if e < amplitude else -0.05) * reach_of(oscillator.p)
+    return _pass_from(oscillator, guess, e, limits, room)
 
 
 @kernel(shared=True)
-def _pass_from(
-    oscillator: Oscillator, reach: float, guess: np.ndarray, centre: float, limits: np.ndarray, room: Room
-) -> bool:
+def _pass_from(oscillator: Oscillator, guess: np.ndarray, centre: float, limits: np.ndarray, room: Room) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.
 
     Beside resonance, where contacts are long, they go on at nodes that cut them in two.
     """
-    p, lever = oscillator.p, oscillator.lever
-    f, state, longrange = room.nodes, room.state, p[LONGRANGE] != 0.0
+    lever, f, state = oscillator.lever, room.nodes, room.state
     clear(state)
     state.amplitude, state.centre, state.slope, state.seen = guess[col.G_A], centre, guess[col.G_SLOPE], room.seen
-    if not start_passes(oscillator, reach, f, state):
+    if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
     found = converge(oscillator, f, state, False, limits[0], limits[1])
@@ -104,22 +101,22 @@ def _pass_from(
     most_parts = FEW_PARTS if modes_of(lever) == 1 or by_newton(lever, state) else MOST_PARTS
     while (
         found == UNRESOLVED
-        and f.theta[EXIT] > f.theta[ENTRY]
+        and f.touches == 1
         and cut
         and not (parts_of(f) > 1 and state.last_ratio > 1.0)  # which lead away, as where the tip touches twice
         and 2 * parts_of(f) <= most_parts
     ):
         gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
-        if not put_averaged_orbit(oscillator, reach, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
+        if not put_averaged_orbit(oscillator, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
-        cut_contact(f, other, longrange)
+        cut_contact(f, other)
         f, other = other, f
         state.parts = parts_of(f)
-        evaluate_nodes(oscillator, f, state, True)
+        evaluate_nodes(oscillator, f, state)
         found = converge(oscillator, f, state, False, limits[0], limits[1])
     if found != FOUND or not on_same_branch(lever, guess, state):
         return False
-    return orbit_is_kept(oscillator, reach, f, state, 0.0, 0.0)
+    return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
 
 
 @kernel
@@ -135,7 +132,6 @@ def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bo
 @kernel
 def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
     """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of room.state."""
-    law, p = oscillator.law, oscillator.p
     f, here, there = nodes_of_solution(room), room.state, room.other
     assign(there, here)
     move = SLOPE_STEP * here.amplitude
@@ -145,7 +141,5 @@ def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bo
         return False
     if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False
-    # Back to where the nodes were.
-    reach = reach_of(law, p)
-    found = converge(oscillator, f, here, False, limits[0], limits[1])
-    return found == FOUND and orbit_is_kept(oscillator, reach, f, here, 0.0, 0.0)
+    found = converge(oscillator, f, here, False, limits[0], limits[1])  # back to where the nodes were
+    return found == FOUND and orbit_is_kept(oscillator, f, here, 0.0, 0.0)

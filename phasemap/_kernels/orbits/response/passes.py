@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import DRIVE, LONGRANGE
+from phasemap._kernels.columns import DRIVE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import (
     beside_resonance,
     higher_modes_forget,
@@ -16,10 +16,11 @@ from phasemap._kernels.lever import (
     mismatch,
     modes_of,
     phase_of,
+    reach_of,
     static_compliance,
 )
 from phasemap._kernels.orbits.response.motion import respond
-from phasemap._kernels.orbits.response.newton import keep_motion, new_scratch, newton_pass, shortened_lift
+from phasemap._kernels.orbits.response.newton_pass import keep_motion, new_scratch, newton_pass, shortened_lift
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -30,7 +31,8 @@ from phasemap._kernels.orbits.response.nodes import (
     N,
     Nodes,
     clear_motion,
-    first_of,
+    counts,
+    first_of_element,
     grade_outer_nodes,
     lay_nodes,
     middle_of,
@@ -49,9 +51,11 @@ from phasemap._kernels.orbits.response.state import (
 NO_ORBIT = 0  # how passes end
 FOUND = 1
 UNRESOLVED = 2  # an orbit, but the nodes do not resolve it well enough
+GO_ON = 3
 MOST_PASSES = 24
 MOST_MOVES = 4  # of e within a pass
-MOST_SLOW = 4  # passes that leave more than 0.7 of the change before
+SLOW_RATIO = 0.7  # of the change by a pass over that before, above which passes contract slowly
+MOST_SLOW = 4  # such passes
 LIFT_LEFT = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
 PASS_SAFETY = 8.0  # over the error that two changes tell
 PASS_FLOOR_PHASE = 1e-8  # [rad], least error to be expected
@@ -77,7 +81,7 @@ def by_newton(lever: np.ndarray, state: PassState) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState, touching: bool, longrange: bool) -> float:
+def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState) -> float:
     """Estimated error of P, S and mean deflection [m] from the finite number of nodes: theory, Eq. (errors-2).
 
     The error of Gauss nodes is about the square of what their highest polynomials still find in the integrand, over the
@@ -86,9 +90,9 @@ def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState, touching
     """
     rest = 0.0
     for element in range(2 + parts_of(nodes)):
-        if not (longrange if element == 0 or element == 2 else touching):
+        if not counts(nodes, element):
             continue
-        even, odd, size, first = 0.0, 0.0, 0.0, N * element if element < 3 else first_of(element - 2)
+        even, odd, size, first = 0.0, 0.0, 0.0, first_of_element(element)
         for j in range(N):
             share = nodes.g[first + j] * nodes.weight[first + j]
             even += HIGHEST[0, j] * share
@@ -125,37 +129,37 @@ def estimate_pass_errors(
 
 
 @kernel
-def start_passes(oscillator: Oscillator, reach: float, nodes: Nodes, state: PassState) -> bool:
+def start_passes(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
     """Lay the nodes of the harmonic orbit with the state's amplitude and centre e; False if it is out of range."""
     p, lever, amplitude, e = oscillator.p, oscillator.lever, state.amplitude, state.centre
     c = e / amplitude
-    if c < LEAST_EDGE_COSINE or (c >= 1.0 and p[LONGRANGE] == 0.0):
+    if c < LEAST_EDGE_COSINE or (c >= 1.0 and not has_longrange(p)):
         return False
     edge = math.acos(c) if c < 1.0 else 0.0
+    nodes.touches, nodes.outside = 1 if c < 1.0 else 0, 1 if has_longrange(p) else 0
     if modes_of(lever) > 1:
         nodes.parts = parts_needed(oscillator, edge, amplitude - e)
         if nodes.parts > MOST_PARTS:
             return False
-    if p[LONGRANGE] != 0.0:
-        grade_outer_nodes(nodes, amplitude, e, reach, edge)
-    lay_nodes(nodes, -edge, edge, p[LONGRANGE] != 0.0)
+    if nodes.outside == 1:
+        grade_outer_nodes(nodes, amplitude, e, reach_of(p), edge)
+    lay_nodes(nodes, -edge, edge)
     clear_motion(nodes)
-    evaluate_nodes(oscillator, nodes, state, c < 1.0)
+    evaluate_nodes(oscillator, nodes, state)
     return True
 
 
 @kernel
-def balance_drive(oscillator: Oscillator, nodes: Nodes, state: PassState, touching: bool, lift: float) -> float:
+def balance_drive(oscillator: Oscillator, nodes: Nodes, state: PassState, lift: float) -> float:
     """Move the centre e until the drive needed is that given, at fixed w; returns the mismatch left.
 
     The tip that w lifts by so much [m] is first lowered by as much, which leaves its depth and nearly its force.
     """
-    p = oscillator.p
-    amplitude, longrange, hold = state.amplitude, p[LONGRANGE] != 0.0, math.isnan(lift)
+    amplitude, hold = state.amplitude, math.isnan(lift)
     if not hold:
         state.centre += lift
-    move_nodes(nodes, amplitude, state.centre, touching, longrange)
-    h = evaluate_nodes(oscillator, nodes, state, touching)
+    move_nodes(nodes, amplitude, state.centre)
+    h = evaluate_nodes(oscillator, nodes, state)
     if hold:
         return h
     for _ in range(MOST_MOVES):
@@ -164,8 +168,8 @@ def balance_drive(oscillator: Oscillator, nodes: Nodes, state: PassState, touchi
         before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
-        move_nodes(nodes, amplitude, state.centre, touching, longrange)
-        h = evaluate_nodes(oscillator, nodes, state, touching)
+        move_nodes(nodes, amplitude, state.centre)
+        h = evaluate_nodes(oscillator, nodes, state)
         update_slopes(state, move, h, before)
     return h
 
@@ -180,12 +184,14 @@ def update_slopes(state: PassState, move: float, h: float, before: tuple[float, 
 
 
 @kernel
-def first_pass(state: PassState) -> None:
-    """Forget the changes of passes made before."""
+def first_pass(lever: np.ndarray, state: PassState) -> None:
+    """Forget the changes of passes made before; of a harmonic orbit the first pass changes phase and tip offset."""
     state.phase = state.tip_offset = state.last_w = math.nan
     state.phase_change = state.tip_offset_change = math.nan
-    state.lacks = 0.0
-    state.last_ratio = 1.0
+    state.lacks, state.last_ratio, state.defect, state.slow = 0.0, 1.0, math.inf, 0
+    if state.passes == 0:
+        state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
+        state.tip_offset = state.centre - static_compliance(lever) * state.mean_force
 
 
 @kernel
@@ -221,6 +227,34 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
     return ratio
 
 
+@kernel
+def outcome_of_pass(
+    lever: np.ndarray, state: PassState, nodes: float, newton: bool, hold: bool, early: bool, limit_phase: float,
+    limit_height: float,
+) -> int:  # fmt: skip
+    """FOUND, UNRESOLVED or NO_ORBIT after a pass whose errors are estimated, or GO_ON; what is `early` is not given up.
+
+    `nodes`: error of P, S and mean deflection from the finite number of nodes [m].
+    """
+    left = 0.0 if hold else relative_energy_defect(lever, state)
+    small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
+    if small and abs(left) < ENERGY_LEFT:
+        return FOUND
+    if early:
+        return GO_ON
+    left_before, state.defect = state.defect, left
+    state.slow += 1 if state.last_ratio > SLOW_RATIO else 0
+    change = abs(left - left_before)
+    stays = change < 0.5 * abs(left) if newton else abs(left) > 0.5 * abs(left_before)
+    rough = nodes > limit_phase * lever[DRIVE]
+    rough = rough or (newton and nodes * tip_offset_error_factor(lever, state) > limit_height)
+    left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
+    done = left_phase < limit_phase and left_height < limit_height
+    if rough or (small and stays) or (newton and done and change < 0.1 * abs(left)):
+        return UNRESOLVED
+    return NO_ORBIT if state.slow > MOST_SLOW else GO_ON
+
+
 @kernel(shared=True)
 def converge(
     oscillator: Oscillator, f: Nodes, state: PassState, hold: bool, limit_phase: float, limit_height: float
@@ -230,54 +264,33 @@ def converge(
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes in contact contract slowly, as they do at low Q. Newton's method takes their place.
     """
-    p, lever = oscillator.p, oscillator.lever
-    longrange = p[LONGRANGE] != 0.0
-    touching = f.theta[EXIT] > f.theta[ENTRY]  # harmonics may lift the tip so that it touches with e > A
-    nearest = middle_of(f) if touching else OUT
-    newton = touching and by_newton(lever, state)
-    left_before, slow, scratch = math.inf, 0, new_scratch(f, newton)
+    lever, nearest = oscillator.lever, middle_of(f) if f.touches == 1 else OUT
+    newton = f.touches == 1 and by_newton(lever, state)
     harmonic, h = state.passes == 0, mismatch(lever, state.amplitude, state.push, state.drag)
-    first_pass(state)
-    if harmonic:  # which the first pass changes
-        state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
-        state.tip_offset = state.centre - static_compliance(lever) * state.mean_force
+    scratch = new_scratch(f, newton)
+    first_pass(lever, state)
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
         if newton:
             keep_motion(f, scratch)
         if newton and not (harmonic and passes == 0):
-            good, h = newton_pass(oscillator, f, state, longrange, h, hold, scratch)
+            good, h = newton_pass(oscillator, f, state, h, hold, scratch)
             if not good:
                 return NO_ORBIT
         else:
-            respond(f, lever, state.mean_force, state.push, state.drag, touching, longrange)
+            respond(f, lever, state.mean_force, state.push, state.drag)
             lift = f.w[nearest] - before
             if newton:
                 lift = shortened_lift(f, state, lift, scratch)
-            h = balance_drive(oscillator, f, state, touching, math.nan if hold else lift)
+            h = balance_drive(oscillator, f, state, math.nan if hold else lift)
         state.passes += 1
-        nodes = quadrature_error(lever, f, state, touching, longrange)
+        nodes = quadrature_error(lever, f, state)
         ratio = after_pass(lever, state, h, f.w[nearest], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] >= f.theta[ENTRY]):
             return NO_ORBIT
         if ratio >= 0.0:
-            left = 0.0 if hold else relative_energy_defect(lever, state)
-            small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
-            if small and abs(left) < ENERGY_LEFT:
-                return FOUND
-            if harmonic and passes == 1:
-                continue  # too early to give up
-            slow += ratio > 0.7
-            change = abs(left - left_before)
-            stays = change < 0.5 * abs(left) if newton else abs(left) > 0.5 * abs(left_before)
-            rough = nodes > limit_phase * lever[DRIVE] or (
-                newton and nodes * tip_offset_error_factor(lever, state) > limit_height
-            )
-            left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
-            done = left_phase < limit_phase and left_height < limit_height
-            if rough or (small and stays) or (newton and done and change < 0.1 * abs(left)):
-                return UNRESOLVED
-            if slow > MOST_SLOW:
-                return NO_ORBIT
-            left_before = left
+            early = harmonic and passes == 1
+            outcome = outcome_of_pass(lever, state, nodes, newton, hold, early, limit_phase, limit_height)
+            if outcome != GO_ON:
+                return outcome
     return NO_ORBIT

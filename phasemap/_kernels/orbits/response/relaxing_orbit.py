@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, LONGRANGE, OMEGA
+from phasemap._kernels.columns import ALPHA0, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mismatch, modes_of, phase_of, reach_of
+from phasemap._kernels.law import Oscillator, has_longrange
+from phasemap._kernels.lever import mismatch, modes_of, reach_of
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
@@ -25,27 +24,31 @@ from phasemap._kernels.orbits.response.nodes import (
     N,
     Nodes,
     clear_motion,
+    counts,
+    first_of_element,
     grade_outer_nodes,
 )
 from phasemap._kernels.orbits.response.orbit import on_same_branch
 from phasemap._kernels.orbits.response.passes import (
     FOUND,
+    GO_ON,
     LEAST_EDGE_COSINE,
     LIFT_LEFT,
     MOST_MOVES,
     MOST_PASSES,
-    MOST_SLOW,
     NO_ORBIT,
     after_pass,
     converge,
     first_pass,
+    outcome_of_pass,
     quadrature_error,
     start_passes,
     update_slopes,
 )
-from phasemap._kernels.orbits.response.relaxing import (
+from phasemap._kernels.orbits.response.relaxing_contact import (
     END_NODE,
     ContactMemory,
+    TapRoom,
     dent_of,
     follow_contact,
     lay_relaxing,
@@ -69,44 +72,37 @@ UNDAMPED = 0.5  # of what air takes more at a larger amplitude, that a tap may t
 LEAST_LATE_SHARE = 0.3  # least share of the contact's later half that a step leaves of it
 
 
-class Bench(NamedTuple):
-    """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
-
-    nodes: Nodes
-    memory: ContactMemory
-    state: PassState
-
-
 @kernel
-def evaluate_relaxing(oscillator: Oscillator, bench: Bench) -> float:
+def evaluate_relaxing(oscillator: Oscillator, room: TapRoom) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = bench
-    follow_contact(p, lever, f, state.amplitude, state.centre, m)
-    look_back(p, lever, f, m)
-    mean, push, drag, work, virial = relaxing_force(oscillator, f, state.amplitude, state.centre, m)
+    state = room.state
+    follow_contact(p, lever, room)
+    look_back(p, lever, room)
+    mean, push, drag, work, virial = relaxing_force(oscillator, room)
     state.mean_force, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
     return mismatch(lever, state.amplitude, push, drag)
 
 
 @kernel
-def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
+def start_relaxing(oscillator: Oscillator, room: TapRoom) -> bool:
     """Lay the harmonic orbit with the amplitude and e of the state; False if it is out of this method's range."""
-    law, p, lever = oscillator
-    f, m, state = bench
+    p, lever = oscillator.p, oscillator.lever
+    f, m, state = room
     amplitude, e, time, kappa = state.amplitude, state.centre, lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
     if not LEAST_EDGE_COSINE < e / amplitude < 1.0:
         return False
-    edge, longrange = math.acos(e / amplitude), p[LONGRANGE] != 0.0
+    edge = math.acos(e / amplitude)
+    f.touches, f.outside = 1, 1 if has_longrange(p) else 0
     if edge > THINNEST * time:
         return False
-    if longrange:
-        grade_outer_nodes(f, amplitude, e, reach_of(law, p), edge)
+    if f.outside == 1:
+        grade_outer_nodes(f, amplitude, e, reach_of(p), edge)
     clear_motion(f)
     exit_ = edge
     for _ in range(MOST_ENDS):
-        lay_relaxing(f, -edge, 0.0, exit_, longrange)
-        follow_contact(p, lever, f, amplitude, e, m)
+        lay_relaxing(f, -edge, 0.0, exit_)
+        follow_contact(p, lever, room)
         d, seen = m.depth[END_NODE], m.seen[END_NODE]
         move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)
         exit_ = min(max(exit_ + move, LEAST_LATE_SHARE * exit_), edge)
@@ -115,27 +111,27 @@ def start_relaxing(oscillator: Oscillator, bench: Bench) -> bool:
     for j in range(N):
         m.place[N + j] = 1.0 - GAUSS_X[j]
     for _ in range(MOST_LOOK_BACKS):
-        look_back(p, lever, f, m)
-    evaluate_relaxing(oscillator, bench)
+        look_back(p, lever, room)
+    evaluate_relaxing(oscillator, room)
     return True
 
 
 @kernel
-def balance_relaxing(oscillator: Oscillator, bench: Bench, lift: float) -> float:
+def balance_relaxing(oscillator: Oscillator, room: TapRoom, lift: float) -> float:
     """Move the centre e until the drive needed is that given, at fixed w, as passes without memory do."""
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = bench
+    state = room.state
     state.centre += lift
-    relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-    h = evaluate_relaxing(oscillator, bench)
+    relay_relaxing(p, lever, room)
+    h = evaluate_relaxing(oscillator, room)
     for _ in range(MOST_MOVES):
         if abs(h) < LIFT_LEFT * abs(lift * state.slope) and state.push_slope != 0.0:
             break
         before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
-        relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-        h = evaluate_relaxing(oscillator, bench)
+        relay_relaxing(p, lever, room)
+        h = evaluate_relaxing(oscillator, room)
         update_slopes(state, move, h, before)
     return h
 
@@ -157,36 +153,31 @@ def relaxation_quadrature_error(p: np.ndarray, nodes: Nodes, memory: ContactMemo
 
 
 @kernel
-def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, bench: Bench) -> int:
-    """Repeat passes from a harmonic orbit that touches until errors are below the limits: FOUND or NO_ORBIT."""
+def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, room: TapRoom) -> int:
+    """Repeat passes from a harmonic orbit that touches until errors are below the limits, as `converge` does."""
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = bench
-    slow, longrange = 0, p[LONGRANGE] != 0.0
-    first_pass(state)
-    state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
-    state.tip_offset = state.centre - state.mean_force
+    f, m, state = room
+    first_pass(lever, state)
     for passes in range(MOST_PASSES):
         before = f.w[LATE]
-        respond(f, lever, state.mean_force, state.push, state.drag, True, longrange)
-        h = balance_relaxing(oscillator, bench, f.w[LATE] - before)
+        respond(f, lever, state.mean_force, state.push, state.drag)
+        h = balance_relaxing(oscillator, room, f.w[LATE] - before)
         state.passes += 1
-        nodes = quadrature_error(lever, f, state, True, longrange) + relaxation_quadrature_error(p, f, m)
+        nodes = quadrature_error(lever, f, state) + relaxation_quadrature_error(p, f, m)
         ratio = after_pass(lever, state, h, f.w[LATE], nodes)
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] > f.theta[ENTRY]):
             return NO_ORBIT
         if ratio >= 0.0:
-            if state.phase_error < limits[0] and state.tip_offset_error < limits[1]:
-                return FOUND
-            slow += passes > 1 and ratio > 0.7
-            if slow > MOST_SLOW:
-                return NO_ORBIT
+            outcome = outcome_of_pass(lever, state, nodes, False, True, passes == 1, limits[0], limits[1])
+            if outcome != GO_ON:
+                return outcome
     return NO_ORBIT
 
 
 @kernel
-def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
+def taps_once(room: TapRoom, dent: float, recovery: float) -> bool:
     """Whether depth and edge grow up to the turn, and nothing that the next taps meet is left of the dents of all."""
-    f, m, _ = bench
+    f, m, _ = room
     for j in range(N):
         if not (m.rate[j] > 0.0 and 0.0 <= m.place[N + j] <= 1.0):
             return False
@@ -197,14 +188,14 @@ def taps_once(bench: Bench, dent: float, recovery: float) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def energy_defect(lever: np.ndarray, nodes: Nodes, state: PassState, longrange: bool) -> float:
+def energy_defect(lever: np.ndarray, nodes: Nodes, state: PassState) -> float:
     """Energy supplied less energy lost per period, over stiffness, with air damping of the higher harmonics."""
     amplitude, omega, alpha0 = state.amplitude, lever[OMEGA], lever[ALPHA0]
     left, at = -math.pi * amplitude * state.drag - state.loss, np.zeros((3, 4 * N))
     share, cosine, sine = at[0], at[1], at[2]  # of exp(i n theta)
     for part in range(4):
-        first = LATE if part == 3 else N * part
-        for j in range(N if longrange or part == 1 or part == 3 else 0):
+        first = first_of_element(part)
+        for j in range(N if counts(nodes, part) else 0):
             i, k = first + j, N * part + j
             share[k] = GAUSS_WEIGHTS[j] * nodes.weight[i] * nodes.g[i] / math.pi
             cosine[k], sine[k] = nodes.cos[i], nodes.sin[i]
@@ -223,23 +214,23 @@ def energy_defect(lever: np.ndarray, nodes: Nodes, state: PassState, longrange: 
 
 
 @kernel
-def slow_flow_is_stable(oscillator: Oscillator, bench: Bench) -> bool:
+def slow_flow_is_stable(oscillator: Oscillator, room: TapRoom) -> bool:
     """True if disturbances of amplitude and phase decay in the slow flow: theory, Eq. (memory-11).
 
     What a tap takes may fall with the amplitude, by more than what air takes rises. Leaves the state as it was, and the
     nodes at a larger amplitude.
     """
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = bench
+    f, m, state = room
     loss, mean, push, drag, virial = state.loss, state.mean_force, state.push, state.drag, state.virial
     amplitude, e, step = state.amplitude, state.centre, AMPLITUDE_STEP * m.depth[N - 1]
     state.amplitude += step
-    relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-    evaluate_relaxing(oscillator, bench)
-    respond(f, lever, state.mean_force, state.push, state.drag, True, p[LONGRANGE] != 0.0)
+    relay_relaxing(p, lever, room)
+    evaluate_relaxing(oscillator, room)
+    respond(f, lever, state.mean_force, state.push, state.drag)
     state.centre = e - mean + state.mean_force
-    relay_relaxing(p, lever, f, state.amplitude, state.centre, m)
-    evaluate_relaxing(oscillator, bench)
+    relay_relaxing(p, lever, room)
+    evaluate_relaxing(oscillator, room)
     more = (state.loss - loss) / step
     state.amplitude, state.centre = amplitude, e
     state.loss, state.mean_force, state.push, state.drag, state.virial = loss, mean, push, drag, virial
@@ -247,33 +238,33 @@ def slow_flow_is_stable(oscillator: Oscillator, bench: Bench) -> bool:
 
 
 @kernel
-def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, bench: Bench) -> bool:
+def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, room: TapRoom) -> bool:
     """Exact orbit near the averaged one of `guess`, if passes find it within `limits` and it is sound.
 
     One that does not touch has nothing to remember. A lever of several modes is left to others.
     """
-    law, p, lever = oscillator
-    f, m, state = bench
-    reach, e = reach_of(law, p), guess[col.G_Z0] - guess[col.G_MEAN]
+    p, lever = oscillator.p, oscillator.lever
+    f, m, state = room
+    e = guess[col.G_Z0] - guess[col.G_MEAN]
     if modes_of(lever) > 1:
         return False
     clear(state)
     f.parts, state.parts = 2, 2
     state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
     if e >= state.amplitude:
-        if not start_passes(oscillator, reach, f, state):
+        if not start_passes(oscillator, f, state):
             return False
         found = converge(oscillator, f, state, False, limits[0], limits[1])
         if found != FOUND or not on_same_branch(lever, guess, state):
             return False
-        return orbit_is_kept(oscillator, reach, f, state, 0.0, 0.0)
-    if not start_relaxing(oscillator, bench) or converge_relaxing(oscillator, limits, bench) != FOUND:
+        return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+    if not start_relaxing(oscillator, room) or converge_relaxing(oscillator, limits, room) != FOUND:
         return False
     dent, recovery = dent_of(p, lever, m)
-    if not (taps_once(bench, dent, recovery) and on_same_branch(lever, guess, state)):
+    if not (taps_once(room, dent, recovery) and on_same_branch(lever, guess, state)):
         return False
-    state.work = energy_defect(lever, f, state, p[LONGRANGE] != 0.0)
+    state.work = energy_defect(lever, f, state)
     i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
     state.apex = apex_between(amplitude, f.theta[i], f.w[i], f.u[i], f.theta[j], f.w[j], f.u[j])[0]
     state.apex = max(state.apex, amplitude * f.cos[i] + f.w[i], amplitude * f.cos[j] + f.w[j])
-    return orbit_is_kept(oscillator, reach, f, state, dent, recovery) and slow_flow_is_stable(oscillator, bench)
+    return orbit_is_kept(oscillator, f, state, dent, recovery) and slow_flow_is_stable(oscillator, room)

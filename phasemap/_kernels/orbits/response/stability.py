@@ -1,48 +1,62 @@
-"""Whether a converged orbit of the lever's response is one that a tip keeps to, as far as a monodromy matrix tells."""
+"""Whether a tip keeps to a converged orbit of the lever's response: it touches where it was taken to, and is stable.
+
+A small motion of each mode, x cos(nu theta) + y sin(nu theta), goes on freely between nodes and is kicked at them by
+what the surface makes of it: its stiffness, its damping. What a period makes of it is the monodromy matrix, of one mode
+theory, Eq. (stability-6), of several Eq. (stability-7).
+"""
 
 from __future__ import annotations
 
 import math
 
-from phasemap._kernels.columns import ALPHA0, DAMPING, LONGRANGE, OMEGA, STIFFNESS
+import numpy as np
+
+from phasemap._kernels.columns import ALPHA0, DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Oscillator, contact_slope, damping, longrange_slope
-from phasemap._kernels.lever import low_q, mode_of, modes_of
+from phasemap._kernels.law import Oscillator, contact_slope, damping, has_longrange, longrange_slope
+from phasemap._kernels.lever import all_shares, low_q, mode_of, modes_of, reach_of
+from phasemap._kernels.numerics import spectral_radius
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.motion import respond
+from phasemap._kernels.orbits.response.newton_pass import surface_stiffness
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
-    GAUSS_WEIGHTS,
     IN,
-    LATE,
     OUT,
     TOUCH,
     N,
     Nodes,
     contact_node,
+    count_of,
+    depth_at_node,
     fill_mode,
     grade_outer_nodes,
     lay_nodes,
+    node_in_time,
     parts_of,
+    rate_at_node,
+    weight_of_node,
 )
-from phasemap._kernels.orbits.response.stability_of_several_modes import is_held
 from phasemap._kernels.orbits.response.state import ENERGY_LEFT, PassState, relative_energy_defect, slope_by_tip_offset
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
-ASIDE = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
-LEAST_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
+BESIDE_CONTACT = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
+LEAST_MISMATCH_SLOPE = 0.05  # of the mismatch over the depth: flatter is too near to where the branch ends
+SQUARINGS_WITHIN = 20  # of a monodromy matrix, for its multipliers to some millionths
+FAINT_KICK = 1e-7  # [rad], change of the rate by a kick that does nothing
+CLEARLY_HELD = 0.25  # of what a free lever's slowest mode loses in a period, that must be lost at least
 
 
 @kernel(fastmath=ANY_ORDER)
-def kicked(c: float, s: float, kick: float, x: float, y: float) -> tuple[float, float]:
-    """What a stiffness at an angle makes of a free lever's motion x cos(nu theta) + y sin(nu theta)."""
+def motion_after_kick(c: float, s: float, kick: float, x: float, y: float) -> tuple[float, float]:
+    """Motion (x, y) of one mode after a kick by a stiffness, at an angle with cosine c and sine s of nu theta."""
     force = kick * (c * x + s * y)
     return x + force * s, y - force * c
 
 
 @kernel(fastmath=ANY_ORDER)
-def turned(squared: float, width: float, v: float, u: float) -> tuple[float, float]:
+def motion_on_spring(squared: float, width: float, v: float, u: float) -> tuple[float, float]:
     """Motion v and its rate u after an angle `width`, under a stiffness that stays: v'' = -squared v."""
     z = squared * width * width
     c = 1.0 - z / 2.0 * (1.0 - z / 12.0 * (1.0 - z / 30.0))
@@ -51,123 +65,196 @@ def turned(squared: float, width: float, v: float, u: float) -> tuple[float, flo
 
 
 @kernel
-def trace_of(a: float, nu: float, x1: float, y1: float, x2: float, y2: float) -> float:
-    """Trace of the monodromy matrix: after all kicks (1, 0) is (x1, y1), and (0, 1) is (x2, y2)."""
-    c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
-    return math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s)
+def force_length(p: np.ndarray, state: PassState) -> float:
+    """Length [m] over which the force changes on an orbit: the depth of its contact, or the gap with the reach."""
+    return max(reach_of(p) + max(state.centre - state.amplitude, 0.0), state.amplitude - state.centre)
 
 
-@kernel(fastmath=ANY_ORDER, shared=True)
-def orbit_is_kept(
-    oscillator: Oscillator, reach: float, nodes: Nodes, state: PassState, dent: float, recovery: float
-) -> bool:
-    """Whether the converged orbit touches where it was taken to, and period doubling is far.
+@kernel
+def _is_sound(lever: np.ndarray, state: PassState, length: float) -> bool:
+    """Whether the mismatch falls clearly as the tip rises by this length [m], so no fold is near, and energy closes."""
+    falls = slope_by_tip_offset(lever, state) * length < -LEAST_MISMATCH_SLOPE
+    return falls and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
 
-    A `dent` [m] that the contact leaves comes back with the rate `recovery` over the angle.
 
-    The trace of the monodromy matrix is that of the free lever kicked at every node outside contact by the stiffness
-    there, and turned faster by it in contact: theory, Eq. (stability-6). A period doubles where it is -1 less the
-    determinant, which all damping makes smaller; the trace leaves out that of the contact, which would bring it nearer
-    to zero.
+@kernel(fastmath=ANY_ORDER)
+def trace_of_one_mode(
+    oscillator: Oscillator, nodes: Nodes, state: PassState, dent: float, recovery: float
+) -> tuple[float, float]:
+    """Trace of the monodromy matrix of one mode, NaN where the tip touches elsewhere, and the decay of its determinant.
+
+    The mode is kicked at every node outside contact by the stiffness there, and turned faster by it in contact. The
+    determinant exp(-decay) has the damping of the contact, the trace leaves it out.
     """
     law, p, lever = oscillator
-    if modes_of(lever) > 1:
-        return _several_modes_are_kept(oscillator, reach, nodes, state)
-    amplitude, e = state.amplitude, state.centre
     omega, alpha0, inverse_k = lever[OMEGA], lever[ALPHA0], 1.0 / lever[STIFFNESS]
-    touching, longrange = nodes.theta[EXIT] > nodes.theta[ENTRY], p[LONGRANGE] != 0.0
     a, nu = -alpha0 / omega, math.sqrt(1.0 - alpha0 * alpha0) / omega
     x1, y1, x2, y2 = 1.0, 0.0, 0.0, 1.0
     fill_mode(nodes, mode_of(lever, 0))
-    depth = max(reach + max(e - amplitude, 0.0), amplitude - e)
-    little, decay = 1e-3 * depth, -4.0 * math.pi * a
-    late = (parts_of(nodes) - 1) * N  # nodes of a later half of the contact
-    for k in range(3 * N + late):
-        # In the order of time: the element before contact runs backwards.
-        j = N - 1 - k if k < N else contact_node(k - N) if k < 2 * N + late else k - late
-        in_contact, width = (
-            N <= k < 2 * N + late,
-            GAUSS_WEIGHTS[j % N if j < LATE else (j - LATE) % N] * nodes.weight[j],
-        )
-        if not (touching if in_contact else longrange):
+    contact, beside, decay = N * parts_of(nodes), BESIDE_CONTACT * force_length(p, state), -4.0 * math.pi * a
+    for k in range(2 * N + contact):
+        j, in_contact = node_in_time(nodes, k), N <= k < N + contact
+        if (nodes.touches if in_contact else nodes.outside) == 0:
             continue
-        d = amplitude * nodes.cos[j] + nodes.w[j] - e
+        d, width = depth_at_node(nodes, state.amplitude, state.centre, j), weight_of_node(nodes, j)
         if dent > 0.0 and OUT <= j < OUT + N:
             d -= dent * math.exp((nodes.theta[EXIT] - nodes.theta[j]) * recovery)
-        if d < -little if in_contact else d > little:
-            return False
+        if d < -beside if in_contact else d > beside:
+            return math.nan, decay
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
         if in_contact and p[DAMPING] != 0.0:
             decay += 2.0 / omega * width * damping(law, max(d, 0.0), p)
         squared = inverse_k * slope / (omega * omega)
         if not in_contact:
-            x1, y1 = kicked(nodes.turn_cos[j], nodes.turn_sin[j], width * squared / nu, x1, y1)
-            x2, y2 = kicked(nodes.turn_cos[j], nodes.turn_sin[j], width * squared / nu, x2, y2)
+            x1, y1 = motion_after_kick(nodes.turn_cos[j], nodes.turn_sin[j], width * squared / nu, x1, y1)
+            x2, y2 = motion_after_kick(nodes.turn_cos[j], nodes.turn_sin[j], width * squared / nu, x2, y2)
             continue
         if j == TOUCH:
             c, s = nodes.turn_cos[ENTRY], nodes.turn_sin[ENTRY]
             x1, y1, x2, y2 = c * x1 + s * y1, nu * (c * y1 - s * x1), c * x2 + s * y2, nu * (c * y2 - s * x2)
-        x1, y1 = turned(nu * nu + squared, width, x1, y1)
-        x2, y2 = turned(nu * nu + squared, width, x2, y2)
-        if k == 2 * N + late - 1:
+        x1, y1 = motion_on_spring(nu * nu + squared, width, x1, y1)
+        x2, y2 = motion_on_spring(nu * nu + squared, width, x2, y2)
+        if k == N + contact - 1:
             c, s = nodes.turn_cos[EXIT], nodes.turn_sin[EXIT]
             x1, y1, x2, y2 = c * x1 - s * y1 / nu, s * x1 + c * y1 / nu, c * x2 - s * y2 / nu, s * x2 + c * y2 / nu
-    trace = trace_of(a, nu, x1, y1, x2, y2)
+    c, s = math.cos(2 * math.pi * nu), math.sin(2 * math.pi * nu)
+    return math.exp(2 * math.pi * a) * ((x1 + y2) * c + (y1 - x2) * s), decay
+
+
+@kernel(shared=True)
+def orbit_is_kept(oscillator: Oscillator, nodes: Nodes, state: PassState, dent: float, recovery: float) -> bool:
+    """Whether a converged orbit touches where it was taken to, and period doubling and the end of its branch are far.
+
+    A `dent` [m] that the contact leaves comes back with the rate `recovery` over the angle. A period doubles where the
+    trace is -1 less the determinant, which all damping makes smaller.
+    """
+    if modes_of(oscillator.lever) > 1:
+        return _several_modes_are_kept(oscillator, nodes, state)
+    trace, decay = trace_of_one_mode(oscillator, nodes, state, dent, recovery)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
-    return (
-        far
-        and slope_by_tip_offset(lever, state) * depth < -LEAST_SLOPE
-        and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
-    )
+    return far and _is_sound(oscillator.lever, state, force_length(oscillator.p, state))
 
 
 @kernel
-def _several_modes_are_kept(oscillator: Oscillator, reach: float, nodes: Nodes, state: PassState) -> bool:
+def _several_modes_are_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
     """Whether an orbit of a lever of several modes is kept: it touches once, is stable, and its energy closes."""
     lever = oscillator.lever
-    if nodes.theta[EXIT] > nodes.theta[ENTRY]:
-        if not touches_once(oscillator, reach, nodes, state):
+    if nodes.touches == 1:
+        if not touches_once(oscillator, nodes, state):
             return False
-    elif (
-        max(state.amplitude * nodes.cos[IN] + nodes.w[IN], state.amplitude * nodes.cos[OUT] + nodes.w[OUT])
-        > state.centre
-    ):
-        return False
-    depth = max(reach + max(state.centre - state.amplitude, 0.0), state.amplitude - state.centre)
-    if low_q(lever):  # a stiff sample throws several modes back from far less than what the drive is balanced over
-        depth = state.amplitude
-    good = (
-        slope_by_tip_offset(lever, state) * depth < -LEAST_SLOPE
-        and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
-    )
-    return good and is_held(oscillator, nodes, state)
+    else:
+        before = depth_at_node(nodes, state.amplitude, state.centre, IN)
+        if max(before, depth_at_node(nodes, state.amplitude, state.centre, OUT)) > 0.0:
+            return False
+    # Of a lever of low Q a stiff sample throws several modes back from far less than what the drive is balanced over.
+    length = state.amplitude if low_q(lever) else force_length(oscillator.p, state)
+    return _is_sound(lever, state, length) and is_held(oscillator, nodes, state)
 
 
 @kernel
-def touches_once(oscillator: Oscillator, reach: float, nodes: Nodes, state: PassState) -> bool:
+def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
     """Whether the tip touches at the nodes in contact and nowhere else."""
     p, lever = oscillator.p, oscillator.lever
     amplitude, e, deepest = state.amplitude, state.centre, 0.0
-    if p[LONGRANGE] == 0.0:  # no force, so no nodes yet
+    if nodes.outside == 0:  # no force, so no nodes yet
         grade_outer_nodes(nodes, amplitude, e, (1e-3 if modes_of(lever) == 1 else 1.0) * amplitude, nodes.theta[EXIT])
-        lay_nodes(nodes, nodes.theta[ENTRY], nodes.theta[EXIT], True)
+        nodes.outside = 1
+        lay_nodes(nodes, nodes.theta[ENTRY], nodes.theta[EXIT])
         for j in range(N):
             nodes.g[IN + j], nodes.g[OUT + j] = 0.0, 0.0
-        respond(nodes, lever, state.mean_force, state.push, state.drag, True, True)
+        respond(nodes, lever, state.mean_force, state.push, state.drag)
+        nodes.outside = 1 if has_longrange(p) else 0
     for k in range(N * parts_of(nodes)):
-        deepest = max(deepest, amplitude * nodes.cos[contact_node(k)] + nodes.w[contact_node(k)] - e)
-    aside = ASIDE * max(deepest, reach)
+        deepest = max(deepest, depth_at_node(nodes, amplitude, e, contact_node(k)))
+    aside = BESIDE_CONTACT * max(deepest, reach_of(p))
     for k in range(N * parts_of(nodes)):
-        if amplitude * nodes.cos[contact_node(k)] + nodes.w[contact_node(k)] - e < -aside:
+        if depth_at_node(nodes, amplitude, e, contact_node(k)) < -aside:
             return False
     theta, w, u = nodes.theta, nodes.w, nodes.u
-    for side in range(2):
-        for j in range(IN if side == 0 else OUT, (IN if side == 0 else OUT) + N):
-            highest = amplitude * nodes.cos[j] + w[j]
-            if modes_of(lever) > 1 and j % N > 0:
-                i, k = (j, j - 1) if side == 0 else (j - 1, j)
-                between, _ = apex_between(amplitude, theta[i], w[i], u[i], theta[k], w[k], u[k])
-                highest = max(highest, between)
-            if highest - e > aside:
-                return False
+    for k in range(2 * N):
+        j = k if k < N else OUT + k - N
+        highest = amplitude * nodes.cos[j] + w[j]
+        if modes_of(lever) > 1 and j % N > 0:
+            before, after = (j, j - 1) if k < N else (j - 1, j)  # the element before contact runs backwards
+            highest = max(
+                highest,
+                apex_between(amplitude, theta[before], w[before], u[before], theta[after], w[after], u[after])[0],
+            )
+        if highest - e > aside:
+            return False
     return True
+
+
+@kernel
+def is_held(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
+    """Whether all multipliers of a lever of several modes are within one, and clearly so."""
+    lever, slowest = oscillator.lever, -math.inf
+    size = 2 * modes_of(lever)
+    for i in range(modes_of(lever)):
+        slowest = max(slowest, mode_of(lever, i).decay)
+    motions = np.zeros((size, size))
+    fill_monodromy(oscillator, nodes, state, motions)
+    return spectral_radius(motions, SQUARINGS_WITHIN) < 1.0 + CLEARLY_HELD * math.expm1(2.0 * math.pi * slowest)
+
+
+@kernel
+def fill_monodromy(oscillator: Oscillator, nodes: Nodes, state: PassState, motions: np.ndarray) -> None:
+    """Fill in the monodromy matrix, shape (2 modes, 2 modes) and zero at first: theory, Eq. (stability-7)."""
+    lever = oscillator.lever
+    modes = modes_of(lever)
+    turns, one = np.empty((count_of(nodes), 3 * modes)), np.empty((2, 2 * modes))
+    for i in range(modes):
+        fill_mode(nodes, mode_of(lever, i))
+        for j in range(count_of(nodes)):
+            turns[j, 3 * i] = nodes.growth[j]
+            turns[j, 3 * i + 1], turns[j, 3 * i + 2] = nodes.turn_cos[j], nodes.turn_sin[j]
+        motions[2 * i, 2 * i] = motions[2 * i + 1, 2 * i + 1] = 1.0
+    contact = N * parts_of(nodes)
+    for k in range(2 * N + contact):
+        j, in_contact = node_in_time(nodes, k), N <= k < N + contact
+        if (nodes.touches if in_contact else nodes.outside) == 1:
+            _kick(oscillator, nodes, state, j, in_contact, turns[j], one, motions)
+    for i in range(modes):  # on to the next period
+        mode = mode_of(lever, i)
+        shrink = math.exp(2.0 * math.pi * mode.decay)
+        c, s = shrink * math.cos(2.0 * math.pi * mode.turn), shrink * math.sin(2.0 * math.pi * mode.turn)
+        for k in range(2 * modes):
+            x, y = motions[2 * i, k], motions[2 * i + 1, k]
+            motions[2 * i, k], motions[2 * i + 1, k] = c * x + s * y, c * y - s * x
+
+
+@kernel
+def _kick(
+    oscillator: Oscillator, nodes: Nodes, state: PassState, j: int, in_contact: bool, turns: np.ndarray,
+    one: np.ndarray, motions: np.ndarray,
+) -> None:  # fmt: skip
+    """Kick small motions of each mode by the surface's answer at node j.
+
+    `turns` (shape (3 modes,)): growth, cosine and sine of each mode there.
+    `one` (shape (2, 2 modes)): room.
+    `motions` (shape (2 modes, 2 modes)): x and y of each mode, a motion in each column.
+    """
+    law, p, lever = oscillator
+    omega, modes = lever[OMEGA], modes_of(lever)
+    d = depth_at_node(nodes, state.amplitude, state.centre, j)
+    width = weight_of_node(nodes, j) / (omega * omega)
+    if in_contact:
+        kappa, gamma = surface_stiffness(oscillator, max(d, 0.0), rate_at_node(nodes, state.amplitude, j))
+    else:
+        kappa, gamma = longrange_slope(law, min(d, 0.0), p) / lever[STIFFNESS], 0.0
+    if width * (abs(kappa) + gamma) < FAINT_KICK:
+        return
+    for i in range(modes):
+        mode = mode_of(lever, i)
+        c, s, grow = turns[3 * i + 1], turns[3 * i + 2], turns[3 * i]
+        one[0, 2 * i] = (kappa * c + gamma * (mode.decay * c - mode.turn * s)) / grow
+        one[0, 2 * i + 1] = (kappa * s + gamma * (mode.decay * s + mode.turn * c)) / grow
+        one[1, 2 * i] = width * mode.share / mode.turn * grow * s
+        one[1, 2 * i + 1] = -width * mode.share / mode.turn * grow * c
+    within = 1.0 / (1.0 + 0.5 * width * gamma * all_shares(lever))  # damping acts on the mean of the velocities
+    for k in range(2 * modes):
+        force = 0.0
+        for i in range(2 * modes):
+            force += one[0, i] * motions[i, k]
+        for i in range(2 * modes):
+            motions[i, k] += within * force * one[1, i]

@@ -12,7 +12,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mismatch, static_compliance
 from phasemap._kernels.orbits.response.apex import apex_of
-from phasemap._kernels.orbits.response.nodes import Nodes, force
+from phasemap._kernels.orbits.response.nodes import Nodes, fill_force
 from phasemap._kernels.records import record
 
 ENERGY_LEFT = 5e-7  # largest energy imbalance
@@ -42,6 +42,8 @@ class PassState:
     phase_change: float  # by the last pass [rad]
     tip_offset_change: float  # [m]
     last_ratio: float  # of the changes of the pass before
+    defect: float  # relative energy defect after the pass before
+    slow: int  # passes that contracted slowly
     mean_slope: float  # change of `mean_force`, `push` and `drag` with e [1]
     push_slope: float
     drag_slope: float
@@ -56,11 +58,11 @@ class PassState:
 
 
 @kernel(fastmath=ANY_ORDER)
-def evaluate_nodes(oscillator: Oscillator, nodes: Nodes, state: PassState, touching: bool) -> float:
+def evaluate_nodes(oscillator: Oscillator, nodes: Nodes, state: PassState) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     lever = oscillator.lever
     amplitude = state.amplitude
-    mean, push, drag, work, loss, virial = force(oscillator, nodes, amplitude, state.centre, touching)
+    mean, push, drag, work, loss, virial = fill_force(oscillator, nodes, amplitude, state.centre)
     state.mean_force, state.push, state.drag = mean, push, drag
     state.work, state.loss, state.virial = work, loss, virial
     return mismatch(lever, amplitude, push, drag)

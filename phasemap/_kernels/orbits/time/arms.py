@@ -10,6 +10,7 @@ between those of the arms, sum_a kappa_a/(1 - r_j tau_a) = 1 (theory, Eq. (memor
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import Any
 
 import numba
@@ -20,7 +21,10 @@ from numba.extending import intrinsic
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.records import column, record
+
+LEAST_LEFT = 0.03  # of a dent that a period must leave if the next one is to see it
 
 
 @record
@@ -56,7 +60,7 @@ def _number_at(_context: Any, address: Any, i: Any) -> Any:
 
 
 def _read(address: int, i: int) -> float:
-    """The same where numba's compiler is off."""
+    """Number i at an address, read from Python where numba's compiler is off."""
     return float((ctypes.c_double * (i + 1)).from_address(address)[i])
 
 
@@ -65,7 +69,7 @@ if numba.config.DISABLE_JIT:
 
 
 @kernel
-def turn_to(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> None:
+def multiply_by(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> None:
     """Multiply n numbers by a matrix of `Arms`."""
     for i in range(n):
         total = 0.0
@@ -93,7 +97,7 @@ def fill_arms(p: Any, arms: Arms) -> None:
         arms.to_dents[i] = _number_at(address, 1 + 3 * n + n * n + i)
     for a in range(n):
         arms.one[a] = 1.0
-    turn_to(arms.to_dents, n, arms.one, arms.whole)
+    multiply_by(arms.to_dents, n, arms.one, arms.whole)
 
 
 @kernel
@@ -101,3 +105,27 @@ def fill_kelvin(recovery: float, arms: Arms) -> None:
     """Fill in the one arm of a Kelvin-Voigt surface: its dent comes back at the rate `recovery` [1/tau]."""
     arms.count, arms.share[0], arms.rate[0], arms.recovery[0] = 1, 1.0, 0.0, recovery
     arms.to_arms[0] = arms.to_dents[0] = arms.whole[0] = arms.one[0] = 1.0
+
+
+@kernel(inline=True)
+def remembers(p: np.ndarray) -> bool:
+    """Whether a material of a law with a memory relaxes, or is viscous."""
+    return p[col.RELAXATION] > 0.0 or p[col.DAMPING] > 0.0
+
+
+@kernel
+def recovery_of(p: Any, lever: np.ndarray) -> float:
+    """Rate [1/tau] at which a dent that nothing touches comes back."""
+    if p[col.RELAXATION] > 0.0:
+        return (1 - p[col.RELAXING]) / p[col.RELAXATION]
+    return 0.75 * p[col.CONTACT] / (p[col.DAMPING] * lever[col.STIFFNESS])
+
+
+@kernel
+def lingering(oscillator: Oscillator) -> float:
+    """Share of a dent that a period of the drive leaves; 0 where that is less than 3 %."""
+    law, p, lever = oscillator
+    if law.memory == 0 or not remembers(p):
+        return 0.0
+    share = math.exp(-recovery_of(p, lever) * 2 * math.pi / lever[col.OMEGA])
+    return share if share > LEAST_LEFT else 0.0

@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.chosen import Chosen
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.law import Law, longrange_force, longrange_slope
+from phasemap._kernels.law import Law, has_longrange, longrange_force, longrange_slope
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap._kernels.records import column, record
 
@@ -56,7 +56,7 @@ class Moved:
 
 
 @record
-class Point:
+class MotionPoint:
     """A point of the motion, and the slopes there."""
 
     at: Moved
@@ -68,9 +68,9 @@ class Point:
 class Motion:
     """The march through a period: where it is, and what it has added up."""
 
-    here: Point
-    end: Point  # of the step
-    trial: Point
+    here: MotionPoint
+    end: MotionPoint  # of the step
+    trial: MotionPoint
     h: float  # length of the step, of the variable s
     time: float  # since the period began [1/omega_c]
     left: float  # of the period
@@ -159,19 +159,19 @@ def pass_event(contact: Any, here: Here, motion: Motion) -> bool:
 @kernel
 def attraction_at_contact(law: Law, p: Row, compliance: float) -> tuple[float, float]:
     """The long-range force at d = 0, over k [m], and its slope: ``edge_force`` and ``edge_slope`` of any contact."""
-    if p[col.LONGRANGE] == 0.0:
+    if not has_longrange(p):
         return 0.0, 0.0
     return longrange_force(law, 0.0, p) * compliance, longrange_slope(law, 0.0, p) * compliance
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def attraction(contact: Any, d: float) -> float:
+def attraction_at(contact: Any, d: float) -> float:
     """The long-range force over k [m].
 
     Stages of the step that ends at contact stray past d = 0, where the law does not hold: its tangent there is off by
     the square of a distance that is itself O(h^5), so order 8 stands.
     """
-    if contact.p[col.LONGRANGE] == 0.0:
+    if not has_longrange(contact.p):
         return 0.0
     if d <= 0.0:
         return longrange_force(contact.law, d, contact.p) * contact.compliance

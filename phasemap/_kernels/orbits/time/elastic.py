@@ -28,7 +28,7 @@ from phasemap._kernels.orbits.time.contact import (
     Moved,
     Push,
     Row,
-    attraction,
+    attraction_at,
     attraction_at_contact,
     edge_of,
     fill_own_slopes,
@@ -62,12 +62,12 @@ from phasemap._kernels.orbits.time.tip import TOUCHES, WITHDRAWING, PeriodResult
 from phasemap._kernels.records import record
 
 # What the contact does, beside OFF_SURFACE.
-IN_CONTACT = 1
-IN_NECK = 2
+CONTACT_MADE = 1
+NECK_DRAWN = 2
 # What happens at the end of a step, beside FIRST_TOUCH.
 LAST_TOUCH = 2  # d = 0 on the way out
 NECK_CLOSES = 3  # d = 0 on the way in
-RELEASE = 4
+NECK_BREAKS = 4
 
 
 @record
@@ -94,7 +94,7 @@ class Elastic(NamedTuple):
 
 
 @kernel(inline=True)
-def outer_loss(law: Law, d: float, p: Row) -> float:
+def outer_loss(d: float, p: Row) -> float:
     """2 alpha_s [1] outside contact, of a law with losses: theory, Eq. (losses-1)."""
     return 2.0 * p[col.LOSS] * math.exp(d * p[col.LOSS_FALL])
 
@@ -110,8 +110,8 @@ def withdraws(contact: Any) -> bool:
 def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Push:
     """Force of an elastic surface: x is d off the surface, else the root q of the depth above `bottom`."""
     if off:
-        lost = outer_loss(contact.law, y.x, contact.p) if contact.law.lossy == 1 else 0.0
-        return Push(1.0, y.x, attraction(contact, y.x), lost)
+        lost = outer_loss(y.x, contact.p) if contact.law.lossy == 1 else 0.0
+        return Push(1.0, y.x, attraction_at(contact, y.x), lost)
     law, p, bottom, drag = contact.law, contact.p, contact.now.bottom, 0.0
     d = bottom + y.x * y.x
     if p[col.DAMPING] != 0.0 and bottom == 0.0:
@@ -132,7 +132,7 @@ def _first_moved(contact: Elastic, many: bool) -> int:
 @fill_own_slopes.of(Elastic)
 @kernel(inline=True)
 def _fill_own_slopes(contact: Elastic, off: bool, many: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
-    """Slope of x, which is the tip's; the surface takes no energy but by its drag."""
+    """Fill in dx/dt, which is the tip's speed; returns the power that the surface takes, but for its drag."""
     k.x = y.v
     if off or contact.now.withdrawing == 0:
         return 0.0
@@ -150,9 +150,9 @@ def _step_length(contact: Elastic, beam: Beam, step_size: float, motion: Motion)
     # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
     rate = contact_rate(contact, beam, now.bottom, u.x)
     rate += pull_in_contact(contact, beam, beam.z0 + now.bottom + u.x * u.x, u) + (CONTACT_WEIGHT * u.v / now.deep) ** 2
-    if now.mode == IN_NECK and contact.p[col.FORMING] < 0.0:
+    if now.mode == NECK_DRAWN and contact.p[col.FORMING] < 0.0:
         rate += 4 * u.x * u.x * approach_square(contact, beam, now.bottom + u.x * u.x, u.v, True)
-    if neck > 0 and now.mode == IN_CONTACT:
+    if neck > 0 and now.mode == CONTACT_MADE:
         rate += (CONTACT_WEIGHT * u.v) ** 2 / (u.x * u.x + neck * neck)  # the root at release, seen from contact
     return step_size / math.sqrt(rate)
 
@@ -174,7 +174,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
     if now.mode == OFF_SURFACE:
         stop_at_touch(here, motion)
         return
-    in_neck = now.mode == IN_NECK
+    in_neck = now.mode == NECK_DRAWN
     if u.v > 0 > end.v and now.withdrawing == 0 and withdraws(contact):
         end_step_at_event(here, motion, TURNED)
         return
@@ -191,22 +191,22 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
     if in_neck and end.x > contact.neck:
         end_step_at_event(here, motion, NECK_CLOSES)
     elif end.x <= 0:
-        end_step_at_event(here, motion, RELEASE if in_neck else LAST_TOUCH)
+        end_step_at_event(here, motion, NECK_BREAKS if in_neck else LAST_TOUCH)
 
 
 @kernel
 def _enter_contact(contact: Elastic, beam: Beam, q: float, motion: Motion) -> None:
     """Let the tip be in contact, at q."""
     now, u = contact.now, motion.here.at
-    now.mode, now.bottom, now.withdrawing, u.x = IN_CONTACT, 0.0, 0, q
-    now.deep = depth_reached(contact, beam, 0.0, q, u.v, pull_in_contact(contact, beam, beam.z0 + q * q, u))
+    now.mode, now.bottom, now.withdrawing, u.x = CONTACT_MADE, 0.0, 0, q
+    now.deep = depth_reached(contact, beam, q, u.v, pull_in_contact(contact, beam, beam.z0 + q * q, u))
 
 
 @kernel
 def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
     """Let the tip be in the neck, at q."""
     now = contact.now
-    now.mode, now.bottom, now.deep, motion.here.at.x = IN_NECK, contact.p[col.RELEASE], contact.neck, q
+    now.mode, now.bottom, now.deep, motion.here.at.x = NECK_DRAWN, contact.p[col.RELEASE], contact.neck, q
 
 
 @pass_event.of(Elastic)
@@ -224,11 +224,11 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
         _enter_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
     elif event == LAST_TOUCH and contact.neck > 0 and u.v <= 0:
         _enter_neck(contact, contact.neck, motion)
-    elif event != RELEASE and u.v > 0:
+    elif event != NECK_BREAKS and u.v > 0:
         _enter_contact(contact, here.beam, 0.0, motion)
     else:
         contact.now.mode, u.x = OFF_SURFACE, 0.0
-    if event == RELEASE:
+    if event == NECK_BREAKS:
         u.x = contact.p[col.RELEASE]
         motion.sums.loss += loop_energy(contact.law, contact.p) * contact.compliance
     return True

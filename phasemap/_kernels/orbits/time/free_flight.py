@@ -14,6 +14,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.time.contact import Beam, Motion
 from phasemap._kernels.records import column, record
 
@@ -117,16 +118,9 @@ def _zero(flight: FreeFlight, low: float, high: float, of_speed: bool) -> float:
     for _ in range(MOST_FLIGHT_NEWTON):
         d, v, a = tip_in_flight(flight, t)
         value, slope = (-v, -a) if of_speed else (d, v)
-        if value < 0.0:
-            low = t
-        else:
-            high = t
-        move = -value / slope
-        if abs(move) <= FLIGHT_TIME_ERROR:
+        if abs(value) <= FLIGHT_TIME_ERROR * abs(slope):
             break
-        t += move
-        if not low < t < high:
-            t = 0.5 * (low + high)
+        t, low, high = newton_in_bracket(t, value, slope, low, high, True)
     return t
 
 

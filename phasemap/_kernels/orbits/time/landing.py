@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import slowest_decay
+from phasemap._kernels.lever import forces_at_phase, slowest_decay
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import TOUCHES, Z0, PeriodResult, V, Z, fill_higher_modes, motion_size
 
@@ -32,14 +32,8 @@ def land_on(
 ) -> tuple[int, int]:
     """Index of the orbit that a tip settles on, -1 if none within `most_periods` periods, and the periods that it took.
 
-    Parameters
-    ----------
-    y : ndarray
-        State at drive phase 0 as `march_period` takes it; advanced in place.
-    targets : ndarray, shape (n, 2)
-        In-phase and quadrature amplitude [m] of the stable orbits at this tip offset.
-    close : float
-        Distance [m] in that plane at which an orbit counts as reached.
+    `targets` (shape (n, 2)): in-phase and quadrature amplitude [m] of the stable orbits at this tip offset; one counts
+    as reached as `close` [m] in this plane. `y`: state at drive phase 0, advanced in place.
     """
     acc = PeriodResult()
     streak, last = 0, -1
@@ -84,8 +78,7 @@ def land_free(
     amplitude, phase = math.hypot(cosine, sine), math.atan2(cosine, sine)
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc.mean_z, amplitude, phase
-    push = lever[col.DRIVE] * math.sin(phase) - amplitude * lever[col.DYNAMIC_STIFFNESS]
+    push, drag = forces_at_phase(lever, amplitude, phase)
     row[col.STIFFENING] = push / amplitude
-    drag = lever[col.DYNAMIC_LOSS] * amplitude - lever[col.DRIVE] * math.cos(phase)
     row[col.DISSIPATION] = -math.pi * lever[col.STIFFNESS] * amplitude * drag
     return True

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.dense import eliminate, spectral_radius
+from phasemap._kernels.numerics import MOST_SQUARINGS, eliminate, spectral_radius
 from phasemap._kernels.orbits.time.tip import Change, PeriodMap, Way
 
 
@@ -23,8 +23,8 @@ def differentiate(beside: Change, now: Change, size: float) -> None:
 
 
 @kernel
-def relaxed(linear: PeriodMap, change: np.ndarray, way: np.ndarray) -> None:
-    """Fill in how far motion goes to rest that now changes so in a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
+def fill_way_of_decay(linear: PeriodMap, change: np.ndarray, way: np.ndarray) -> None:
+    """Fill in the way to rest of a motion that changes by r in a period: r + P' r + P' P' r + ... = (1 - P')^-1 r."""
     n = linear.count
     m = np.empty((n, n + 1))
     for i in range(n):
@@ -49,7 +49,7 @@ def amplitude_along(linear: PeriodMap, way: np.ndarray) -> float:
 def slopes_of_orbit(linear: PeriodMap, slopes: Way) -> float:
     """Fill in how the periodic orbit moves with z0; returns dA/dz0 after the transient."""
     slopes.z0 = 1.0
-    relaxed(linear, linear.by_z0.motion, slopes.motion)
+    fill_way_of_decay(linear, linear.by_z0.motion, slopes.motion)
     return linear.by_z0.amplitude + amplitude_along(linear, slopes.motion)
 
 
@@ -67,13 +67,13 @@ def multiplier_of(linear: PeriodMap) -> float:
     for i in range(n):
         for j in range(n):
             m[i, j] = linear.motion[n * j + i] + (1.0 if i == j else 0.0)
-    return spectral_radius(m)
+    return spectral_radius(m, MOST_SQUARINGS)
 
 
 @kernel
 def fill_way_to_rest(linear: PeriodMap, now: Change, target: float, way: Way) -> None:
-    """Way to rest; above a `target` of 0, z0 moves by what the amplitude misses after the transient, over slope."""
-    relaxed(linear, now.motion, way.motion)
+    """Fill in the way to rest, at this z0 or with a `target` amplitude > 0 at the z0 where that is expected."""
+    fill_way_of_decay(linear, now.motion, way.motion)
     way.z0 = 0.0
     if target > 0.0:
         slopes = Way()

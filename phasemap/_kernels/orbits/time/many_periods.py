@@ -1,9 +1,13 @@
-"""Many periods in a step, where the motion changes little from one to the next: a multi-revolution method.
+"""Many periods of the drive at once: several in a step, patterns that repeat after some, dents that come to rest.
 
-A period of the drive takes (z, z') to itself and a little more, k. So N periods are a sum of N such changes along a
-smooth way, as an ordinary differential equation is an integral, and are approximated by the k of a few periods on the
-way: theory, Eq. (time-5). A lever of one mode has no motion faster than that, for its harmonics follow the force at
-once.
+* Where the motion changes little from one period to the next: a period takes (z, z') to itself and a little more, k. So
+  N periods are a sum of N such changes along a smooth way, as an ordinary differential equation is an integral, and are
+  approximated by the k of a few periods on the way (a multi-revolution method, theory, Eq. (time-5)). A lever of one
+  mode has no motion faster than that, for its harmonics follow the force at once.
+* Far from the resonance a lever rings at its own frequency while it taps at that of the drive, until both lock: the tip
+  comes by the same state after n periods, and the map of n periods has an orbit there: theory, Eq. (time-7).
+* Dents that last form under a tip that taps at its amplitude. They may become deeper than the taps that form them, and
+  take ten times as long as they last until they change no more.
 """
 
 from __future__ import annotations
@@ -13,21 +17,41 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.numerics import copy
+from phasemap._kernels.orbits.time.arms import lingering
+from phasemap._kernels.orbits.time.linear_map import fill_way_to_rest, length_of
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import Z0, Tip, V, Z
+from phasemap._kernels.orbits.time.period_map import (
+    Tolerance,
+    fill_change,
+    linearise_period,
+    march_tip,
+    pass_from,
+    skip_transient,
+)
+from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, V, Way, Z, copy_memory, move_state
 from phasemap._kernels.records import record
 
 FEWEST_IN_STEP = 6  # periods in a step: fewer are marched one by one
 STEP_SAFETY = 0.9  # of the step that would just meet the tolerance
 MOST_GROWTH = 3.0  # of the step, over the last one
 LEAST_GROWTH = 0.2  # the same, at least
+LONGEST_PATTERN = 32  # periods after which a motion may repeat itself
+PERIODS_COMPARED = 3 * LONGEST_PATTERN  # periods that are compared with one another
+NEAR_REPEAT = 0.1  # of the tip's way, by which states n periods apart may differ where Newton's method is tried, and
+CLOSEST_REPEAT = 4.0  # over the least of these differences: a multiple of n, and what comes nearest by chance
+MOST_TRIED = 2  # such n, the least first, and 1 in any case
+SAME_STATE = 1e-3  # of the free amplitude, below which a fraction of n may do
+FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
+FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
+FORMING_STEP = 0.1  # of the amplitude: a longer step leads elsewhere
 
 
 @record
-class Flow:
+class PeriodFlow:
     """State handed from step to step of many periods."""
 
     z: float  # change of z in the period to come [m]
@@ -37,7 +61,7 @@ class Flow:
 
 @kernel
 def _change(oscillator: Oscillator, step_size: float, tip: Tip, at: complex, z0: float, y: np.ndarray) -> complex:
-    """Change of z + i z' in a period from there at the tip offset z0; NaN if the march fails."""
+    """Change of z + i z' in a period that starts in state y at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = at.real, at.imag, z0
     tip.periods.marched += 1
@@ -47,8 +71,8 @@ def _change(oscillator: Oscillator, step_size: float, tip: Tip, at: complex, z0:
 
 
 @kernel
-def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, flow: Flow) -> bool:
-    """March the period to come, in which z0 falls by `pace` [m], which `flow` then knows."""
+def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, flow: PeriodFlow) -> bool:
+    """March the next period, in which z0 falls by `pace` [m], and fill `flow` with what it changes."""
     u = tip.u
     k = _change(oscillator, step_size, tip, complex(u[Z], u[V]), u[Z0] - pace, np.empty(len(u)))
     flow.z, flow.v, flow.count = k.real, k.imag, FEWEST_IN_STEP
@@ -56,7 +80,7 @@ def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, 
 
 
 @kernel
-def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: float, tip: Tip, flow: Flow) -> int:
+def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: float, tip: Tip, flow: PeriodFlow) -> int:
     """Carry a tip, which falls by `pace` [m] a period, over as many periods as an error `allowed` [m] lets it.
 
     Returns how many; 0 if the march fails. tip.acc is what the period to come gives.
@@ -88,3 +112,96 @@ def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: fl
     u[Z], u[V], u[Z0] = end.real, end.imag, u[Z0] - n * pace
     flow.z, flow.v, flow.count = k4.real, k4.imag, share * n
     return n if math.isfinite(flow.z + flow.v) else 0
+
+
+@kernel
+def distance_after(oscillator: Oscillator, step_size: float, count: int, tip: Tip) -> float:
+    """Distance [m] between the motion now and after `count` periods at the same tip offset."""
+    lever = oscillator.lever
+    y = tip.u.copy()
+    tip.periods.marched += count
+    for _ in range(count):
+        if march_period(oscillator, tip.u[Z0], step_size, y, tip.acc) < 0:
+            return math.inf
+    return math.hypot(y[Z] - tip.u[Z], (y[V] - tip.u[V]) / lever[col.OMEGA])
+
+
+@kernel
+def shorten(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+    """Put a tip that is at rest on a pattern to rest on the shortest one that it repeats; False if it is not."""
+    lever = oscillator.lever
+    count = tip.periods.pattern
+    for n in range(1, count):
+        if count % n == 0 and distance_after(oscillator, tolerance.step_size, n, tip) < SAME_STATE * free_amplitude(
+            lever
+        ):
+            tip.periods.pattern = n
+            if skip_transient(oscillator, tolerance, target, tip):
+                return True
+    tip.periods.pattern = count
+    return skip_transient(oscillator, tolerance, target, tip)
+
+
+@kernel
+def find_pattern(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+    """Let some periods pass, and skip the transient to the pattern to which the motion decays; False if there is none.
+
+    Of the n for which all states n periods apart are nearest to each other the least counts.
+    """
+    lever = oscillator.lever
+    u, way, size = tip.u, np.empty((PERIODS_COMPARED, 2)), free_amplitude(lever)
+    for i in range(PERIODS_COMPARED):
+        way[i, Z], way[i, V] = u[Z], u[V] / lever[col.OMEGA]
+        if not march_tip(oscillator, tolerance.step_size, tip):
+            return False
+        size = max(size, math.hypot(way[i, Z] - tip.acc.mean_z, way[i, V]))
+    most, least, tried = np.zeros(LONGEST_PATTERN + 1), math.inf, 0
+    for n in range(1, LONGEST_PATTERN + 1):
+        for i in range(n, PERIODS_COMPARED):
+            most[n] = max(most[n], math.hypot(way[i, Z] - way[i - n, Z], way[i, V] - way[i - n, V]))
+        least = min(least, most[n])
+    for n in range(1, LONGEST_PATTERN + 1):
+        near = most[n] < NEAR_REPEAT * size and (n == 1 or most[n] < CLOSEST_REPEAT * least)
+        if near and tried < MOST_TRIED:
+            tried += 1 if n > 1 else 0
+            tip.periods.pattern = n
+            if skip_transient(oscillator, tolerance, target, tip):
+                return shorten(oscillator, tolerance, target, tip)
+    tip.periods.pattern = 1
+    return False
+
+
+@kernel
+def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most_periods: int, tip: Tip) -> bool:
+    """Let time pass at the amplitude `target` until dents are at rest; False if it may take more than so many periods.
+
+    The tip goes on ahead as the map of one period says, whose derivatives are taken anew now and then.
+    """
+    lever = oscillator.lever
+    step_size, y_limit, z0_limit = tolerance
+    u, linear, y, share = tip.u, tip.linear, np.empty(len(tip.u)), lingering(oscillator)
+    now, ahead = Change(), Way()
+    if share == 0 or FORMING_TIME > -math.log(share) * most_periods:
+        return False
+    tip.periods.formed = 1
+    way = math.inf
+    while tip.periods.marched < most_periods:
+        if way > FORMING_WAY * target:
+            if not linearise_period(oscillator, step_size, tip):
+                return False
+            fill_way_to_rest(linear, linear.now, target, ahead)
+            way = 0.0
+        step = length_of(ahead) + abs(ahead.z0)
+        if not step < math.inf:
+            return False
+        part = min(FORMING_STEP * target / step, 1.0)
+        way += part * step
+        move_state(lever, ahead, part, u)
+        if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
+            return False
+        copy_memory(y, u)
+        fill_change(lever, u, y, tip.acc, now)
+        fill_way_to_rest(linear, now, target, ahead)
+        if max(length_of(ahead) / y_limit, abs(ahead.z0) / z0_limit) <= 1 - share * share:
+            return True
+    return False

@@ -11,46 +11,112 @@ d^(3/2), alpha_s ~ d^(1/2) are not:
   in which every multiple of 1/2 is an analytic power of d, through q = 0 and beyond;
 * each change from one to the other is the end of a step (`period`).
 
-All are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q). A contact may have variables of its own, as
-`elastic` and `relaxing` say.
+All are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q). What the surface does is a plug-in (`contact`):
+`elastic` has the period over surfaces that remember nothing, `relaxing_events` that over surfaces that do. The latter
+is compiled by itself, where a material asks for it, and called by its address (`Law.memory`).
 """
 
 from __future__ import annotations
 
-import numpy as np
+import functools
+from typing import Any
 
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import carray, typeof
+from numba.core import cgutils, types
+from numba.core.ccallback import CFunc
+from numba.extending import intrinsic
+
+from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time.by_memory import by_memory, remembers
+from phasemap._kernels.compilation.disk_cache import DiskCache
+from phasemap._kernels.law import Law, Oscillator
+from phasemap._kernels.orbits.time.arms import remembers
 from phasemap._kernels.orbits.time.elastic import march_elastic
-from phasemap._kernels.orbits.time.elements import CONTACT_MODE, INNER_COUNT, OUTER_COUNT
+from phasemap._kernels.orbits.time.relaxing_events import march_relaxing
+from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, INNER_COUNT, OUTER_COUNT
 from phasemap._kernels.orbits.time.tip import PeriodResult
+
+ADDRESSES = len(Law._fields)
+MEMORY = Law._fields.index("memory")
+LEVER_SIZE = (col.MODE + col.MODE_NUMBERS * col.MOST_MODES,)  # at most: what is not there is not read
+_KEPT: list[CFunc] = []  # code that is called by its address
+
+
+@intrinsic
+def _march_by_address(_context: Any, law: Any, p: Any, lever: Any, z0: Any, step_size: Any, y: Any, acc: Any) -> Any:
+    """March one period over a surface that remembers; arguments as for `march_period`."""
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        addresses, row, lever_, z0_, eta_, y_, acc_ = arguments
+        number, whole = ir.DoubleType(), ir.IntType(64)
+        laws = [builder.extract_value(addresses, j) for j in range(ADDRESSES)]
+        if isinstance(p, types.Array):
+            place = context.make_array(p)(context, builder, row).data
+        else:
+            place = cgutils.alloca_once(builder, number, col.ROW)
+            for j in range(col.ROW):
+                builder.store(builder.extract_value(row, j), cgutils.gep_inbounds(builder, place, j))
+        of_lever, of_y = (context.make_array(kind)(context, builder, one) for kind, one in ((lever, lever_), (y, y_)))
+        pointer = number.as_pointer()
+        given = [whole] * ADDRESSES + [pointer, pointer, number, number, pointer, whole, acc_.type]
+        kind = ir.FunctionType(whole, given)
+        values = [*laws, place, of_lever.data, z0_, eta_, of_y.data, of_y.nitems, acc_]
+        return builder.call(builder.inttoptr(laws[MEMORY], kind.as_pointer()), values, attrs=("nounwind",))
+
+    return types.int64(law, p, lever, types.float64, types.float64, y, acc), generate
+
+
+def _march_in_python(
+    law: Law, p: Any, lever: np.ndarray, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult
+) -> int:
+    """`_march_by_address` in Python, where numba's compiler is off."""
+    return int(march_relaxing(Oscillator(law, p, lever), z0, step_size, y, acc))
+
+
+if numba.config.DISABLE_JIT:
+    _march_by_address = _march_in_python
+
+
+@functools.cache
+def address_of_relaxing() -> int:
+    """Address of the compiled march over surfaces that remember; 1 where numba's compiler is off."""
+    if numba.config.DISABLE_JIT:
+        return 1
+
+    def march(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, p, lever, z0, step_size, y, size, acc):  # type: ignore[no-untyped-def]
+        row = (
+            p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+        )  # fmt: skip
+        law = Law(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9)
+        return march_relaxing(Oscillator(law, row, carray(lever, LEVER_SIZE)), z0, step_size, carray(y, (size,)), acc)
+
+    numbers, number, whole = types.CPointer(types.float64), types.float64, types.int64
+    given = (*(whole,) * ADDRESSES, numbers, numbers, number, number, numbers, whole, typeof(PeriodResult()))
+    code = CFunc(march, (given, whole), {}, {"error_model": "numpy"})
+    code._cache = DiskCache(march)
+    code.compile()
+    _KEPT.append(code)
+    return int(code.address)
 
 
 @kernel
 def march_period(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """March for a period of the drive, as the surface is, from drive phase 0 on or where y says that periods begin.
+    """March for a period of the drive, from drive phase 0 on or where y says that periods begin.
 
-    Parameters
-    ----------
-    step_size : float
-        Size of the steps. The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at 0.5, 0.3, 0.15 in nine of
-        ten orbits with Q <= 1000. The error is of order 8 in it (eta in the theory) and proportional to Q.
-    y : ndarray
-        State as `tip` names it, advanced in place; where the law may remember it goes on with what `elements` names.
-        Whether the tip is in contact or neck is left out and not asked for where the law has no neck: depth says it.
-    acc : PeriodResult
-        Filled. The energy into the surface is by damping and relaxation, and that of the loop at each release;
-        the virial is of the whole surface force.
+    The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at a `step_size` of 0.5, 0.3, 0.15 in nine of ten
+    orbits with Q <= 1000; the error is of order 8 in it (eta in the theory) and proportional to Q.
 
-    Returns
-    -------
-    int
-        Steps taken, or minus a status.
+    `y` is the state as `tip` names it, advanced in place; where the law may remember it goes on with what
+    `surface_memory` names. Whether the tip is in contact or neck is asked for where the law has a neck only: elsewhere
+    depth says it. `acc` is filled: its energy into the surface is by damping and relaxation, and that of the loop at
+    each release, its virial that of the whole surface force. Returns the steps taken, or minus a status.
     """
     law, p, lever = oscillator
     if law.memory != 0:
         if remembers(p):
-            return by_memory(law, p, lever, z0, step_size, y, acc)
+            return _march_by_address(law, p, lever, z0, step_size, y, acc)
         y[CONTACT_MODE] = y[INNER_COUNT] = y[OUTER_COUNT] = 0.0  # over another material
     return march_elastic(oscillator, z0, step_size, y, acc)

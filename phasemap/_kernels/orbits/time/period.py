@@ -12,6 +12,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     NO_EVENT,
@@ -22,18 +23,18 @@ from phasemap._kernels.orbits.time.contact import (
     Beam,
     Here,
     Motion,
-    Point,
+    MotionPoint,
     edge_of,
     first_moved,
     pass_event,
     step_length,
     stop_at_event,
 )
-from phasemap._kernels.orbits.time.elements import PERIOD_BEGIN
 from phasemap._kernels.orbits.time.free_flight import fly
 from phasemap._kernels.orbits.time.modes import Modes
-from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step, turn
+from phasemap._kernels.orbits.time.runge_kutta import cosine_and_sine, find_slopes, take_step
 from phasemap._kernels.orbits.time.step_density import HIGHER_WEIGHT
+from phasemap._kernels.orbits.time.surface_memory import PERIOD_BEGIN
 from phasemap._kernels.orbits.time.tip import PLAIN_STATE, PeriodResult, V, Z
 from phasemap._kernels.records import assign, numbers_of
 
@@ -41,6 +42,7 @@ MOST_MARCH_STEPS = 100_000  # in one period, after which it is given up
 MOST_EVENT_STEPS = 50  # of Newton's method to an event, bisections among them
 LAST_NEWTON_STEP = 1e-7  # of a step's length, from which on the tangent does the rest, and leaves 1e-14
 LEFT_BY_ROUNDING = 1e-14  # [1/omega_c], of a period: it would take twenty steps more to go
+CROSSING_STEPS = 8  # of Newton's method on the cubic, from where that on the step begins
 SMALL_TURN = 1.0  # [rad] of the drive's phase, up to which its series serves
 
 
@@ -63,15 +65,9 @@ def time_of_crossing(x0: float, v0: float, x1: float, v1: float, h: float) -> fl
     """Time in a step at which the cubic last changes sign before its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     low, high, t = 0.0, 1.0, 1.0
-    for _ in range(8):
-        x = x0 + t * (a + t * (b + t * c))
-        if (x > 0) == (x1 > 0):
-            high = t
-        else:
-            low = t
-        t -= x / (a + t * (2 * b + t * 3 * c))
-        if not low <= t <= high:
-            t = 0.5 * (low + high)
+    for _ in range(CROSSING_STEPS):
+        x, slope = x0 + t * (a + t * (b + t * c)), a + t * (2 * b + t * 3 * c)
+        t, low, high = newton_in_bracket(t, x, slope, low, high, x1 > 0)
     return t * h
 
 
@@ -100,7 +96,7 @@ def stop_at_turn(motion: Motion, h: float) -> None:
 
 
 @kernel(inline=True)
-def _past(here: Here, motion: Motion, event: int, point: Point) -> tuple[float, float]:
+def _past(here: Here, motion: Motion, event: int, point: MotionPoint) -> tuple[float, float]:
     """Distance of x past the edge of an event at a point of the step, or time past the period's end; and its slope.
 
     All slopes are found where a contact makes that of x other than v.
@@ -141,13 +137,7 @@ def end_step_at_event(here: Here, motion: Motion, event: int) -> None:
                 to[j] += more * rates[j]
             h += more
             break
-        if (past > 0) == beyond:
-            high = h
-        else:
-            low = h
-        h += more
-        if not low <= h <= high:
-            h = 0.5 * (low + high)
+        h, low, high = newton_in_bracket(h, past, slope, low, high, beyond)
     motion.h, motion.event, end.known = h, event, 0
 
 
@@ -194,7 +184,7 @@ def _move_on(here: Here, motion: Motion) -> None:
     sums.air += end.air
     sums.second_cos += end.second_cos
     sums.second_sin += end.second_sin
-    c, s = turn(angle) if angle < SMALL_TURN else (math.cos(angle), math.sin(angle))
+    c, s = cosine_and_sine(angle) if angle < SMALL_TURN else (math.cos(angle), math.sin(angle))
     motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
     motion.time += end.passed
     motion.left -= end.passed

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.time.by_memory import lingering
-from phasemap._kernels.orbits.time.elements import OUTER_COUNT
+from phasemap._kernels.numerics import copy
+from phasemap._kernels.orbits.time.arms import lingering
 from phasemap._kernels.orbits.time.linear_map import (
     amplitude_slope,
     differentiate,
@@ -26,6 +25,7 @@ from phasemap._kernels.orbits.time.linear_map import (
 )
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.modes import air_beside_first_harmonic
+from phasemap._kernels.orbits.time.surface_memory import OUTER_COUNT
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
@@ -188,7 +188,7 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
 
 
 @kernel(shared=True)
-def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
 
     The decay is measured, not assumed: neighbours must approach (Floquet multipliers inside the unit circle and, where
@@ -241,13 +241,13 @@ def skip(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) 
 
 
 @kernel
-def rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int, tip: Tip) -> bool:
-    """Let time pass at fixed z0 until the orbit repeats itself, for `most_periods` periods; returns as `skip`."""
+def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int, tip: Tip) -> bool:
+    """Let time pass at fixed z0 until the orbit repeats itself, for `most_periods` periods; False if it does not."""
     lever = oscillator.lever
     end = tip.periods.marched + most_periods
     wait = max(3, int(0.5 * ringing_periods(lever)))  # half the lever's decay time
     while tip.periods.marched < end:
-        if skip(oscillator, tolerance, 0.0, tip):
+        if skip_transient(oscillator, tolerance, 0.0, tip):
             return True
         if not multiplier_of(tip.linear) < 1:
             # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
@@ -277,8 +277,8 @@ def hold_periodic(
     last = move = 0.0
     jumps, before, slopes = 0, np.empty(motion_size(lever)), Way()
     patience = int(SETTLING_TIME * ring_down_periods(lever))
-    while not skip(oscillator, tolerance, amplitude, tip):
-        if not rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
+    while not skip_transient(oscillator, tolerance, amplitude, tip):
+        if not come_to_rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
             return col.NOT_SETTLED
         error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
@@ -299,7 +299,7 @@ def hold_periodic(
         else:
             tip.u[Z0] -= move
         if abs(move) > FEEDBACK_STRIDE * amplitude:
-            if not rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
+            if not come_to_rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
                 return col.NOT_SETTLED
             if abs(amplitude_of(lever, tip.acc) - amplitude - error + slope * move) > LINEAR_MISS * amplitude:
                 copy(before, tip.u)
@@ -309,12 +309,12 @@ def hold_periodic(
                 continue
         if abs(wanted) > stride:
             stride = min(2.0 * stride, longest)
-    fill_orbit(lever, tip, row)
+    fill_row_at_rest(lever, tip, row)
     return col.GOOD
 
 
 @kernel
-def fill_row(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -> None:
+def fill_row_of_period(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -> None:
     """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
 
     What that does not say is NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in energy, what
@@ -338,7 +338,7 @@ def fill_row(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -
 
 
 @kernel
-def fill_orbit(lever: np.ndarray, tip: Tip, row: np.ndarray) -> None:
-    """Fill a result row from a tip that `skip` has put to rest."""
-    fill_row(lever, tip.u[Z0], tip.acc, row)
+def fill_row_at_rest(lever: np.ndarray, tip: Tip, row: np.ndarray) -> None:
+    """Fill a result row from a tip that `skip_transient` has put to rest."""
+    fill_row_of_period(lever, tip.u[Z0], tip.acc, row)
     row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), amplitude_slope(tip.linear)

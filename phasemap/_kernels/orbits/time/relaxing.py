@@ -19,15 +19,16 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, longrange_force
+from phasemap._kernels.law import Law, has_longrange, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.time import elements as on
-from phasemap._kernels.orbits.time.arms import Arms, turn_to
+from phasemap._kernels.orbits.time import surface_memory as on
+from phasemap._kernels.orbits.time.arms import Arms, multiply_by
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
+    Motion,
     Moved,
-    attraction,
+    attraction_at,
     fill_own_slopes,
     first_moved,
     push_of,
@@ -77,7 +78,7 @@ class Relaxing(NamedTuple):
     pull: float  # force at d = 0 in contact, over k [m]
     edge_force: float  # the long-range force at contact, over k [m]
     edge_slope: float  # its derivative there, over k
-    m: np.ndarray  # what it remembers: `elements`
+    m: np.ndarray  # what it remembers: `surface_memory`
     stiff: float  # (3/2) K0 sqrt(R)/k [m^(-1/2)]
     arms: Arms
     t0: float  # of a Kelvin-Voigt surface, 0 of others
@@ -129,9 +130,9 @@ def work_from_far(law: Law, p: Any, d: float) -> float:
 
     Steps out of contact leave it out: they add up what the force works on a surface that recovers.
     """
-    if p[col.LONGRANGE] == 0.0:
+    if not has_longrange(p):
         return 0.0
-    size, total_ = reach_of(law, p) - d, 0.0
+    size, total_ = reach_of(p) - d, 0.0
     for i in range(len(FAR_LENGTHS)):
         total_ += FAR_WEIGHTS[i] * longrange_force(law, d - size * FAR_LENGTHS[i], p)
     return size * total_
@@ -159,7 +160,7 @@ def dent_at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) ->
     """
     xi, arms, w, slope, rise = q * q, contact.arms, 0.0, 0.0, 0.0
     if contact.now.mode == on.SHRINKING:
-        on.inside(contact.m, xi, t, arms)
+        on.fill_creep_inside(contact.m, xi, t, arms)
         arms.y[0] = u.seen - xi - arms.value[0]
         if many:
             for a in range(1, arms.count):
@@ -170,12 +171,12 @@ def dent_at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) ->
         for a in range(arms.count):
             rise += arms.share[a] * arms.rate[a] * (arms.y[a] - w)
         return w, slope, rise
-    on.outside(contact.m, xi, t, arms)
+    on.fill_dents_outside(contact.m, xi, t, arms)
     for j in range(arms.count):
         w += arms.value[j]
         slope += arms.slope[j]
         rise += arms.recovery[j] * arms.value[j]
-    turn_to(arms.to_arms, arms.count, arms.value, arms.y)
+    multiply_by(arms.to_arms, arms.count, arms.value, arms.y)
     return w, slope, rise
 
 
@@ -195,8 +196,8 @@ def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pr
     """Force of a relaxing surface: x is d off the surface, else where the edge of the contact is [m^(1/2)]."""
     x, v, t, mode, t0 = y.x, y.v, time + y.passed, contact.now.mode, contact.t0
     if off:
-        dent, rise = dent_at(contact, t) if contact.p[col.LONGRANGE] != 0.0 else (0.0, 0.0)
-        force = attraction(contact, x - dent)
+        dent, rise = dent_at(contact, t) if has_longrange(contact.p) else (0.0, 0.0)
+        force = attraction_at(contact, x - dent)
         return Pressed(1.0, x, force, 0.0, v, -force * rise, 0.0)
     stiff, arms, xi, w = contact.stiff, contact.arms, x * x, 2 * x
     if mode == on.SHRINKING and t0 > 0:
@@ -237,3 +238,77 @@ def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y:
     if contact.now.mode == on.SHRINKING:
         k.x += contact.t0 * a
     return contact.stiff * (contact.t0 * push.w * y.x * y.v * y.v - 0.5 * push.y * push.y * k.x)
+
+
+@kernel(inline=True)
+def total(arms: Arms, of: np.ndarray) -> float:
+    """Sum over the arms."""
+    found = 0.0
+    for a in range(arms.count):
+        found += of[a]
+    return found
+
+
+@kernel
+def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
+    """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
+    xi, arms, m = u.x * u.x, contact.arms, contact.m
+    if contact.now.mode == on.GROWING:
+        if contact.t0 == 0:
+            on.fill_curves(m, on.fill_dents_outside(m, xi, t, arms), xi, t, arms.recovery, arms)
+            slope = total(arms, arms.slope)
+            multiply_by(arms.to_arms, arms.count, arms.value, arms.laid_value)
+            multiply_by(arms.to_arms, arms.count, arms.slope, arms.laid_slope)
+            multiply_by(arms.to_arms, arms.count, arms.curve, arms.laid_curve)
+            for a in range(arms.count):
+                bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
+                arms.laid_value[a] = filtered_depth(u, a) - xi - arms.laid_value[a]
+                arms.laid_slope[a], arms.laid_curve[a] = -1 - arms.laid_slope[a], -arms.laid_curve[a] - bent
+            on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
+        on.drop_covered_nodes(m, xi)
+    elif contact.t0 > 0:
+        arms.laid_value[0], arms.laid_slope[0], arms.laid_curve[0] = -contact.t0 * u.v, -1.0, -arms.recovery[0] / speed
+        on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
+    else:
+        on.fill_curves(m, on.fill_creep_inside(m, xi, t, arms), xi, t, arms.rate, arms)
+        slope = 0.0
+        for a in range(arms.count):
+            arms.value[a], arms.slope[a] = filtered_depth(u, a) - xi - arms.value[a], -1 - arms.slope[a]
+            slope += arms.share[a] * arms.slope[a]
+        for a in range(arms.count):
+            bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
+            arms.curve[a] = -arms.curve[a] - bent
+        multiply_by(arms.to_dents, arms.count, arms.value, arms.laid_value)
+        multiply_by(arms.to_dents, arms.count, arms.slope, arms.laid_slope)
+        multiply_by(arms.to_dents, arms.count, arms.curve, arms.laid_curve)
+        if speed == 0:  # it has a root there: what it is in the mean, from the node before
+            top = on.node_at(m, True, int(m[on.OUTER_COUNT]) - 1)
+            for j in range(arms.count):
+                before = m[top + on.NODE_ARMS + on.ARM_WIDTH * j + on.ARM_SLOPE]
+                arms.laid_curve[j] = (arms.laid_slope[j] - before) / (xi - m[top + on.NODE_XI])
+        on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
+        on.drop_released_nodes(m, xi)
+
+
+@kernel
+def lay_between(contact: Relaxing, motion: Motion) -> None:
+    """Lay the element half-way along a step over a surface without dents.
+
+    It lies on polynomials of degree 7 through both ends, of the time, whose slope is 2 q, and of D. Without it those of
+    degree 5 between nodes are the largest error.
+    """
+    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
+    arms, q0, v0, a0, q1, v1, a1 = contact.arms, u.x, u.v, of.v, end.x, end.v, to.v
+    time = end.passed / 2 + h * (11 * (q0 - q1) / 32 + h * (3 * (v0 + v1) / 64 + h * (a0 - a1) / 384))
+    q = 35 * end.passed / (32 * h) - 19 * (q0 + q1) / 32 + h * ((v1 - v0) / 16 - h * (a0 + a1) / 384)
+    v = 15 * (q1 - q0) / (8 * h) - 7 * (v0 + v1) / 16 + h * (a1 - a0) / 32
+    for a in range(arms.count):
+        rate, d0, b0 = arms.rate[a], filtered_depth(u, a), filtered_depth(of, a)
+        d1, b1 = filtered_depth(end, a), filtered_depth(to, a)
+        w0, w1 = 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # slopes of d - D
+        c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
+        e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
+        e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
+        seen = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
+        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = seen - q * q, -1.0, -rate / v
+    on.lay_node(contact.m, False, q * q, motion.time + time, on.OPEN_PEAK, arms)

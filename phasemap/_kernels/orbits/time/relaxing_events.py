@@ -14,9 +14,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import MOST_ARMS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.time import elements as on
-from phasemap._kernels.orbits.time.arms import Arms, fill_arms, fill_kelvin, turn_to
-from phasemap._kernels.orbits.time.by_memory import recovery_of
+from phasemap._kernels.orbits.time import surface_memory as on
+from phasemap._kernels.orbits.time.arms import Arms, fill_arms, fill_kelvin, multiply_by, recovery_of
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     NO_EVENT,
@@ -49,10 +48,12 @@ from phasemap._kernels.orbits.time.relaxing import (
     dent_at,
     dent_at_edge,
     filtered_depth,
+    lay_between,
+    lay_edge,
     stored_energy,
     tip_depth,
+    total,
 )
-from phasemap._kernels.orbits.time.relaxing_nodes import lay_between, lay_edge, total
 from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
 from phasemap._kernels.orbits.time.step_density import depth_reached, pull_in_contact
@@ -73,7 +74,7 @@ OLD_TURN = 4  # the edge passes where an earlier contact turned
 
 
 @kernel
-def to_turn(here: Here, motion: Motion) -> None:
+def shorten_to_turn(here: Here, motion: Motion) -> None:
     """Shorten a step to the turn of the contact, q' = 0.
 
     At first q' is the quadratic with its values at both ends and its mean; then by secants between two sides.
@@ -129,7 +130,7 @@ def off_line(first: float, last: float, way: float, h: float) -> bool:
 
 
 @kernel
-def strays(contact: Relaxing, motion: Motion) -> bool:
+def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
     """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
 
     Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
@@ -150,7 +151,7 @@ def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
     if event == FIRST_TOUCH:
         dent, rise = dent_at(contact, time)
         return dent, -rise
-    return on.passing(contact.m) if event == OLD_TURN else 0.0, 0.0
+    return on.edge_of_old_turn(contact.m) if event == OLD_TURN else 0.0, 0.0
 
 
 @stop_at_event.of(Relaxing)
@@ -165,7 +166,7 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
         stop_at_touch(here, motion)
         return
     find_slopes(here, motion, end)
-    while strays(contact, motion) and now.share > SHORTEST_SHARE:
+    while strays_from_line(contact, motion) and now.share > SHORTEST_SHARE:
         now.share *= 0.5
         advance(here, motion, 0.5 * motion.h)
         find_slopes(here, motion, end)
@@ -173,12 +174,12 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
         end_step_at_event(here, motion, LAST_TOUCH)
         find_slopes(here, motion, end)
     elif (end.slope.x < 0) == (now.mode == on.GROWING):
-        to_turn(here, motion)
+        shorten_to_turn(here, motion)
     if now.mode == on.GROWING:
-        if u.x < on.passing(m) < (1 - contact.pace.past_turn) * end.at.x:
+        if u.x < on.edge_of_old_turn(m) < (1 - contact.pace.past_turn) * end.at.x:
             end_step_at_event(here, motion, OLD_TURN)
             find_slopes(here, motion, end)
-            end.at.x = (1 + JUST_PAST) * on.passing(m)
+            end.at.x = (1 + JUST_PAST) * on.edge_of_old_turn(m)
         whole = motion.event in (NO_EVENT, CONTACT_TURN) and end.at.passed < motion.left
         if whole and contact.t0 == 0 and m[on.OUTER_COUNT] == 0:
             lay_between(contact, motion)
@@ -197,14 +198,14 @@ def _note_depth(contact: Relaxing, here: Here, motion: Motion) -> None:
 
 
 @kernel
-def expect_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Moved) -> None:
-    """Note what depth the contact of a tip at z [m] may come to, for the lengths of steps."""
-    contact.now.deep = depth_reached(contact, beam, 0.0, q, u.v, pull_in_contact(contact, beam, z, u))
+def note_expected_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Moved) -> None:
+    """Note the depth that the contact of a tip at z [m] may come to: the lengths of steps depend on it."""
+    contact.now.deep = depth_reached(contact, beam, q, u.v, pull_in_contact(contact, beam, z, u))
 
 
 @kernel
-def see_depth(contact: Relaxing, u: Moved, depth: float) -> None:
-    """Put all dashpots at rest at the depth [m] at which a contact begins; what they creep counts from there."""
+def rest_dashpots(contact: Relaxing, u: Moved, depth: float) -> None:
+    """Put the dashpots of all arms at rest at the depth [m] at which a contact begins: creep counts from there."""
     u.seen, u.inside = depth, 0.0
     for j in range(first_moved(contact, True), PLACE_OF_X - 2, 2):
         u.arms[j], u.arms[j + 1] = depth, 0.0
@@ -219,10 +220,10 @@ def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
     u, depth = motion.here.at, motion.here.at.x
     motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
     contact.now.mode, u.x = on.GROWING, 0.0
-    see_depth(contact, u, depth)
+    rest_dashpots(contact, u, depth)
     motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
     contact.m[on.INNER_COUNT] = 0.0
-    expect_depth(contact, here.beam, 0.0, here.beam.z0, u)
+    note_expected_depth(contact, here.beam, 0.0, here.beam.z0, u)
 
 
 @kernel
@@ -230,7 +231,7 @@ def end_contact(contact: Relaxing, motion: Motion) -> None:
     """Let a contact end, over the dent that it leaves."""
     now, arms, m, depth = contact.now, contact.arms, contact.m, tip_depth(contact, motion.here.at, motion.time)
     motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
-    on.outside(m, 0.0, motion.time, arms)
+    on.fill_dents_outside(m, 0.0, motion.time, arms)
     for j in range(arms.count):
         now.dents[j] = arms.value[j]
     now.mode, now.dented, now.since, motion.here.at.x, m[on.INNER_COUNT] = OFF_SURFACE, 1, motion.time, depth, 0.0
@@ -246,12 +247,12 @@ def turn_contact(contact: Relaxing, motion: Motion) -> bool:
         if m[on.OUTER_COUNT] == 0 or u.v >= 0:  # next to where the tip is deepest, on either side
             top = tip_depth(contact, u, t) - u.v**2 * u.x / motion.here.slope.v
             motion.sums.deepest = max(motion.sums.deepest, top)
-        on.turn_back(m, u.x * u.x, t, contact.t0 > 0, contact.arms)
+        on.end_growth(m, u.x * u.x, t, contact.t0 > 0, contact.arms)
         now.mode, now.turned = on.SHRINKING, t
         return True
     if contact.t0 > 0:
         return False
-    on.turn_forth(m, u.x * u.x, t, contact.arms)
+    on.resume_growth(m, u.x * u.x, t, contact.arms)
     now.mode = on.GROWING
     return True
 
@@ -299,12 +300,12 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
         u.x = q
     elif d > dent_at(contact, 0.0)[0]:  # all elements touched at the same time
         now.mode, u.x = on.GROWING, 0.0
-        see_depth(contact, u, d)
+        rest_dashpots(contact, u, d)
         u.x = find_edge(contact, d, u)
         m[on.INNER_COUNT] = 0.0
         if contact.t0 == 0:
-            on.outside(m, 0.0, 0.0, arms)
-            turn_to(arms.to_arms, arms.count, arms.value, arms.laid_value)
+            on.fill_dents_outside(m, 0.0, 0.0, arms)
+            multiply_by(arms.to_arms, arms.count, arms.value, arms.laid_value)
             for a in range(arms.count):
                 arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = d - arms.laid_value[a], -1.0, 0.0
             on.lay_node(m, False, 0.0, 0.0, on.OPEN_PEAK, arms)
@@ -312,7 +313,7 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
         lay_edge(contact, u, 0.0, motion.here.slope.x)
         motion.here.known = 0
     if now.mode != OFF_SURFACE:
-        expect_depth(contact, here.beam, max(u.x, 0.0), here.beam.z0 + d, u)
+        note_expected_depth(contact, here.beam, max(u.x, 0.0), here.beam.z0 + d, u)
     motion.sums.loss = -stored_energy(contact, u.x, d, 0.0)
 
 
@@ -321,7 +322,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
     """Fill in the dent under a tip that begins a period off the surface; returns its depth [m], 0 where it is gone."""
     if m[on.OUTER_COUNT] == 0:
         return 0.0
-    on.outside(m, 0.0, 0.0, arms)
+    on.fill_dents_outside(m, 0.0, 0.0, arms)
     depth = total(arms, arms.value)
     if depth < DENT_FORGOTTEN * free:
         m[on.OUTER_COUNT] = 0.0
@@ -334,7 +335,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
 
 @kernel
 def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """March one period over a surface that remembers, as `march.march_period` does; y is as `elements` names it."""
+    """March one period over a surface that remembers, as `march_period` does; y is as `surface_memory` names it."""
     law, p, lever = oscillator
     motion, modes, now, arms, compliance = Motion(), Modes(), Memory(), Arms(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)
@@ -366,7 +367,7 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
     for a in range(arms.count):
         j = 2 * (MOST_ARMS - 1 - a) + 1
         y[on.DASHPOT_DEPTH + a], y[on.INNER_SUM + a] = filtered_depth(u, a), u.inside if a == 0 else u.arms[j]
-    on.shift(y, t)
+    on.shift_times(y, t)
     y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE else 0.0
     end_period(lever, here, motion, depth, y, acc)
     return steps

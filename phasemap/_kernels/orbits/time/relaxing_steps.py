@@ -10,9 +10,9 @@ from typing import Any
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, longrange_force, longrange_slope
-from phasemap._kernels.orbits.time import elements as on
-from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, Point, step_length
+from phasemap._kernels.law import Law, has_longrange, longrange_force, longrange_slope
+from phasemap._kernels.orbits.time import surface_memory as on
+from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, MotionPoint, step_length
 from phasemap._kernels.orbits.time.relaxing import Pace, Relaxing, dent_at
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes
 from phasemap._kernels.orbits.time.step_density import (
@@ -46,7 +46,7 @@ DENT_FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 
 @kernel(inline=True)
-def relaxation_rate(contact: Relaxing, u: Point, t: float) -> float:
+def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
     """Square of the number of steps per unit of s (dtau = 2 q ds, q the edge of the contact) that relaxing arms need.
 
     Steps are short beside the relaxation time just before and behind the turn from growing to shrinking, for most of
@@ -93,9 +93,7 @@ def sizes_over(dent: float, kelvin: bool) -> tuple[float, float, float]:
 def pace_over(p: Any, free: float, step_size: float, rate: float, dent: float) -> Pace:
     """Return what steps depend on over a dent [m], of a lever with this free amplitude [m]."""
     kelvin = rate == 0.0
-    flight = min(
-        (ATTRACTED_STEPS if p[col.LONGRANGE] != 0.0 else FLIGHT_STEPS) * step_size, max(step_size, LONGEST_FLIGHT)
-    )
+    flight = min((ATTRACTED_STEPS if has_longrange(p) else FLIGHT_STEPS) * step_size, max(step_size, LONGEST_FLIGHT))
     relaxation, past = (0.0, PAST_KINK) if kelvin else (MOST_RELAXATION / rate, PAST_TURN)
     finer, growth, layers = sizes_over(dent / free, kelvin)
     return Pace(kelvin, free, flight, step_size, relaxation, past, finer, growth, layers)

@@ -23,8 +23,8 @@ from phasemap._kernels.orbits.time.contact import (
     PLACE_OF_X,
     Here,
     Motion,
+    MotionPoint,
     Moved,
-    Point,
     fill_own_slopes,
     first_moved,
     push_of,
@@ -38,7 +38,7 @@ ONE_DRIVE = INTEGRALS + 6  # where those begin that a second drive has
 Numbers = tuple[float, ...]
 
 
-class Instant(NamedTuple):
+class StepStart(NamedTuple):
     """When a step starts: time since the period began [1/omega_c], and cosine and sine of the drive's phase."""
 
     time: float
@@ -91,7 +91,7 @@ TABLEAU: tuple[dict[int, float], ...] = (  # of each stage after the first, and 
 
 
 @intrinsic
-def along(_context: Any, y: Any, h: Any, slopes: Any) -> Any:
+def along_tableau(_context: Any, y: Any, h: Any, slopes: Any) -> Any:
     """y + h times the row of the tableau for so many slopes, in their order: only the newest is waited for."""
     row, number, flags = TABLEAU[len(slopes) - 1], types.float64, sorted(ANY_ORDER)
 
@@ -107,16 +107,16 @@ def along(_context: Any, y: Any, h: Any, slopes: Any) -> Any:
 
 
 def _along(y: float, h: float, slopes: tuple[float, ...]) -> float:
-    """The same where numba's compiler is off."""
+    """`along_tableau` in Python, where numba's compiler is off."""
     return y + sum(h * weight * slopes[stage - 1] for stage, weight in TABLEAU[len(slopes) - 1].items())
 
 
 if numba.config.DISABLE_JIT:
-    along = _along
+    along_tableau = _along
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def turn(angle: float) -> tuple[float, float]:
+def cosine_and_sine(angle: float) -> tuple[float, float]:
     """Return cosine and sine of the small angle of one step by Taylor's series, to 1e-16 at 0.6 and 1e-12 at 1."""
     x = angle * angle
     even = 1 / 40320 + x * (-1 / 3628800 + x * (1 / 479001600 - x * (1 / 87178291200)))
@@ -128,11 +128,11 @@ def turn(angle: float) -> tuple[float, float]:
 
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _fill_slopes(
-    here: Here, start: Instant, off: bool, many: bool, y: Moved, k: Moved, integrals: bool
+    here: Here, start: StepStart, off: bool, many: bool, y: Moved, k: Moved, integrals: bool
 ) -> None:  # fmt: skip
     """Fill in the slopes of the numbers moved, `many` of several modes or arms, and of the integrals if wanted."""
     beam, modes, v = here.beam, here.beam.modes, y.v
-    c, s = turn(beam.omega * y.passed)
+    c, s = cosine_and_sine(beam.omega * y.passed)
     c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
     push = push_of(here.contact, off, many, start.time, y)
     w, z, whole = push.w, beam.z0 + push.depth, push.force + push.drag * v
@@ -167,7 +167,7 @@ def _fill_slopes(
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _step(here: Here, start: Instant, off: bool, many: bool, point: Point, h: float, end: Moved) -> None:
+def _step(here: Here, start: StepStart, off: bool, many: bool, point: MotionPoint, h: float, end: Moved) -> None:
     """One step of length h of Dormand and Prince's method of order 8, from `point` to `end`.
 
     `off`: whether the tip is off the surface. `many`: whether the lever has several modes, or the contact several arms.
@@ -183,58 +183,62 @@ def _step(here: Here, start: Instant, off: bool, many: bool, point: Point, h: fl
     k6, k7, k8, k9 = numbers_of(m.k6), numbers_of(m.k7), numbers_of(m.k8), numbers_of(m.k9)
     k10, k11, k12 = numbers_of(m.k10), numbers_of(m.k11), numbers_of(m.k12)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j],))
+        now[j] = along_tableau(y[j], h, (k1[j],))
     _fill_slopes(here, start, off, many, m.now, m.k2, False)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j]))
     _fill_slopes(here, start, off, many, m.now, m.k3, False)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j]))
     _fill_slopes(here, start, off, many, m.now, m.k4, False)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j]))
     _fill_slopes(here, start, off, many, m.now, m.k5, False)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j]))
     _fill_slopes(here, start, off, many, m.now, m.k6, True)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j]))
     _fill_slopes(here, start, off, many, m.now, m.k7, True)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j]))
     _fill_slopes(here, start, off, many, m.now, m.k8, True)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j]))
     _fill_slopes(here, start, off, many, m.now, m.k9, True)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j]))
     _fill_slopes(here, start, off, many, m.now, m.k10, True)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j]))
     _fill_slopes(here, start, off, many, m.now, m.k11, True)
     for j in range(first, count):
-        now[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j]))
+        now[j] = along_tableau(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j]))
     _fill_slopes(here, start, off, many, m.now, m.k12, True)
     for j in range(first, count):
-        out[j] = along(y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
+        out[j] = along_tableau(
+            y[j], h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+        )
     for j in range(INTEGRALS, len(out) if many else ONE_DRIVE):
-        out[j] = along(0.0, h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j]))
+        out[j] = along_tableau(
+            0.0, h, (k1[j], k2[j], k3[j], k4[j], k5[j], k6[j], k7[j], k8[j], k9[j], k10[j], k11[j], k12[j])
+        )
 
 
 @kernel
-def _step_off_surface(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+def _step_off_surface(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
     """One step of a lever of one mode off the surface."""
     _step(here, start, True, False, point, h, end)
 
 
 @kernel
-def _step_in_contact(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+def _step_in_contact(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
     """One step of a lever of one mode in contact."""
     _step(here, start, False, False, point, h, end)
 
 
 @kernel(fastmath=ANY_ORDER)
-def _step_of_many(here: Here, start: Instant, point: Point, h: float, end: Moved) -> None:
+def _step_of_many(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
     """One step of a lever of several modes, or over a surface of several arms."""
     _step(here, start, here.contact.now.mode == OFF_SURFACE, True, point, h, end)
 
@@ -248,9 +252,9 @@ def _has_many(here: Here) -> bool:
 
 
 @kernel(inline=True)
-def take_step(here: Here, motion: Motion, h: float, to: Point) -> None:
+def take_step(here: Here, motion: Motion, h: float, to: MotionPoint) -> None:
     """Take a step of length h from where the motion is."""
-    start = Instant(motion.time, motion.cos, motion.sin)
+    start = StepStart(motion.time, motion.cos, motion.sin)
     to.known = 0
     if _has_many(here):
         _step_of_many(here, start, motion.here, h, to.at)
@@ -261,9 +265,9 @@ def take_step(here: Here, motion: Motion, h: float, to: Point) -> None:
 
 
 @kernel
-def find_slopes(here: Here, motion: Motion, point: Point) -> None:
+def find_slopes(here: Here, motion: Motion, point: MotionPoint) -> None:
     """Fill in the slopes at a point of the step that starts where the motion is."""
-    start, off = Instant(motion.time, motion.cos, motion.sin), here.contact.now.mode == OFF_SURFACE
+    start, off = StepStart(motion.time, motion.cos, motion.sin), here.contact.now.mode == OFF_SURFACE
     if _has_many(here):
         _fill_slopes(here, start, off, True, point.at, point.slope, True)
     elif off:

@@ -10,7 +10,7 @@ from typing import Any
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import contact_force, contact_slope, damping, longrange_force, longrange_slope
+from phasemap._kernels.law import contact_force, contact_slope, damping, has_longrange, longrange_force, longrange_slope
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time.contact import Beam, Moved
 
@@ -24,7 +24,7 @@ HIGHER_WEIGHT = 0.4
 @kernel(inline=True)
 def flies_freely(contact: Any, beam: Beam) -> bool:
     """Whether a lever with several modes and one drive feels nothing out of contact: its flight is one exact step."""
-    alone = contact.p[col.LONGRANGE] == 0.0 and contact.law.lossy == 0
+    alone = not has_longrange(contact.p) and contact.law.lossy == 0
     return beam.modes.count > 1 and alone and beam.modes.second == 0.0
 
 
@@ -36,16 +36,16 @@ def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
 
 @kernel
 def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool) -> float:
-    """Square of the density by the gradient of the force outside contact, or in a neck, and that force as it moves."""
+    """Square of the density of steps out of contact, or in a neck, by the force's gradient and rate of change."""
     law, p, inverse_k, least = contact.law, contact.p, contact.compliance, 0.0
     if law.lossy == 1 and p[col.LOSS] != 0.0:
         least = (2.0 * APPROACH_WEIGHT * v * p[col.LOSS_FALL]) ** 2 * math.exp(0.25 * d * p[col.LOSS_FALL])
     if in_neck:
         force, slope = contact_force(law, d, p) * inverse_k, contact_slope(law, d, p) * inverse_k
-    elif p[col.LONGRANGE] != 0.0:
+    elif has_longrange(p):
         force, slope = longrange_force(law, d, p) * inverse_k, longrange_slope(law, d, p) * inverse_k
         if law.longrange_force != 0:  # which may change fast where its slope is 0
-            reach = reach_of(law, p)
+            reach = reach_of(p)
             length = reach - d
             if law.attracts == 0:  # over a length that does not grow, in steps of order 8
                 size = math.hypot(force, slope * reach) / math.hypot(contact.edge_force, contact.edge_slope * reach)
@@ -61,7 +61,10 @@ def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool)
 
 @kernel
 def contact_rate(contact: Any, beam: Beam, bottom: float, q: float) -> float:
-    """Square of the density of steps in s, less the pull's: q'' = 2 q z'' gives 4 d F'/k; and damping."""
+    """Square of the density of steps in contact (over s, dtau = 2 q ds) by stiffness and damping of the surface.
+
+    q'' = 2 q z'' gives 4 d F'/k.
+    """
     law, p, d = contact.law, contact.p, bottom + q * q
     stiff = CONTACT_WEIGHT * CONTACT_WEIGHT * abs(contact_slope(law, d, p)) * contact.compliance * beam.share
     rate = 4 * q * q * (beam.rate + stiff)
@@ -71,21 +74,21 @@ def contact_rate(contact: Any, beam: Beam, bottom: float, q: float) -> float:
 
 
 @kernel
-def depth_reached(contact: Any, beam: Beam, bottom: float, q: float, v: float, pull: float) -> float:
-    """q of the depth that a tip at (q, v) comes to, roughly.
+def depth_reached(contact: Any, beam: Beam, q: float, v: float, pull: float) -> float:
+    """The largest q, root of the depth, that a tip at (q, v) in contact comes to, roughly.
 
     There stiffness works as fast as speed and pull do: q^2 rate = v^2 + q^2 pull, with what q^2 rate is already.
     """
-    goal = q * q * contact_rate(contact, beam, bottom, q) + v * v
+    goal = q * q * contact_rate(contact, beam, 0.0, q) + v * v
     deep = 0.1 * math.sqrt(pull)
     for _ in range(5):
-        deep *= ((goal / (deep * deep) + pull) / contact_rate(contact, beam, bottom, deep)) ** 0.2
+        deep *= ((goal / (deep * deep) + pull) / contact_rate(contact, beam, 0.0, deep)) ** 0.2
     return deep
 
 
 @kernel
 def pull_in_contact(contact: Any, beam: Beam, z: float, u: Moved) -> float:
-    """Density of steps in contact by adhesion and by the lever's own acceleration about z [m], squared."""
+    """Square of the density of steps in contact by adhesion and by the lever's own acceleration about z [m]."""
     modes, pull = beam.modes, abs(contact.pull) * beam.share + math.hypot(z, u.v)
     for i in range(1, modes.count):
         y, speed, square = u.modes[2 * i - 2], u.modes[2 * i - 1], modes.square[i]

@@ -11,15 +11,15 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import amplitude_seen
 from phasemap._kernels.lever import modes_of, slowest_decay, static_share
-from phasemap._kernels.orbits.time.elements import CONTACT_MODE, PERIOD_BEGIN, memory_size
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
+from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, PERIOD_BEGIN, memory_size
 from phasemap._kernels.records import column, numbers_of, record
 
 if TYPE_CHECKING:
     from phasemap._kernels.law import Law
 
 # Entries of a state. It goes on with displacement and velocity of each mode above the first, and over a surface that
-# remembers with what `elements` names.
+# remembers with what `surface_memory` names.
 Z = 0  # [m]
 V = 1  # z' [m]
 TOUCHES = 2  # 1 in contact or in the neck, WITHDRAWING where that attracts more than on the way in, else 0
@@ -81,24 +81,13 @@ class Periods:
 
 
 class Tip(NamedTuple):
-    """A tip in time.
+    """A tip in time."""
 
-    Attributes
-    ----------
-    u : ndarray, shape (PLAIN_STATE + 2 (modes - 1),), or `memory_size` over a surface that remembers
-        State at the beginning of a period: at drive phase 0, or over a surface that remembers where `swing_state` puts
-        it.
-    acc : PeriodResult
-        What the last period gave.
-    linear : PeriodMap
-        Of a period from u.
-    periods : Periods
-        How many were marched.
-    """
-
+    # State at the beginning of a period, shape (PLAIN_STATE + 2 (modes - 1),): at drive phase 0. Over a surface that
+    # remembers it has the length `memory_size`, and a period begins where `swing_state` puts it.
     u: np.ndarray
-    acc: PeriodResult
-    linear: PeriodMap
+    acc: PeriodResult  # of the last period
+    linear: PeriodMap  # of a period from u
     periods: Periods
 
 

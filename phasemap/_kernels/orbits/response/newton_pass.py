@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.arrays import copy
 from phasemap._kernels.columns import DAMPING, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.dense import factor, substitute
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, static_compliance
+from phasemap._kernels.numerics import copy, factor, substitute
 from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
     GAUSS_WEIGHTS,
@@ -37,6 +36,7 @@ from phasemap._kernels.orbits.response.nodes import (
     move_nodes,
     parts_of,
     periods_before,
+    weight_of_node,
 )
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.quadrature import integration_matrix
@@ -76,7 +76,7 @@ def keep_motion(nodes: Nodes, scratch: Scratch) -> None:
 
 
 @kernel
-def stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
+def surface_stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
     """(kappa, gamma): change of g with depth d and with d', in contact."""
     law, p, lever = oscillator
     kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
@@ -147,7 +147,7 @@ def _fill_rates(nodes: Nodes, scratch: Scratch) -> None:
         mean, push, drag, change = 0.0, 0.0, 0.0, scratch.changes[i]
         for k in range(N * parts_of(nodes)):
             j = contact_node(k)
-            share = GAUSS_WEIGHTS[k % N] * nodes.weight[j] * change[k]
+            share = weight_of_node(nodes, j) * change[k]
             mean += share
             push += share * nodes.cos[j]
             drag += share * nodes.sin[j]
@@ -160,12 +160,12 @@ def _fill_rates(nodes: Nodes, scratch: Scratch) -> None:
 
 @kernel
 def _fill_changes(oscillator: Oscillator, nodes: Nodes, state: PassState, scratch: Scratch) -> bool:
-    """Fill in what changes g, and how its harmonics change, after a pass; False where the equations are singular."""
+    """Solve for the changes of g with e, A and the pass, and of its harmonics; False where equations are singular."""
     n, (kappa, gamma), changes = N * parts_of(nodes), scratch.answer, scratch.changes
     for k in range(n):
         j = contact_node(k)
         d = max(state.amplitude * nodes.cos[j] + scratch.w[j] - state.centre, 0.0)
-        kappa[k], gamma[k] = stiffness(oscillator, d, scratch.u[j] - state.amplitude * nodes.sin[j])
+        kappa[k], gamma[k] = surface_stiffness(oscillator, d, scratch.u[j] - state.amplitude * nodes.sin[j])
         changes[BY_PASS, k] = kappa[k] * (nodes.w[j] - scratch.w[j]) + gamma[k] * (nodes.u[j] - scratch.u[j])
         changes[BY_CENTRE, k] = -kappa[k]
         changes[BY_AMPLITUDE, k] = kappa[k] * nodes.cos[j] - gamma[k] * nodes.sin[j]
@@ -233,14 +233,14 @@ def shortened_lift(nodes: Nodes, state: PassState, lift: float, scratch: Scratch
 
 @kernel
 def newton_pass(
-    oscillator: Oscillator, nodes: Nodes, state: PassState, longrange: bool, h: float, hold: bool, scratch: Scratch
+    oscillator: Oscillator, nodes: Nodes, state: PassState, h: float, hold: bool, scratch: Scratch
 ) -> tuple[bool, float]:
     """Step of Newton's method in place of a pass, with the mismatch h; False if there is none, else what is left of h.
 
     With `hold` the centre e stays, and A.
     """
     lever, rates, changes = oscillator.lever, scratch.rates, scratch.changes
-    respond(nodes, lever, state.mean_force, state.push, state.drag, True, longrange)
+    respond(nodes, lever, state.mean_force, state.push, state.drag)
     if not _fill_changes(oscillator, nodes, state, scratch):
         return False, h
     centre, amplitude = _step(lever, state, h, hold, rates)
@@ -249,9 +249,9 @@ def newton_pass(
             changes[BY_PASS, k] + centre * changes[BY_CENTRE, k] + amplitude * changes[BY_AMPLITUDE, k]
         )
     mean, push, drag = rates[BY_PASS] + centre * rates[BY_CENTRE] + amplitude * rates[BY_AMPLITUDE]
-    respond(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag, True, longrange)
+    respond(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag)
     share = _cut_short(nodes, state, centre, amplitude, scratch)
     state.centre += share * centre
     state.amplitude += share * amplitude
-    move_nodes(nodes, state.amplitude, state.centre, True, longrange)
-    return True, evaluate_nodes(oscillator, nodes, state, True)
+    move_nodes(nodes, state.amplitude, state.centre)
+    return True, evaluate_nodes(oscillator, nodes, state)

@@ -14,14 +14,15 @@ to first order with that angle.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.arrays import copy
-from phasemap._kernels.columns import LONGRANGE, OMEGA, STIFFNESS
+from phasemap._kernels.columns import OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_force, longrange_force
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.response.apex import BARYCENTRIC
 from phasemap._kernels.orbits.response.nodes import (
     EARLY_S,
@@ -39,11 +40,14 @@ from phasemap._kernels.orbits.response.nodes import (
     UPTO,
     N,
     Nodes,
+    depth_at_node,
     fill_angles,
+    rate_at_node,
 )
+from phasemap._kernels.orbits.response.state import PassState
 from phasemap._kernels.records import column, record
 
-Sums = tuple[float, float, float, float, float]
+NodeSums = tuple[float, float, float, float, float]
 
 TURN_NODE, END_NODE = EXIT + 1, 2 * N  # the node at which the contact turns, and the place of its end in the following
 
@@ -63,11 +67,19 @@ class ContactMemory:
     kept: np.ndarray = column(2 * N + 1)  # exp(-angle between / T)
 
 
+class TapRoom(NamedTuple):
+    """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
+
+    nodes: Nodes
+    memory: ContactMemory
+    state: PassState
+
+
 LONGEST_SEARCH_STEP = 0.7  # of the way to either end of an element, the longest step to the early angle
 
 
 def _modes(widths: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Integration matrix of an element, its eigenvalues, what takes values at the nodes to each, and back.
+    """Integration matrix of an element, its eigenvalues, and the matrices to its eigenvectors and back.
 
     Of each complex pair one, counted twice.
     """
@@ -127,14 +139,14 @@ def lag_after_turn(share: float, given: np.ndarray, x: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def lay_relaxing(nodes: Nodes, entry: float, turn: float, exit_: float, longrange: bool) -> None:
+def lay_relaxing(nodes: Nodes, entry: float, turn: float, exit_: float) -> None:
     """Place the nodes: contact from entry to its turn and on to its end, and outside, the finer the nearer."""
     theta, weight = nodes.theta, nodes.weight
     before, after = math.pi + entry, math.pi - exit_
     for j in range(N):
         theta[TOUCH + j], weight[TOUCH + j] = turn + (turn - entry) * EARLY_S[j], (turn - entry) * EARLY_W[j]
         theta[LATE + j], weight[LATE + j] = turn + (exit_ - turn) * LATE_S[j], (exit_ - turn) * LATE_W[j]
-        if longrange:
+        if nodes.outside == 1:
             theta[IN + j], weight[IN + j] = entry - before * nodes.far[j], before * nodes.far_weight[j]
             theta[OUT + j], weight[OUT + j] = exit_ + after * nodes.far[j], after * nodes.far_weight[j]
     theta[ENTRY], theta[EXIT], theta[TURN_NODE] = entry, exit_, turn
@@ -142,18 +154,18 @@ def lay_relaxing(nodes: Nodes, entry: float, turn: float, exit_: float, longrang
 
 
 @kernel(fastmath=ANY_ORDER)
-def follow_contact(
-    p: np.ndarray, lever: np.ndarray, nodes: Nodes, amplitude: float, centre: float, memory: ContactMemory
-) -> None:
+def follow_contact(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
     """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
+    nodes, memory, state = room
+    amplitude, centre = state.amplitude, state.centre
     time, turn = lever[OMEGA] * p[col.RELAXATION], nodes.theta[TURN_NODE]
     early, late = (turn - nodes.theta[ENTRY]) / time, (nodes.theta[EXIT] - turn) / time
     depth, seen, inside, given, x = memory.depth, memory.seen, memory.inside, memory.early_seen, memory.early_inside
     for j in range(N):
-        depth[j] = amplitude * nodes.cos[TOUCH + j] + nodes.w[TOUCH + j] - centre
-        depth[N + j] = amplitude * nodes.cos[LATE + j] + nodes.w[LATE + j] - centre
-        memory.rate[j] = nodes.u[TOUCH + j] - amplitude * nodes.sin[TOUCH + j]
-    depth[END_NODE] = amplitude * nodes.cos[EXIT] + nodes.w[EXIT] - centre
+        depth[j] = depth_at_node(nodes, amplitude, centre, TOUCH + j)
+        depth[N + j] = depth_at_node(nodes, amplitude, centre, LATE + j)
+        memory.rate[j] = rate_at_node(nodes, amplitude, TOUCH + j)
+    depth[END_NODE] = depth_at_node(nodes, amplitude, centre, EXIT)
     lag_before_turn(early, depth, x)
     at_turn = 0.0
     for j in range(N):
@@ -172,8 +184,9 @@ def follow_contact(
 
 
 @kernel(fastmath=ANY_ORDER)
-def look_back(p: np.ndarray, lever: np.ndarray, nodes: Nodes, memory: ContactMemory) -> None:
-    """Correct where early the edge was as it is at late nodes, by a step of Newton's method; what was there."""
+def look_back(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
+    """Correct by a Newton step at which early instants the edge was as at late nodes; fill in d, D and Y there."""
+    nodes, memory, _ = room
     time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], nodes.theta[TURN_NODE]
     half = turn - nodes.theta[ENTRY]
     for j in range(N, 2 * N):
@@ -202,26 +215,24 @@ def look_back(p: np.ndarray, lever: np.ndarray, nodes: Nodes, memory: ContactMem
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay_relaxing(
-    p: np.ndarray, lever: np.ndarray, nodes: Nodes, amplitude: float, centre: float, memory: ContactMemory
-) -> None:
+def relay_relaxing(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
     """Move the nodes to where the contact begins, turns and ends now, and the response w [m] with them.
 
     It begins where the depth amplitude cos + w - e is 0, turns where that is largest, and ends where the depth is that
     of the dent, RELAXING times the depth that the arm has seen: one step of Newton's method each.
     """
+    nodes, memory, state = room
+    amplitude, centre = state.amplitude, state.centre
     theta, i, j = nodes.theta, TOUCH + N - 1, LATE
     before = nodes.re
     copy(theta, before)
-    time, kappa, longrange = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], p[LONGRANGE] != 0.0
-    entry = theta[ENTRY] - (amplitude * nodes.cos[ENTRY] + nodes.w[ENTRY] - centre) / (
-        nodes.u[ENTRY] - amplitude * nodes.sin[ENTRY]
-    )
-    rise, fall = nodes.u[i] - amplitude * nodes.sin[i], nodes.u[j] - amplitude * nodes.sin[j]
+    time, kappa = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
+    entry = theta[ENTRY] - depth_at_node(nodes, amplitude, centre, ENTRY) / rate_at_node(nodes, amplitude, ENTRY)
+    rise, fall = rate_at_node(nodes, amplitude, i), rate_at_node(nodes, amplitude, j)
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
-    d, seen = amplitude * nodes.cos[EXIT] + nodes.w[EXIT] - centre, memory.seen[END_NODE]
-    exit_ = theta[EXIT] - (d - kappa * seen) / (nodes.u[EXIT] - amplitude * nodes.sin[EXIT] - kappa * (d - seen) / time)
-    lay_relaxing(nodes, entry, turn, exit_, longrange)
+    d, seen = depth_at_node(nodes, amplitude, centre, EXIT), memory.seen[END_NODE]
+    exit_ = theta[EXIT] - (d - kappa * seen) / (rate_at_node(nodes, amplitude, EXIT) - kappa * (d - seen) / time)
+    lay_relaxing(nodes, entry, turn, exit_)
     for j in range(len(theta)):
         nodes.w[j] += nodes.u[j] * (theta[j] - before[j])
 
@@ -233,23 +244,22 @@ def dent_of(p: np.ndarray, lever: np.ndarray, memory: ContactMemory) -> tuple[fl
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
-def _added(sums: Sums, nodes: Nodes, i: int, weight: float, amplitude: float) -> Sums:
-    """Mean, P and S of g, its work and virial sum, with those of a node."""
+def _added(sums: NodeSums, nodes: Nodes, i: int, weight: float, amplitude: float) -> NodeSums:
+    """Sums of g over the nodes (mean, P, S, work, virial) with one more node."""
     mean, push, drag, work, virial = sums
     share = weight * nodes.weight[i] * nodes.g[i]
     return (
         mean + share, push + share * nodes.cos[i], drag + share * nodes.sin[i],
-        work + share * (nodes.u[i] - amplitude * nodes.sin[i]),
+        work + share * rate_at_node(nodes, amplitude, i),
         virial + share * (amplitude * nodes.cos[i] + nodes.w[i]),
     )  # fmt: skip
 
 
 @kernel(fastmath=ANY_ORDER)
-def relaxing_force(
-    oscillator: Oscillator, nodes: Nodes, amplitude: float, centre: float, memory: ContactMemory
-) -> Sums:
+def relaxing_force(oscillator: Oscillator, room: TapRoom) -> NodeSums:
     """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
-    law, p, lever = oscillator
+    (law, p, lever), (nodes, memory, state) = oscillator, room
+    amplitude, centre = state.amplitude, state.centre
     inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
     pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k
     for j in range(N):
@@ -264,13 +274,13 @@ def relaxing_force(
         )
         nodes.g[LATE + j - N] = stiff * (q * (memory.depth[j] - third) - kappa * y) + pull
         sums = _added(sums, nodes, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
-    if p[LONGRANGE] != 0.0:
+    if nodes.outside == 1:
         dent, recovery = dent_of(p, lever, memory)
         for j in range(N):
-            d = amplitude * nodes.cos[IN + j] + nodes.w[IN + j] - centre
+            d = depth_at_node(nodes, amplitude, centre, IN + j)
             nodes.g[IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
             sums = _added(sums, nodes, IN + j, GAUSS_WEIGHTS[j], amplitude)
-            d = amplitude * nodes.cos[OUT + j] + nodes.w[OUT + j] - centre
+            d = depth_at_node(nodes, amplitude, centre, OUT + j)
             d -= dent * math.exp((nodes.theta[EXIT] - nodes.theta[OUT + j]) * recovery)
             nodes.g[OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
             sums = _added(sums, nodes, OUT + j, GAUSS_WEIGHTS[j], amplitude)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.dense import eliminate_columns
+from phasemap._kernels.numerics import eliminate_columns
 from phasemap._kernels.quadrature import NODES
 
 

@@ -1,19 +1,16 @@
-"""A curve of periodic orbits in its plane: its points, the scales of its coordinates, the way to an orbit across it."""
+"""A curve of periodic orbits in its plane: its points, scales of its coordinates, orbits across it, its start."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.collocation.closing import (
-    curve_derivative,
-)
+from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
-from phasemap._kernels.orbits.collocation.newton import (
-    NewtonLimits,
-    solve_orbit,
-)
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.path import (
     FIXED_PATH,
     HELD_AMPLITUDE,
@@ -22,12 +19,7 @@ from phasemap._kernels.orbits.collocation.path import (
     held_equation,
     standing_at,
 )
-from phasemap._kernels.orbits.collocation.system import (
-    EQUATIONS_OTHER,
-    Equation,
-    Orbit,
-    head_of,
-)
+from phasemap._kernels.orbits.collocation.system import EQUATIONS_OTHER, Equation, Orbit, head_of
 from phasemap._kernels.records import column, record
 
 # Entries of the values and rates of a point: what is swept, wanted or held is told by its entry.
@@ -102,19 +94,19 @@ def scaled_direction(path: Path, reach: float, point: Point, dz: float, da: floa
 
 
 @kernel
-def reach_on(path: Path, orbit: Orbit) -> float:
-    """Length [m] on which orbits change, where this one is."""
+def natural_length(path: Path, orbit: Orbit) -> float:
+    """Length [m] on which orbits change along the path, at an orbit."""
     if path.kind == FIXED_PATH:
         return path.reach
     oscillator = standing_at(path, head_of(orbit).parameter)
-    return scale_of(oscillator, free_amplitude(oscillator.lever))
+    return scale_of(oscillator)
 
 
 @kernel
-def solve_on(
+def solve_in_plane(
     path: Path, orbit: Orbit, row: tuple[float, float, float], tolerance: float, most: int, coarse: bool
 ) -> tuple[int, int]:
-    """`solve_orbit` on the plane row (z0, A, m) = const through where the orbit now is; `coarse` on the way only."""
+    """Solve for the orbit in the plane row (z0, A, m) = const through this one; `coarse` if it is on the way only."""
     (r_z, r_a, r_m), head = row, head_of(orbit)
     at = r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter
     across = Equation(r_z, r_a, r_m, at, 0.0, 0.0)
@@ -122,11 +114,23 @@ def solve_on(
 
 
 @kernel
-def tangent_on(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> bool:
-    """Linearise; leave the derivative along the curve in the system's last column, row (dz0, dA, dm) = 1."""
+def solve_tangent(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> bool:
+    """Solve for the derivative along the curve with row (dz0, dA, dm) = 1, left in the last column of the system."""
     m = head_of(orbit).parameter
     oscillator, drift = standing_at(path, m), drift_at(path, m)
     if head_of(orbit).equations == EQUATIONS_OTHER and not linearise_orbit(oscillator, orbit, drift):
         return False
     across = Equation(row[0], row[1], row[2], 0.0, 0.0, 0.0)
     return curve_derivative(oscillator.lever, orbit, drift, (held_equation(path, m), across))
+
+
+@kernel(shared=True)
+def start_far(path: Path, orbit: Orbit, amplitude: float) -> int:
+    """Find the orbit far from the surface, where the lever swings almost freely."""
+    oscillator = standing_at(path, 0.0)
+    free = free_amplitude(path.lever)
+    guess = np.array([free * far_start(oscillator, amplitude), 0.0, free, 0.0, 0.0])
+    held = Equation(1.0, -1.0, 0.0, guess[col.G_Z0] - free, 0.0, 0.0)
+    if not begin_harmonic(oscillator, orbit, guess, 0):
+        return col.NOT_CONVERGED
+    return solve_orbit(path, orbit, held, NewtonLimits(0, 1e-3 * path.reach, 30, True, False, 0.0))[0]

@@ -45,7 +45,7 @@ NODE_XI = 0  # [m]
 NODE_TIME = 1  # when it was laid [1/omega_c]
 NODE_PEAK = 2  # [m]
 SERIES_TIME = 3  # that the coefficients are of
-SERIES_NEAR = 4  # where the variable is 0, and what it is multiplied by: see `join`
+SERIES_NEAR = 4  # where the variable is 0, and what it is multiplied by: see `fit_polynomials`
 SERIES_SCALE = 5
 NODE_ARMS = 6  # where the first arm begins
 ARM_VALUE = 0  # b or c then [m]
@@ -54,7 +54,7 @@ ARM_CURVE = 2  # and the second one [1/m]
 ARM_SERIES = 3  # the first of six coefficients
 ARM_WIDTH = 9  # entries of an arm
 STACK_NODES = 128  # most nodes of a stack
-MOST_CURVATURE = 4.0  # bound of second derivatives, see `join`
+MOST_CURVATURE = 4.0  # bound of second derivatives, see `fit_polynomials`
 OPEN_PEAK = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
 
 
@@ -72,8 +72,10 @@ def node_at(m: np.ndarray, outside: bool, j: int) -> int:
 
 
 @kernel
-def join(m: np.ndarray, of: int, low: int, high: int, rates: np.ndarray, most: np.ndarray, count: int) -> None:
-    """Put the polynomials between two nodes into node `of`, of the two the one whose peak is that of both.
+def fit_polynomials(
+    m: np.ndarray, of: int, low: int, high: int, rates: np.ndarray, most: np.ndarray, count: int
+) -> None:
+    """Fit the polynomials of each arm between two nodes, and keep them in node `of`, whose peak is that of both.
 
     Their variable is (sqrt(peak - xi) - near) scale, 0 at `high` and 1 at `low`; each arm decays at its rate.
     Its slopes lie between -`most` and 0.
@@ -124,7 +126,9 @@ def series_at(m: np.ndarray, c: int, x: float) -> tuple[float, float]:
 
 
 @kernel
-def between(m: np.ndarray, of: int, xi: float, t: float, rates: np.ndarray, most: np.ndarray, arms: Arms) -> None:
+def fill_between_nodes(
+    m: np.ndarray, of: int, xi: float, t: float, rates: np.ndarray, most: np.ndarray, arms: Arms
+) -> None:
     """Fill in what is remembered at xi at time t by the polynomials kept in node `of`, and its slopes by xi."""
     x, w = place_between(m, of, xi)
     by_xi = -0.5 * m[of + SERIES_SCALE] / w
@@ -136,7 +140,7 @@ def between(m: np.ndarray, of: int, xi: float, t: float, rates: np.ndarray, most
 
 @kernel
 def fill_curves(m: np.ndarray, of: int, xi: float, t: float, rates: np.ndarray, arms: Arms) -> None:
-    """Fill in the second derivatives by xi of what is remembered; 0 where `of` is no node."""
+    """Fill in the second derivatives by xi of what each arm remembers; 0 where `of` is no node."""
     if of < 0:
         for a in range(arms.count):
             arms.curve[a] = 0.0
@@ -174,15 +178,15 @@ def inner_node(m: np.ndarray, xi: float) -> int:
 
 
 @kernel
-def outside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
-    """Fill in the dents of an element outside the contact, and their slopes by xi, 0 where nothing was; its node.
+def fill_dents_outside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
+    """Fill in each arm's dent of an element outside the contact and its slope by xi; returns the node they are from.
 
     A step that overshoots a turn looks for elements that the contact has grown over: there dents go on as a line.
     """
     of = outer_node(m, xi)
     if of >= 0:
         near = max(xi, m[of + NODE_XI])
-        between(m, of, near, t, arms.recovery, arms.whole, arms)
+        fill_between_nodes(m, of, near, t, arms.recovery, arms.whole, arms)
         if xi != near:
             for a in range(arms.count):
                 arms.value[a] += arms.slope[a] * (xi - near)
@@ -197,10 +201,10 @@ def outside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
 
 
 @kernel
-def inside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
-    """Fill in what is left of b of an element in the contact, of each arm, and its slopes by xi; its node."""
+def fill_creep_inside(m: np.ndarray, xi: float, t: float, arms: Arms) -> int:
+    """Fill in what is left of b in each arm for an element in the contact, and its slope by xi; returns its node."""
     of = inner_node(m, xi)
-    between(m, of, min(xi, m[of + NODE_XI]), t, arms.rate, arms.one, arms)
+    fill_between_nodes(m, of, min(xi, m[of + NODE_XI]), t, arms.rate, arms.one, arms)
     return of
 
 
@@ -210,9 +214,9 @@ def join_top(m: np.ndarray, out: bool, j: int, arms: Arms) -> None:
     here, below = node_at(m, out, j), node_at(m, out, j - 1)
     if j > 0 and m[here + NODE_PEAK] != OPEN_PEAK:
         if out:
-            join(m, here, here, below, arms.recovery, arms.whole, arms.count)
+            fit_polynomials(m, here, here, below, arms.recovery, arms.whole, arms.count)
         else:
-            join(m, here, below, here, arms.rate, arms.one, arms.count)
+            fit_polynomials(m, here, below, here, arms.rate, arms.one, arms.count)
 
 
 @kernel
@@ -254,14 +258,14 @@ def lay_as_found(m: np.ndarray, out: bool, xi: float, t: float, peak: float, arm
 
 
 @kernel
-def passing(m: np.ndarray) -> float:
-    """The edge at which an earlier contact turned, which one that grows passes next; 0 if there is none."""
+def edge_of_old_turn(m: np.ndarray) -> float:
+    """Edge q at which an earlier contact turned and that a growing contact passes next; 0 if there is none."""
     count = int(m[OUTER_COUNT])
     return math.sqrt(m[node_at(m, True, count - 1) + NODE_PEAK]) if count > 0 else 0.0
 
 
 @kernel
-def take_outer(m: np.ndarray, xi: float) -> None:
+def drop_covered_nodes(m: np.ndarray, xi: float) -> None:
     """Take from the outer stack what the contact has grown over, but for the node just below its edge."""
     count = int(m[OUTER_COUNT])
     if count > 0 and m[node_at(m, True, 0) + NODE_XI] <= xi:
@@ -272,7 +276,7 @@ def take_outer(m: np.ndarray, xi: float) -> None:
 
 
 @kernel
-def take_inner(m: np.ndarray, xi: float) -> None:
+def drop_released_nodes(m: np.ndarray, xi: float) -> None:
     """Take from the inner stack what the contact has let go, but for the node just above its edge."""
     count = int(m[INNER_COUNT])
     while count > 2 and m[node_at(m, False, count - 2) + NODE_XI] >= xi:
@@ -281,9 +285,9 @@ def take_inner(m: np.ndarray, xi: float) -> None:
 
 
 @kernel
-def turn_back(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> None:
-    """End a growth of the contact at its edge xi."""
-    fill_curves(m, outside(m, xi, t, arms), xi, t, arms.recovery, arms)
+def end_growth(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> None:
+    """End the growth of a contact at its edge xi: it shrinks from here on."""
+    fill_curves(m, fill_dents_outside(m, xi, t, arms), xi, t, arms.recovery, arms)
     count = int(m[OUTER_COUNT])
     peak = xi
     if count > 0:
@@ -305,9 +309,9 @@ def turn_back(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> N
 
 
 @kernel
-def turn_forth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
+def resume_growth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
     """Let a contact that shrank grow again from its edge xi, at time t: what lay outside is kept in new nodes."""
-    fill_curves(m, inside(m, xi, t, arms), xi, t, arms.rate, arms)
+    fill_curves(m, fill_creep_inside(m, xi, t, arms), xi, t, arms.rate, arms)
     top = int(m[INNER_COUNT]) - 1
     peak = m[node_at(m, False, top) + NODE_PEAK]
     m[INNER_COUNT] = top
@@ -315,8 +319,8 @@ def turn_forth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
 
 
 @kernel
-def shift(m: np.ndarray, time: float) -> None:
-    """Let times count from later on."""
+def shift_times(m: np.ndarray, time: float) -> None:
+    """Count the times of all nodes from an instant that is later by `time`."""
     for j in range(int(m[INNER_COUNT])):
         here = node_at(m, False, j)
         m[here + NODE_TIME] -= time
