@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -222,6 +223,20 @@ def test_the_number_of_threads_does_not_change_a_byte() -> None:
     one, three = (scan(surface, threads=threads) for threads in (1, 3))
     assert (one.branch.values[0] != one.branch.values[1]).any()
     assert all(one[name].values.tobytes() == three[name].values.tobytes() for name in one.data_vars)
+
+
+def test_on_a_shaker_a_scan_that_is_interpolated_has_the_branches_and_phases_of_exact_orbits() -> None:
+    scope = replace(SCOPE, drive=pm.Drive(16e-9, excitation="base"))
+    rng, shape = np.random.default_rng(3), (69, 120)
+    surface = pm.Surface(rng.uniform(1e9, 4e9, shape), rng.uniform(0.02, 0.2, shape), 0.05, pixel_size=2e-9)
+    image = pm.simulate(surface, scope, SETPOINT, control=pm.Raster("image"), variables=["phase", "branch", "solver"])
+    some = slice(0, 2)
+    exact = pm.simulate(surface.rows(some), scope, SETPOINT, "orbit", pm.Raster("image"))
+    image = image.isel(y=some)
+    assert (image.solver == INTERPOLATED).mean() > 0.2
+    assert {0, 1} == set(np.unique(exact.branch))
+    assert np.array_equal(image.branch, exact.branch)
+    assert np.nanmax(abs(image.phase.values - exact.phase.values)) < 0.01
 
 
 @pytest.mark.parametrize("engage", ["line", "image"])
