@@ -67,3 +67,17 @@ def test_irregular_motion_that_is_held_in_the_mean_is_not_said_to_be_held_by_not
     sticky = pm.Material(10294789.379424043, 0.2978928222281013, 0.044903842240424006, poisson_ratio=0.35)
     pixel = pm.solve_pixel(sticky, scope, 0.5069802929846258)
     assert pixel.status in (pm.Status.not_settled, pm.Status.good)
+
+
+def test_a_tip_that_falls_twice_and_is_pressed_in_far_holds_the_setpoint_there() -> None:
+    # 4,000 times the free amplitude deep. `engage` of tests/reference/hard_engage.py holds it at -504.592149 nm and
+    # 86.34173620 degrees, after two falls; the amplitude changes by 3e-5 of what the tip is raised.
+    scope = pm.Microscope(
+        pm.Cantilever(4.7462647240099995, 300e3, 93.36493458494469), pm.Tip(7.732211365853303e-9),
+        pm.Drive(1.0225494670108946e-9, 285032.08498921397), pm.Interaction("dmt", 3.180254986553901e-10),
+    )  # fmt: skip
+    soft = pm.Material(3741414.252037878, 0.012125286303767623, 0.00020062671045725235, poisson_ratio=0.35)
+    pixel = pm.solve_pixel(soft, scope, 0.47464318161055896)
+    assert pixel.status is pm.Status.good
+    assert abs(pixel.tip_offset + 504.592149e-9) < 2e-14
+    assert abs(pixel.phase - 86.34173620) < 1e-6

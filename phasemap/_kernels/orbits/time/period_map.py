@@ -284,9 +284,10 @@ def hold_periodic(
         if error * last < 0:
             stride = 0.5 * min(stride, FEEDBACK_STRIDE * amplitude)
             jumps += abs(error - last) > max(2.0 * abs(move), 0.02 * amplitude)
+        far = last != 0.0 and not abs(tip.u[Z0]) < farthest  # a tip pressed in as far may be held at once
         last = error
         # A setpoint inside a jump is passed again and again, and one above the free amplitude is never reached.
-        if stride < 1e-4 * amplitude or jumps > MOST_JUMPS or not abs(tip.u[Z0]) < farthest:
+        if stride < 1e-4 * amplitude or jumps > MOST_JUMPS or far:
             return col.NO_STABLE_ORBIT
         slope = slopes_of_orbit(tip.linear, slopes)
         wanted = error / max(slope, 0.2)
