@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from phasemap import plot
     from phasemap._shared.errors import FileError, InputError, PhasemapError, SolveError
     from phasemap._shared.notices import PlausibilityWarning, ResultWarning, strict_units
+    from phasemap.comparison.levelling import level
     from phasemap.comparison.registration import Registration, register
     from phasemap.comparison.result import compare
     from phasemap.experiment import generate, interaction
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "_shared.errors": ("FileError", "InputError", "PhasemapError", "SolveError"),
     "_shared.notices": ("PlausibilityWarning", "ResultWarning", "strict_units"),
+    "comparison.levelling": ("level",),
     "comparison.registration": ("Registration", "register"),
     "comparison.result": ("compare",),
     "experiment.accuracy": ("Accuracy",),
@@ -107,7 +109,7 @@ __all__ = [
     "Prony", "Raster", "Realism", "Registration", "ResultWarning", "SolveError", "Status", "Surface", "Tip",
     "TipChange", "Variation", "channels", "check", "compare", "contrast", "explore", "export", "fit_distance",
     "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert",
-    "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register", "scene_from",
+    "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register", "scene_from",
     "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency",
     "sweep_parameter", "sweep_setpoint", "to_sidpy",
 ]  # fmt: skip

@@ -17,9 +17,8 @@ import phasemap as pm
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli import main
 from phasemap.comparison.pair import common_grid
-from phasemap.comparison.scores import correlation_of, outlier_lines
+from phasemap.comparison.scores import correlation_of
 from phasemap.comparison.words import lines_of, verdict_of
-from phasemap.io.measured import level_height
 from phasemap.io.netcdf import load, save
 from phasemap.io.read import read_image
 
@@ -64,11 +63,63 @@ def moved(one: xr.Dataset, down: int, right: int) -> tuple[xr.Dataset, xr.Datase
     return first, second
 
 
-def test_a_line_unlike_both_neighbours_stands_out_but_a_step_of_the_tip_does_not() -> None:
-    phase = grains()["phase"].values
-    phase[60:] += 10.0  # the tip changed
-    phase[31] += 15.0
-    assert np.flatnonzero(outlier_lines(phase)).tolist() == [31]
+# Levelling
+
+
+def test_levelling_takes_out_plane_and_row_offsets_exactly_and_leaves_a_masked_particle_alone() -> None:
+    rng = np.random.default_rng(2)
+    y, x = np.mgrid[:40, :50]
+    particle = (y - 12) ** 2 + (x - 33) ** 2 < 60
+    tilt = 0.3e-9 * x - 0.2e-9 * y + 5e-9 * rng.normal(size=(40, 1))
+    tilted = image(tilt + 8e-9 * particle, -20.0 + 30.0 * particle)
+    done = pm.level(tilted, mask=particle)
+    # rounding of heights of 30 nm: 30e-9 * 2e-16 * sqrt(50)
+    assert np.abs(done["height"].values - 8e-9 * particle).max() < 1e-22
+    assert (done["phase"].values == 30.0 * particle).all()
+    unmasked = pm.level(tilted)["height"].values
+    assert np.abs(unmasked - 8e-9 * particle).max() > 0.1e-9  # what the mask is for
+
+
+def test_a_plane_alone_leaves_row_offsets_and_a_phase_is_never_tilted() -> None:
+    y, x = np.mgrid[:20, :30]
+    rows = np.where(np.arange(20) % 2, 1.0, -1.0)[:, None]
+    rows -= np.polyval(np.polyfit(np.arange(20), rows[:, 0], 1), np.arange(20))[:, None]  # that is no tilt
+    one = image(1e-9 * (0.3 * x - 0.1 * y + rows), 0.5 * x + rows)
+    flat = pm.level(one, height="plane")
+    expected = np.broadcast_to(rows - np.median(rows), (20, 30))
+    assert flat["height"].values == pytest.approx(1e-9 * expected, abs=1e-21)
+    assert np.ptp(flat["phase"].values) == pytest.approx(np.ptp(one["phase"].values))
+    by_row = pm.level(one, phase="rows")["phase"].values
+    assert by_row == pytest.approx(np.broadcast_to(0.5 * (np.arange(30) - 14.5), (20, 30)))
+
+
+def test_levelling_keeps_missing_pixels_missing_and_every_direction_by_itself() -> None:
+    one = grains(24, 30)
+    one["height"][3, 4] = np.nan
+    both = xr.concat([one, one.assign(height=one["height"] + 1e-6)], xr.Variable("direction", ["trace", "retrace"]))
+    both["x"].attrs["units"], both.attrs["phase_zero"] = "m", 3.0
+    done = pm.level(both)
+    assert done["height"].dims == ("direction", "y", "x") and done["outlier_line"].dims == ("direction", "y")
+    assert np.argwhere(np.isnan(done["height"].values)).tolist() == [[0, 3, 4], [1, 3, 4]]
+    # 1 um more in the retrace costs digits: 1e-6 * 2e-16
+    assert np.nanmax(np.abs(np.diff(done["height"].values, axis=0))) < 1e-21
+    assert "phase_zero" not in done.attrs and done["x"].attrs == {"units": "m"}
+    assert float(both["phase"].median()) != 0  # the image given is as it was
+
+
+def test_a_line_unlike_both_neighbours_is_flagged_and_replaced_but_a_step_of_the_tip_is_not() -> None:
+    one = grains()
+    one["height"] = one["height"] - 2e-9 * (one["phase"] > -17)  # else medians of rows jump from material to material
+    one["phase"][60:] += 10.0  # the tip changed
+    good = one["phase"].values.copy()
+    one["phase"][31] += 15.0
+    done = pm.level(one, lines="replace")
+    assert np.flatnonzero(done["outlier_line"]).tolist() == [31]
+    expected = (good[30] + good[32]) / 2 - np.median(one["phase"].values)
+    assert done["phase"].values[31] == pytest.approx(expected)
+    kept = pm.level(one)
+    assert kept["outlier_line"].equals(done["outlier_line"])
+    assert kept["phase"].values[31] == pytest.approx(one["phase"].values[31] - np.median(one["phase"].values))
 
 
 # Registration
@@ -268,7 +319,8 @@ def test_the_residual_is_consistent_with_every_number() -> None:
 def test_crosstalk_is_all_of_a_phase_that_is_linear_in_slope_or_amplitude_error() -> None:
     rng = np.random.default_rng(5)
     height, noise = 5e-9 * blobs(64, 70), rng.normal(size=(64, 70))
-    slope = np.gradient(level_height(height), PITCH, axis=1)
+    levelled = pm.level(image(height, noise))["height"].values
+    slope = np.gradient(levelled, PITCH, axis=1)
     error = 1e-10 * rng.normal(size=height.shape)
     material = image(height, noise, amplitude_error=error)
     found = pm.compare(material.assign(phase=(("y", "x"), 7.0 * slope)), material, limit=0)
@@ -329,7 +381,7 @@ def test_scores_are_those_of_the_libraries_by_their_own_formulas() -> None:
     assert value(pm.compare(one, elsewhere, limit=0, sign=1), "ssim") == pytest.approx(value(found, "ssim"))
     assert value(found, "wasserstein") == pytest.approx(wasserstein_distance(a.ravel(), b.ravel()))
     assert value(found, "rmse") == pytest.approx(math.sqrt(np.mean((a - b) ** 2)))
-    slope = np.gradient(level_height(one["height"].values), PITCH, axis=1)
+    slope = np.gradient(pm.level(one)["height"].values, PITCH, axis=1)
     r = linregress(slope.ravel(), a.ravel()).rvalue
     assert float(found["crosstalk"].sel(map="measured", cause="slope")) == pytest.approx(r**2)
     for nearby in (-0.5, 0.5):
@@ -370,6 +422,7 @@ def test_a_phase_that_runs_over_the_end_of_its_range_is_compared_as_if_it_did_no
     assert np.ptp(recorded["phase"].values) > 300
     found = pm.compare(recorded, one)
     assert value(found, "rmse") < 1e-10 and value(found, "sign") == 1
+    assert np.ptp(pm.level(recorded)["phase"].values) == pytest.approx(np.ptp(one["phase"].values))
 
 
 @needs_skimage
@@ -397,6 +450,8 @@ def test_the_zero_of_a_simulation_off_resonance_is_known_from_memory_as_from_a_f
     for known in (simulated, read_image(tmp_path / "simulated.nc")):
         found = pm.compare(recorded, known, offset="fixed", limit=0, regions=None)
         assert value(found, "offset") == pytest.approx(25 - zero) and value(found, "rmse") < 1e-9
+    save(pm.level(simulated), tmp_path / "levelled.nc")
+    assert "phase_zero" not in read_image(tmp_path / "levelled.nc").attrs  # of the phase before it was levelled
 
 
 @needs_skimage
@@ -451,6 +506,9 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "sign is 2; allowed: 'recorded', 'free', 1 or -1": lambda: pm.compare(one, one, sign=2),
         "number of materials is 7; allowed: 2 to 4": lambda: pm.compare(one, one, regions=7),
         "limit is -1.0": lambda: pm.register(one, one, limit=-1.0),
+        "height is 'rowwise'; allowed: one of rows, plane": lambda: pm.level(one, height="rowwise"),
+        "shape of mask is ": lambda: pm.level(one, mask=np.zeros((3, 3), bool)),
+        "number of pixels to level by is 0": lambda: pm.level(one, mask=np.ones((40, 48), bool)),
         "coordinate x of measured is 'uneven or falling'": lambda: pm.compare(
             one.assign_coords(x=one["x"] ** 1.5), one
         ),

@@ -242,6 +242,7 @@ def _of_results() -> Iterator[Call]:
     yield Call("compare", pm.compare, {"measured": large, "simulated": large})
     yield Call("register", pm.register, {"fixed": large, "moving": large})
     yield Call("Registration.apply", pm.register(large, large).apply, {"moving": large})
+    yield Call("level", pm.level, {"image": large})
     yield Call("phase_lag", pm.phase_lag, {"phase": large.phase})
     yield Call("to_sidpy", pm.to_sidpy, {"image": image})
     written = {"ds": large, "path": "written.gsf", "overwrite": True}
