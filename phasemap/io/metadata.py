@@ -126,13 +126,17 @@ class ScanData:
 
 
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
-    """The canonical values of an image that phasemap simulated; empty for other images."""
+    """The canonical values of an image that phasemap simulated, without the zero of a phase that was levelled.
+
+    They are empty for other images.
+    """
     try:
         told = json.loads(attrs["configuration"])
         scope = microscope_of(told["microscope"])
-        return _of_microscope(scope, told["setpoint"], told["control"])
+        found = _of_microscope(scope, told["setpoint"], told["control"])
     except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return {}  # the attribute may be there and be somebody else's
+    return {name: value for name, value in found.items() if name != "phase_zero" or "levelled" not in attrs}
 
 
 @unquestioned()  # who made the image was told then
