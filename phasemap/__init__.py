@@ -110,8 +110,8 @@ __all__ = [
     "TipChange", "Variation", "channels", "check", "compare", "contrast", "explore", "export", "fit_distance",
     "fit_frequency", "fit_regions", "force_curve", "generate", "interaction", "invert",
     "level", "load_ensemble", "load_scene", "orbits", "phase_lag", "plot", "read_curve", "read_image", "register",
-    "scene_from", "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance", "sweep_frequency",
-    "sweep_parameter", "sweep_setpoint", "to_sidpy",
+    "scene_from", "sensitivity", "series", "simulate", "solve_pixel", "strict_units", "sweep_distance",
+    "sweep_frequency", "sweep_parameter", "sweep_setpoint", "to_sidpy",
 ]  # fmt: skip
 
 

@@ -141,6 +141,8 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
         yield _motion(picture)
     if picture.has("branch", "phase", "amplitude"):
         yield _branch(picture)
+    if not picture.claims.control.directions:
+        yield _one_material(picture, surface)
 
 
 def _numbers(picture: Picture) -> Claim:
@@ -319,6 +321,38 @@ def _branch(picture: Picture) -> Claim:
     repulsive = (picture.raw("branch") == 1)[picture.solved]
     found = f"repulsive in {100 * repulsive.mean():.3g} %" if repulsive.size else ""
     return judged("branch goes with phase", picture, bad, np.abs(added), picture.solved, found)
+
+
+def _one_material(picture: Picture, surface: Surface) -> Claim:
+    """Pixels of one material, under one tip, show the same."""
+    _, numbers = surface.unique()
+    change = picture.claims.realism.tip_change
+    changed = np.arange(surface.shape[0])[:, np.newaxis] >= (surface.shape[0] if change is None else change.line)
+    kinds = (2 * numbers.astype(np.int64) + changed).reshape(-1)
+    count = np.bincount(kinds)
+    shared = np.flatnonzero(count[kinds] > 1)  # by several pixels
+    bad = np.zeros(kinds.size, np.int64)
+    for name in map(str, picture.image.data_vars) if len(shared) else ():
+        if name != "height":  # that has the relief in it, and is compared with the tip offset
+            values = picture[name].astype(np.float64).reshape(-1)[shared]
+            usual = _usual(values, kinds[shared])
+            apart = np.abs(values - usual)
+            same = (apart <= 1e-9 * np.abs(usual) + 2 * picture.coarse(name)) | (np.isnan(values) & np.isnan(usual))
+            bad[shared] += ~same
+    looked_at = np.zeros(kinds.size, bool)
+    looked_at[shared] = True
+    wrong, of = bad.reshape(picture.shape), looked_at.reshape(picture.shape)
+    found = f"{np.count_nonzero(count)} materials"
+    return judged("pixels of one material show the same", picture, wrong > 0, wrong, of, found)
+
+
+def _usual(values: Array, kinds: NDArray[np.int64]) -> Array:
+    """The value of the middle one of the pixels of each kind, for every pixel: one that was changed does not show."""
+    order = np.lexsort((values, kinds))
+    _, first, inverse, count = np.unique(kinds[order], return_index=True, return_inverse=True, return_counts=True)
+    usual = np.empty(values.size)
+    usual[order] = values[order][first + (count - 1) // 2][inverse]
+    return usual
 
 
 def _largest(values: Array, of: NDArray[np.bool_]) -> float:

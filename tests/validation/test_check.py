@@ -153,6 +153,7 @@ def attribute(*path: str, value: Any) -> Change:
 
 LAYOUT = "dims, coordinates, units, flags are as agreed"
 BALANCE = "energy and virial balance with the phase"
+ONE = "pixels of one material show the same"
 REPEATED = "solved again by the same solver: the same"
 PHASE = "solved again: phase within estimated error"
 HEIGHT = "solved again: height within estimated error"
@@ -165,6 +166,7 @@ UNDECIDED = "solved again: what no other solver decides"
     [
         (tamper("phase", 1.0), BALANCE),
         (tamper("phase", -0.02), BALANCE),
+        (tamper("phase", 1e-6), ONE),
         (tamper("height", 1e-12), "height is topography + tip offset - amplitude"),
         (tamper("tip_offset", 1e-12), "height is topography + tip offset - amplitude"),
         (tamper("amplitude", 1e-12), "the amplitude is that of the setpoint"),
@@ -402,12 +404,12 @@ def test_the_command_says_what_holds(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["check", str(path), "--pixels", "8", "--seed", "2"]) == 0
     said = capsys.readouterr().out
     assert "8 x 6 pixels, 16 x 12 nm" in said and "tip lowered onto each pixel" in said
-    assert said.splitlines()[-1] == "verdict  20 claims hold, none fails."
+    assert said.splitlines()[-1] == "verdict  21 claims hold, none fails."
     assert main(["check", str(path), "--scene", STEP]) == 2  # that has other pixels
     assert "allowed: (6, 8) pixels of (2e-09, 2e-09) m, as in the image" in capsys.readouterr().err
     load_scene(STEP, [SMALL]).surface.to_dataset().to_netcdf(tmp_path / "surface.nc")
     assert main(["check", str(path), "--surface", str(tmp_path / "surface.nc"), "--quiet"]) == 0
-    assert capsys.readouterr().out == "19 claims hold, none fails.\n"
+    assert capsys.readouterr().out == "20 claims hold, none fails.\n"
 
 
 @pytest.mark.parametrize(

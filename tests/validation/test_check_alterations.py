@@ -164,8 +164,8 @@ ALTERATIONS: dict[str, Change] = {
     "nothing solved": fill("status", 1),
     "numbers lost": fill("phase", np.nan),
     # Single pixels, and their order.
-    "phase of a pixel 0.001 degree up": one("phase", lambda value: value + 1e-3),
-    "dissipation of a pixel 0.01 aJ more": one("dissipation", lambda value: value + 1e-20),
+    "phase of a pixel 1e-6 degree up": one("phase", lambda value: value + 1e-6),
+    "dissipation of a pixel a millionth larger": one("dissipation", lambda value: value * (1 + 1e-6)),
     "indentation of a pixel turned": one("indentation", lambda value: -value),
     "height of a pixel 1 pm up": one("height", lambda value: value + 1e-12),
     "status of a pixel": one("status", lambda _: 1),
