@@ -32,7 +32,6 @@ OF = {"phase": "phase", "height": "amplitude"}  # whose spread goes with the mea
 IRREGULAR = 0.1, 20e-12  # [degree, m] to which the mean of irregular motion is known, beside what its spread leaves
 UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_AVERAGED_ORBIT, col.UNSTABLE)
 """Status codes by which a solver gives up, or says that the tip comes to no rest: it may then end on any orbit."""
-LOWEST = -15.0  # tip offset, over u0 / alpha0, below which engaging in time does not lower the tip (`march.approach`)
 UNITS = {"degree": (" degree", 1.0), "m": (" pm", 1e12), "J": (" aJ", 1e18)}
 SHARE = 0.1  # of the stated error, within which a solver finds the same on another machine
 ITERATIONS = 1e-6, 1e-15  # [degree, m], where that is less: what iterations leave
@@ -68,7 +67,7 @@ def _allowed(again: Again, errors: Errors, approximate: Mask) -> dict[str, Array
     An error e of the phase is one of the force's first harmonic, k u0 e, of the drive's work, pi k u0 A e, and of the
     virial, k u0 A e / 2; of a force that acts for a part of the period the mean is at most half the first harmonic.
     Twice as much is allowed, and more for the virial. Approximate pixels, averaged or interpolated ones, are as exact
-    as the image was asked to be (`imaging.tolerances.tolerances_of`). Of irregular motion the means of phase and height
+    as the image was asked to be (`imaging.engaged.tolerances_of`). Of irregular motion the means of phase and height
     are compared.
     """
     picture, claims = again.picture, again.picture.claims
@@ -118,11 +117,13 @@ def compare(again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
 
 
 def _decided(again: Again) -> Mask:
-    """Where both solvers say that there is an orbit, or that there is none."""
+    """Where both solvers say that there is an orbit, or that there is none: where time did not stop lowering."""
+    from phasemap._kernels.engagement.lowering import deepest_offset
+
     decided = ~(np.isin(again.status, UNDECIDED) | np.isin(again.raw("status"), UNDECIDED))
     if "tip_offset" in again.picture:
         lever = lever_of(again.picture.claims.microscope)
-        deep = again.claimed("tip_offset") < LOWEST * lever[col.DRIVE] / lever[col.ALPHA0]
+        deep = again.claimed("tip_offset") < deepest_offset(lever)
         decided &= ~(deep & (again.status == col.NO_STABLE_ORBIT))
     return decided
 

@@ -102,7 +102,7 @@ class Picture:
         stated = np.nan_to_num(self["error_phase"]) if "error_phase" in self else np.zeros(self.shape)
         interpolated = self.raw("solver") == col.INTERPOLATED if "solver" in self else np.zeros(self.shape, bool)
         # The interpolant of energies is asked for what this error of the phase does to them
-        # (`imaging.tolerances.tolerances_of`).
+        # (`imaging.engaged.tolerances_of`).
         stated = np.where(interpolated, np.maximum(stated, self.claims.accuracy.phase), stated)
         return np.asarray(np.radians(stated + self.coarse("phase")))
 

@@ -33,7 +33,7 @@ LEFT = {
 
 
 def drawn(regime: dict[str, tuple[float, float]], scopes: int, pixels: int, seed: int, every: int = 1) -> list[Work]:
-    """Materials drawn under microscopes drawn, all over decades; all of them, or every second."""
+    """Materials drawn under microscopes drawn, all over decades; all of them, or one of `every`."""
     rng = np.random.default_rng(seed)
     works = []
     for _ in range(scopes):

@@ -253,7 +253,7 @@ class _SharedCompiler(_OurCompiler):
     library = EntryCode
 
     def compile_extra(self, func: Any) -> CompileResult:
-        """Compile a function."""
+        """Compile a shared kernel: its name has no counter, so that every process finds it; a tuple is one argument."""
         self.state.targetctx.numbered, self.state.targetctx.whole = False, True
         self.state.flags.no_cpython_wrapper = True
         result = super().compile_extra(func)

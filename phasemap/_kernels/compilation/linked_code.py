@@ -105,7 +105,10 @@ def _link(library: Any, module: Any, linkage: str) -> None:
 
 
 class _Whole:
-    """The arguments of a function, each as one value."""
+    """The arguments of a function, a tuple among them as one LLVM value, where numba passes each of its members.
+
+    A call of many numbers is then one store and one load instead of a long list. What is empty is left out.
+    """
 
     def __init__(self, models: Any, kinds: Sequence[types.Type]) -> None:
         self._models = [models.lookup(kind) for kind in kinds]

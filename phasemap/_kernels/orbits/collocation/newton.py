@@ -48,6 +48,8 @@ HELD_EXACTLY = 1e-12  # of that amplitude
 COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 STILL_ON_THE_WAY = 1e-2  # of the last change allowed on the way: the tangent is off by as little of it
 TANGENT_ERROR = 1e-6  # of the contact; so much tangent and multipliers of an exact orbit may be off
+NO_JUMP = 1e-9  # of the drive's force: a smaller step of the force at contact is none
+HARMLESS_DISPLACEMENT = 2e-6  # of the contact's depth, by which a root of the depth at its edge costs no digit
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
 
 
@@ -120,12 +122,15 @@ def contact_size(head: Head, reach: float) -> float:
 
 @kernel
 def allowed_displacement(oscillator: Oscillator, level: int) -> float:
-    """Distance of the elements from the contact that does no harm, over its depth: 0 where the force jumps there."""
+    """Share of the contact's depth by which elements may lie beside it without being moved.
+
+    It is 0 with hysteresis, where the force jumps at contact, and on refined elements (`level` above 0).
+    """
     law, p, lever = oscillator
     pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if has_longrange(p) else 0.0)
-    if has_hysteresis(p) or not abs(pull) < 1e-9 * lever[col.STIFFNESS] * lever[col.DRIVE]:
+    if has_hysteresis(p) or not abs(pull) < NO_JUMP * lever[col.STIFFNESS] * lever[col.DRIVE]:
         return 0.0
-    return 2e-6 if level == 0 else 0.0
+    return HARMLESS_DISPLACEMENT if level == 0 else 0.0
 
 
 @kernel

@@ -62,7 +62,7 @@ def time_of_turn(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
 
 @kernel
 def time_of_crossing(x0: float, v0: float, x1: float, v1: float, h: float) -> float:
-    """Time in a step at which the cubic last changes sign before its end."""
+    """Time [1/omega_c] in a step at which its cubic changes sign, by Newton's method from its end."""
     a, b, c = _cubic(x0, v0, x1, v1, h)
     low, high, t = 0.0, 1.0, 1.0
     for _ in range(CROSSING_STEPS):

@@ -1,7 +1,7 @@
 """As much of numpy as the explorer's answers need, in plain Python: where there is no numpy for a browser.
 
 Arrays hold their numbers in a list and are views of it as numpy's are. Results of no dimension are numbers of Python.
-What is not here raises AttributeError. tests/browser compare it with numpy.
+What is not here raises AttributeError. tests/explorer/test_numpy_of_the_page.py compares it with numpy.
 """
 
 from __future__ import annotations
