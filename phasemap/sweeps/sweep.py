@@ -12,7 +12,6 @@ import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import FORMING, RELEASE
-from phasemap._kernels.law import contact_force, longrange_force
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, number, whole
@@ -316,6 +315,8 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     >>> (1e9 * curve.force.sel(direction="approach")).round(2).values.tolist()
     [-0.79, -3.14, 11.27]
     """
+    from phasemap._kernels.law import contact_force, longrange_force  # which the page without a server has not
+
     axis = check_axis("depths", depths, "m", usual=USUAL)
     work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.wets)
     row = work.rows[0]

@@ -261,7 +261,7 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
         (["sweep", STEP, "setpoint", *STIFF, "1.2", "0.5"], "setpoint is 1.2; allowed: a number above 0"),
         (["sweep", STEP, "bias", *STIFF], "START and STOP are missing: the scene's bias suggests no range."),
         (["sweep", STEP, "distance", *STIFF, "-n", "1"], "--points is 1; allowed: a whole number of at least 2"),
-        (["sweep", STEP, "distance", *STIFF, "--samples", "-1"], "samples is -1; allowed: an integer from 0"),
+        (["sweep", STEP, "distance", *STIFF, "--samples", "-1"], "samples is -1; allowed: a whole number from 0"),
         (["sweep", STEP, "distance", *STIFF, "tip.radus=1e-9"], "[tip] radus is unknown"),
         (["sweep", STEP, "distance", *STIFF, "--fast"], "unknown argument '--fast'"),
         (["sweep", STEP, "distance", *STIFF, "--plot", "x.bild"], "the picture's suffix is '.bild'"),
