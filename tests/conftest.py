@@ -23,7 +23,6 @@ RESULTS, ENDED = "results.json", "ended"  # files there
 BEFORE_KERNELS = (  # files that need few kernels or none, which a process of its own compiles meanwhile
     "test_compilation",
     "test_ensemble",
-    "test_compare",
     "test_fuzz",
     "test_scene",
     "test_scene_measured",

@@ -175,6 +175,7 @@ def test_peers_refuse_an_equation_that_they_do_not_know() -> None:
 # What is measured.
 
 
+@pytest.mark.slow
 def test_the_dataset_has_everything_with_units(measured: xr.Dataset, tmp_path: Path) -> None:
     assert measured.sizes == {"regime": len(REGIMES), "solver": len(methods_of(installed()[0])), "case": 2}
     for name, variable in measured.data_vars.items():
@@ -186,6 +187,7 @@ def test_the_dataset_has_everything_with_units(measured: xr.Dataset, tmp_path: P
     assert read(save(measured, tmp_path / "bench.nc")).identical(measured)
 
 
+@pytest.mark.slow
 def test_every_case_has_a_reference_or_says_why_not(measured: xr.Dataset) -> None:
     found = measured["reference"] == cases.FOUND
     assert np.array_equal(found, np.isfinite(measured["reference_phase"]))
@@ -195,6 +197,7 @@ def test_every_case_has_a_reference_or_says_why_not(measured: xr.Dataset) -> Non
     assert np.all(measured["reference_floquet"].values[found] < 1)
 
 
+@pytest.mark.slow
 def test_times_are_measured_for_every_method(measured: xr.Dataset) -> None:
     assert np.all(measured["time"] > 0)
     assert np.all(measured["compile_time"] >= 0)
@@ -203,6 +206,7 @@ def test_times_are_measured_for_every_method(measured: xr.Dataset) -> None:
     assert np.isnan(measured["period_time"].values[:, ~integrators]).all()
 
 
+@pytest.mark.slow
 def test_exact_orbits_are_exact(measured: xr.Dataset) -> None:
     orbit = measured.sel(solver="orbit")
     assert failures(measured).sel(solver="orbit").sum() == 0
@@ -210,11 +214,13 @@ def test_exact_orbits_are_exact(measured: xr.Dataset) -> None:
     assert abs(orbit["height_error"]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_the_march_converges_towards_the_reference(measured: xr.Dataset) -> None:
     errors = abs(measured["phase_error"]).median("case").isel(solver=measured["family"].values == "march")
     assert np.all(errors.values[:, 0] > 10 * errors.values[:, -1])
 
 
+@pytest.mark.slow
 def test_the_ranking_is_that_of_the_readme(measured: xr.Dataset) -> None:
     for phase, height in LEVELS:
         found = cheapest(measured, phase, height)
@@ -325,6 +331,7 @@ def test_failures_are_listed_with_all_that_reproduces_them() -> None:
     assert slow.startswith("slow 2, here, case 2: no orbit; k 0.5 N/m")
 
 
+@pytest.mark.slow
 def test_the_measured_table_has_a_row_for_each_method_and_a_column_for_each_regime(measured: xr.Dataset) -> None:
     said = table(measured)
     for regime in REGIMES:
@@ -379,6 +386,7 @@ def commanded(measured: xr.Dataset, tmp_path_factory: pytest.TempPathFactory) ->
     return Commanded(asked, out.getvalue(), err.getvalue(), output, plot, figure)
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_table_and_writes_both_files(measured: xr.Dataset, commanded: Commanded) -> None:
     assert commanded.out.startswith(table(measured)) and f"written to  {commanded.plot}" in commanded.out
     assert commanded.err == "measuring ...\n"
@@ -386,6 +394,7 @@ def test_the_command_prints_the_table_and_writes_both_files(measured: xr.Dataset
     assert commanded.asked == [(None, 3, False, True)]
 
 
+@pytest.mark.slow
 def test_the_picture_has_a_panel_for_each_regime_and_error_and_one_legend(
     measured: xr.Dataset, commanded: Commanded
 ) -> None:
@@ -398,6 +407,7 @@ def test_the_picture_has_a_panel_for_each_regime_and_error_and_one_legend(
     assert {axes.get_xscale() for axes in figure.axes[:7]} == {"log"}
 
 
+@pytest.mark.slow
 def test_the_site_shows_a_table_that_the_command_made(measured: xr.Dataset) -> None:
     text = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text()
     shown = text.partition("<!-- accuracy:begin -->")[2].partition("<!-- accuracy:end -->")[0]

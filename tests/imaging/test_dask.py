@@ -373,6 +373,7 @@ def test_image_is_written_from_the_cluster(
             assert opened[name].values.tobytes() == values.values.tobytes()
 
 
+@pytest.mark.slow
 def test_maps_that_are_kept_on_the_cluster(client: Client, images: dict[str, xr.Dataset]) -> None:
     surface = few()
     kept = da.from_array(surface.modulus, chunks=(4, 5)).persist()

@@ -254,6 +254,7 @@ def test_a_model_that_does_not_fit_is_tried_from_other_starts(few_looks: None) -
     assert "after 2 starting points" in fit.status
 
 
+@pytest.mark.slow
 def test_other_starts_lie_within_what_is_searched(few_looks: None) -> None:
     # A decay length, which is known better than a material, is sought nearer to its start.
     scope = replace(SCOPE, interaction=pm.Interaction("dmt", 0.3e-9))
