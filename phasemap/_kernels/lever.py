@@ -42,11 +42,16 @@ def mode_of(lever: np.ndarray, i: int) -> Mode:
     return Mode(-rate / omega, math.sqrt(square - rate * rate) / omega, square, rate, lever[first + col.SHARE])
 
 
+@kernel(light=True)
+def dynamic_stiffness_at(mode: Mode, omega: float) -> complex:
+    """w_i^2 - omega^2 + 2i alpha_i omega [1] of a mode at any frequency."""
+    return complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
+
+
 @kernel
 def dynamic_stiffness_of_mode(lever: np.ndarray, i: int) -> complex:
-    """w_i^2 - omega^2 + 2i alpha_i omega [1] of a mode at the drive frequency."""
-    mode, omega = mode_of(lever, i), lever[col.OMEGA]
-    return complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
+    """The dynamic stiffness [1] of a mode at the drive frequency."""
+    return dynamic_stiffness_at(mode_of(lever, i), lever[col.OMEGA])
 
 
 @kernel
@@ -122,7 +127,7 @@ def detected_compliance(lever: np.ndarray, omega: float) -> complex:
     seen = complex(0.0, 0.0)
     for i in range(modes_of(lever)):
         mode, weight = mode_of(lever, i), lever[col.MODE + i * col.MODE_NUMBERS + col.SLOPE_SEEN]
-        seen += weight * mode.share / complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
+        seen += weight * mode.share / dynamic_stiffness_at(mode, omega)
     return seen
 
 

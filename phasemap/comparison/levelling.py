@@ -12,7 +12,7 @@ from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
 from phasemap.comparison.scores import outlier_lines
-from phasemap.io.measured import level_rows, on_one_turn, row_medians
+from phasemap.io.measured import level_plane, level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -124,13 +124,7 @@ def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
     counts = np.isfinite(height) & ~mask
     if counts.sum() < 3:
         raise InputError("number of pixels to level by", int(counts.sum()), "at least 3")
-    if rows:
-        return level_rows(height, counts)
-    y, x = np.indices(height.shape, float)
-    plane = np.stack([np.ones(height.shape), x - x.mean(), y - y.mean()], axis=-1)
-    flat: Array = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
-    flat -= np.median(flat[counts])
-    return flat
+    return level_rows(height, counts) if rows else level_plane(height, counts)
 
 
 def _level_phase(phase: Array, mask: Array, *, rows: bool) -> Array:

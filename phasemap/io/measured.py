@@ -47,9 +47,8 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return flat
 
 
-def level_plane(height: np.ndarray) -> np.ndarray:
-    """Take a fitted plane out of a map that may hold NaN; the median becomes 0."""
-    counts = np.isfinite(height)
+def level_plane(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Take out a plane fitted to what counts, of a map that may hold NaN elsewhere; the median of it becomes 0."""
     plane = np.stack([np.ones(height.shape), *np.indices(height.shape, float)], axis=-1)
     flat: np.ndarray = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
     flat -= np.median(flat[counts])

@@ -215,7 +215,7 @@ def _levelled(ds: xr.Dataset) -> xr.Dataset:
     from phasemap.io.measured import level_plane
 
     maps = ds["height"].values.reshape(-1, ds.sizes["y"], ds.sizes["x"])
-    flat = [level_plane(one) if np.isfinite(one).sum() > 2 else one for one in maps]
+    flat = [level_plane(one, counts) if (counts := np.isfinite(one)).sum() > 2 else one for one in maps]
     height = ds["height"].copy(data=np.reshape(flat, ds["height"].shape)).assign_attrs(levelled="by a plane")
     return ds.assign(height=height)
 

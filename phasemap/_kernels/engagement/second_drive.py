@@ -19,7 +19,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.lever import mode_of
+from phasemap._kernels.lever import dynamic_stiffness_at, mode_of
 from phasemap._kernels.orbits.time.tip import PLAIN_STATE
 
 LOOP_GAIN = 0.7  # of both loops: share of what an average asks for, by which they go
@@ -53,8 +53,8 @@ def window(i: int, count: int) -> float:
 @kernel
 def felt_by_second_mode(lever: np.ndarray, phasor: complex) -> complex:
     """What the surface adds to the dynamic stiffness of the second mode [1], by its complex amplitude [m]."""
-    mode, omega = mode_of(lever, 1), lever[col.SECOND_OMEGA]
-    own = complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
+    mode = mode_of(lever, 1)
+    own = dynamic_stiffness_at(mode, lever[col.SECOND_OMEGA])
     return mode.share * lever[col.SECOND_FORCE] / phasor - own
 
 
