@@ -14,6 +14,7 @@ import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.in_time import free_state
+from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import far_start
@@ -32,7 +33,7 @@ from phasemap.results.variables import (
     motion_of,
     provenance,
 )
-from phasemap.solvers.continuation.curves import Curves, distance_curves, held_curves, mend, swept_curves
+from phasemap.solvers.continuation.curves import Curves, distance_curves, held_curves, mend, not_followed, swept_curves
 from phasemap.solvers.continuation.path import UNITS, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.visit import (
     Jump,
@@ -199,11 +200,6 @@ def parameter(
     question: Question, name: str, axis: np.ndarray, ratio: float | None, height: float, samples: int
 ) -> xr.Dataset:
     """`phasemap.sweep_parameter` and `phasemap.sweep_frequency`: with this setpoint held, or else this tip offset."""
-    if ratio is not None and question.scope.drive.excitation != "direct":
-        hint = "A feedback on the deflection is not followed along other parameters; solve the values one by one."
-        raise InputError(
-            "excitation", question.scope.drive.excitation, "'direct' for a sweep with a setpoint held", hint
-        )
 
     def held_under(changed: Microscope) -> float:
         return height if ratio is None else ratio * changed.driven_amplitude
@@ -226,8 +222,11 @@ def parameter(
             for order in (range(n), range(n - 1, -1, -1))
         ]  # fmt: skip
         return _dataset_in_time(question, works[0], about, visits, held)
-    wanted = np.sort(scale.m(axis))
-    curves = swept_curves(swept_path(question, name, scale, held_under, of_amplitude), wanted, of_amplitude, samples)
+    wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
+    if ratio is not None and not sees_tip(question.work().lever):
+        curves = not_followed(path, wanted, samples)
+        return dataset(curves, about, _each_held(curves, question, name, scale, ratio), question, held)
+    curves = swept_curves(path, wanted, of_amplitude, samples)
     if ratio is None:
         mend(curves, question.scope.drive.free_amplitude)
     curves.choose(wanted)
@@ -305,6 +304,44 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
         first = engaged(float(x))
         visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction, landing))
     return visits
+
+
+def _each_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
+    """Up and down with what the detector sees held, value by value: each begins at the tip offset of the one before.
+
+    Along the parameter no curve is followed, for such a hold is none of the tip's own amplitude.
+    """
+    n, feedbacks = len(curves.wanted), list[SlowFeedback]()
+    for m in curves.wanted:
+        here = question.with_parameter(name, float(scale.value(m)))
+        amplitude = np.array([ratio * here.scope.driven_amplitude])
+        feedbacks.append(SlowFeedback(held_curves(fixed_path(here), amplitude, curves.samples)))
+    visits = []
+    for direction, order in enumerate((range(n), range(n - 1, -1, -1))):
+        rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
+        status, jumps, last = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump](), None
+        for k in order:
+            feedback, place = feedbacks[k], feedbacks[k].far()
+            if last is not None:  # the tip goes with the amplitude that is held
+                row = rows[last].copy()
+                row[[col.TIP_OFFSET, col.AMPLITUDE]] += feedback.curves.wanted[0] - feedbacks[last].curves.wanted[0]
+                place = feedback.nearest(row)
+            held = None if place is None else feedback.seek(place, 0, direction)
+            if held is not None and held.row is not None:
+                rows[k], status[k] = held.row, Status.good.code
+                rows[k, col.PARAMETER] = curves.wanted[k]
+                traces[k] = np.nan if held.trace is None else held.trace
+                if last is not None and (held.jump is not None or _branches_differ(rows[[last, k]])):
+                    jumps.append(Jump(direction, rows[last], rows[k]))
+            last = k if status[k] == Status.good.code else None  # else the tip is engaged anew
+        visits.append(Visit(rows, traces, status, jumps))
+    return visits
+
+
+def _branches_differ(rows: np.ndarray) -> bool:
+    """Whether some of these orbits are attractive and some repulsive."""
+    repulsive = rows[:, col.STIFFENING] > 0
+    return bool(repulsive.any() and not repulsive.all())
 
 
 def there_and_back(work: Work, rising: np.ndarray) -> list[Visit]:

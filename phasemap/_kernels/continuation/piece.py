@@ -40,6 +40,7 @@ from phasemap._kernels.excitation import seen_amplitude, seen_rate
 from phasemap._kernels.numerics import count_smaller
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,
@@ -310,13 +311,22 @@ def exact_orbit_at(path: Path, guess: np.ndarray, m: float, hold: int, tolerance
 
     `hold`: whether its z0 or its A is kept. False where Newton's method does not converge.
     """
-    head_of(orbit).parameter = m
     oscillator = standing_at(path, m)
-    if not guess[col.G_A] > 0.0 or not begin_harmonic(oscillator, orbit, guess, 0):
-        return False
-    held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
-    status, _ = solve_orbit(path, orbit, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False, False, 0.0))
-    return status == col.GOOD and head_of(orbit).amplitude > 0.0
+    for thrown in range(2 if guess[col.G_P] > 0.0 else 1):  # the second time from the motion after a kick
+        head_of(orbit).parameter = m
+        if not guess[col.G_A] > 0.0:
+            break
+        if thrown == 1:
+            begun = begin_impact(oscillator, orbit, guess[col.G_A], 0)
+        else:
+            begun = begin_harmonic(oscillator, orbit, guess, 0)
+        if not begun:
+            continue
+        held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
+        status, _ = solve_orbit(path, orbit, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False, False, 0.0))
+        if status == col.GOOD and head_of(orbit).amplitude > 0.0:
+            return True
+    return False
 
 
 @kernel

@@ -314,18 +314,15 @@ class SlowFeedback:
         return None if self.farthest is None else Place(self.farthest, float(self.farthest.x[-1]))
 
     def nearest(self, row: np.ndarray) -> Place | None:
-        """The place at the tip offset of a result row whose orbit is most like it."""
-        best, place = np.inf, None
+        """The place at the tip offset of a result row, or else at the nearest end, whose orbit is most like it."""
+        z0, places = float(row[col.TIP_OFFSET]), list[tuple[float, float, Place]]()
         for part in self.parts:
-            here = part.row_at(float(row[col.TIP_OFFSET]))
-            if here is None:
-                continue
-            apart = abs(here[col.AMPLITUDE] - row[col.AMPLITUDE]) / row[col.AMPLITUDE] + abs(
-                here[col.PHASE] - row[col.PHASE]
-            )
-            if apart < best:
-                best, place = apart, Place(part, float(row[col.TIP_OFFSET]))
-        return place
+            here = Place(part, float(np.clip(z0, part.x[0], part.x[-1])))
+            there = part.row_at(here.z0)
+            assert there is not None
+            apart = abs(there[col.AMPLITUDE] / row[col.AMPLITUDE] - 1.0) + abs(there[col.PHASE] - row[col.PHASE])
+            places.append((abs(here.z0 - z0), float(apart), here))
+        return min(places, key=lambda place: place[:2], default=(0.0, 0.0, None))[2]
 
     def _next(self, z0: float, down: bool) -> Place | None:
         """The first place that a tip reaches that is lowered, or raised, from where nothing is stable."""
