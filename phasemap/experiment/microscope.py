@@ -11,7 +11,7 @@ from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Shown, known_as
 from phasemap._shared.notices import question
-from phasemap.experiment.beam import free_motion
+from phasemap.experiment.beam import all_modes, free_motion
 from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.cantilever import Cantilever as Cantilever
 from phasemap.experiment.interaction import Interaction
@@ -216,15 +216,24 @@ class Microscope(Shown):
 
     @property
     def advice(self) -> str:
-        """Where one mode of the lever is not enough, a sentence that says why and what to do; else empty."""
-        lever = self.cantilever
-        if lever.modes or lever.quality_factor >= LOW_Q:
-            return ""
-        return (
-            f"Q is {lever.quality_factor:.3g} and the lever has one mode: at such a Q most of the phase contrast "
-            "comes from energy that taps give to the second. Set modes, or give the lever as it is in air and "
-            "[cantilever.liquid] (in Python in_liquid()), which finds its modes in the liquid."
-        )
+        """Where the lever's modes are not those that it has, a sentence that says why and what to do; else empty."""
+        lever, gas = self.cantilever, "give the lever as it is in air and [cantilever.liquid] (in Python in_liquid())"
+        low = f"Q is {lever.quality_factor:.3g} and the lever has "
+        if lever.quality_factor < LOW_Q and not lever.modes:
+            return (
+                f"{low}one mode: at such a Q most of the phase contrast comes from energy that taps give to the "
+                f"second. Set modes, or {gas}, which finds its modes in the liquid."
+            )
+        if lever.quality_factor < LOW_Q and isinstance(lever.modes, int):
+            return f"{low}the modes of a beam in a gas, whose f2/f1 and Q2 are not those in a liquid: {gas}."
+        _, second = all_modes(lever.quality_factor, lever.participation, 2)
+        harmonic = second.frequency_ratio / self.frequency_ratio
+        if not lever.modes and abs(harmonic - round(harmonic)) < harmonic / second.quality_factor:
+            return (
+                f"The lever has one mode, and the second of a uniform beam, at {second.frequency_ratio:.2f} times the "
+                f"first, is within its width of harmonic {round(harmonic)} of the drive: it swings too. Set modes."
+            )
+        return ""
 
     @property
     def second_mode(self) -> SecondMode | None:

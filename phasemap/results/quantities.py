@@ -178,7 +178,8 @@ class Motion:
         is to be added to F2.
 
         Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the
-        surface: the sideband that mirrors the mode is at its resonance there, and pumps it.
+        surface, or within its width, which is that of the mode, of either: the sideband that mirrors the mode is at its
+        resonance there, and pumps it. Of a mode of low Q, as in liquid, some sideband always is.
         """
         stiffer = self.felt.real
         with np.errstate(all="ignore"):
@@ -188,7 +189,8 @@ class Motion:
             lacking = np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0)
             rest: Array = 0.5 * self.second_over_depth**2 + SIDEBANDS_BEYOND * (by_slope + lacking / 3)
             turns = 2 * self.second.frequency / self.frequency
-            crossed = np.floor(turns * np.sqrt(1 + stiffer)) != np.floor(turns)
+            stiff, width = turns * np.sqrt(1 + stiffer), 0.5 * turns / self.second.quality_factor
+            crossed = np.floor(np.maximum(turns, stiff) + width) != np.floor(np.minimum(turns, stiff) - width)
         return np.where((share > 0.0) & crossed & np.isfinite(stiffer), np.inf, rest)
 
 

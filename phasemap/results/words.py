@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from phasemap._shared.units import counted, say
+from phasemap.experiment.beam import Eigenmode, Modes, all_modes
 from phasemap.results.status import Status
 
 SOLVED_BY = {
@@ -184,15 +185,7 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
                 "Raise the setpoint, lower the free amplitude, or give a larger radius."
             )
     yield from _of_films(ds, configuration, what)
-    if "bimodal_modulus_bound" in ds and configuration.get("solver") != "march":
-        bound = ds["bimodal_modulus_bound"].values
-        if (rough := bound > SMALL_SECOND).any():
-            yield (
-                f"{_of(rough, what)}: the second mode moves too much, or the tap is too hard, to know the bimodal "
-                f"modulus to 5 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
-                "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march', "
-                "which integrates both drives."
-            )
+    yield from _of_second_drive(ds, configuration, what)
     if {"tip_offset", "mean_deflection"} <= set(ds.data_vars):
         inside = ds["tip_offset"].values < ds["mean_deflection"].values
         if inside.any():
@@ -244,6 +237,36 @@ def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Itera
             f"{_of(deep, what)}: the tip sinks in by up to {np.nanmax(share):.2g} of the film's thickness; above "
             f"{DEEP:g} of it strains are too large for linear elasticity. {cure}."
         )
+
+
+def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+    """Where what the second drive shows is not known by quadrature along the orbit."""
+    microscope = configuration["microscope"]
+    if not microscope["drive"].get("second") or configuration.get("solver") == "march":
+        return
+    shown = [name for name in ds.data_vars if str(name).startswith(("mode2_", "bimodal_"))]
+    lever = microscope["cantilever"]
+    _, second, *_ = all_modes(lever["quality_factor"], lever["participation"], _modes_of(lever["modes"]))
+    if shown and second.quality_factor < 2 * second.frequency_ratio:
+        yield (
+            f"the second mode has a Q of {second.quality_factor:.3g}, so that all sidebands of the two drives swing in "
+            "it: what its drive shows may be off by any factor. Take the solver 'march', which integrates both drives."
+        )
+    elif "bimodal_modulus_bound" in ds and (ds["bimodal_modulus_bound"] > SMALL_SECOND).any():
+        bound = ds["bimodal_modulus_bound"].values
+        yield (
+            f"{_of(bound > SMALL_SECOND, what)}: the second mode moves too much, or the tap is too hard, to know the "
+            f"bimodal modulus to 5 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
+            "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march', "
+            "which integrates both drives."
+        )
+
+
+def _modes_of(described: Any) -> Modes:
+    """Modes of a lever from how they are described."""
+    if isinstance(described, int):
+        return described
+    return tuple(Eigenmode(**{name: value for name, value in mode.items() if name != "kind"}) for mode in described)
 
 
 def _of(which: np.ndarray, what: str) -> str:

@@ -155,3 +155,14 @@ def test_a_scene_has_a_second_mode_and_its_file_knows_it(tmp_path: Path) -> None
         pm.simulate(scene.surface, without, 0.7, variables=["bimodal_modulus"])
     with pytest.raises(pm.InputError, match="detection is 'pm'"):
         pm.Mode(detection="pm")
+
+
+def test_in_liquid_the_quadrature_bounds_nothing_and_says_so() -> None:
+    # Two modes in time have a modulus that is 7 times larger here: sidebands of all taps swing in a second mode of Q 6.
+    lever = pm.Cantilever(0.1, 30e3, 2.5, modes=(pm.Eigenmode(7.3, 6.0),))
+    drive = pm.Drive(10e-9, excitation="base", second=pm.Mode(free_amplitude=0.1e-9))
+    scope = pm.Microscope(lever, pm.Tip(10e-9), drive, pm.Interaction("hertz"))
+    surface = pm.Surface(1e9, pixel_size=4e-9, shape=(1, 1))
+    with pytest.warns(pm.ResultWarning, match="the second mode has a Q of 6"):
+        image = pm.simulate(surface, scope, 0.8, variables=["bimodal_modulus", "bimodal_modulus_bound"])
+    assert np.isinf(image.bimodal_modulus_bound).all()

@@ -367,11 +367,11 @@ def test_what_is_not_allowed_is_one_sentence() -> None:
 
 def test_a_scene_says_what_shakes_the_lever() -> None:
     path = Path(__file__).parents[2] / "samples" / "step.toml"
-    wet = ["cantilever.quality_factor=3"]
+    wet = ["cantilever.quality_factor=3", "cantilever.modes=[{frequency_ratio=7.3, quality_factor=6}]"]
     with pytest.warns(UserWarning, match="Q is 3 and .drive. does not say excitation"):
-        assert load_scene(path, [*wet, "cantilever.modes=2"]).microscope.drive.excitation == "direct"
+        assert load_scene(path, wet).microscope.drive.excitation == "direct"
     for word in ("base", "direct"):
-        scene = load_scene(path, [*wet, f"drive.excitation={word}", "cantilever.modes=2"])
+        scene = load_scene(path, [*wet, f"drive.excitation={word}"])
         assert scene.microscope.drive.excitation == word
     assert load_scene(path).microscope.drive.excitation == "direct"
 
