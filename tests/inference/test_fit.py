@@ -15,8 +15,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.inference.curves import problem
-from phasemap.inference.curves import problem as of_branches
-from phasemap.inference.curves.data import Setup
+from phasemap.inference.curves.data import Setup, check_data, check_parameters
 from phasemap.solvers.continuation.visit import Visit
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
@@ -368,17 +367,34 @@ def test_a_law_that_is_not_there_is_refused() -> None:
         pm.fit_distance(xr.Dataset({"height": ("x", [1.0])}), scope=SCOPE)
 
 
+@pytest.mark.parametrize("axis", ["frequency", "tip_offset"])
+def test_derivatives_from_orbits_beside_are_those_of_whole_curves(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    values, height = (FREQUENCIES[::8], HEIGHT) if axis == "frequency" else (OFFSETS[::8], 0.0)
+    one, way = (response, "up") if axis == "frequency" else (distance, "approach")
+    seen, setup = one(FILM, way, 15), Setup(FILM, SCOPE, height)
+    given = {name: (seen[name][::8], NOISE[f"{name}_error"]) for name in ("amplitude", "phase")}
+    data = check_data(axis, values, way, given)
+    model = problem.Problem(data, setup, check_parameters(("modulus", "adhesion", "phase_offset"), setup, axis))
+    q, ruler = np.array([0.01, -0.02, 0.01]), problem.Ruler.strict(data)
+    beside, solved = model.jacobian(q, ruler), model.evaluations
+    monkeypatch.setattr(problem, "moved", lambda *_: None)
+    along = model.jacobian(q, ruler)
+    assert solved == 1 and model.evaluations == 5  # the phase's zero moves no orbit
+    # Orbits are exact to 1e-13 m, over a step of 2e-4 and an error of 5e-10 m.
+    np.testing.assert_allclose(beside, along, atol=1e-5 * np.abs(along).max())
+
+
 def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = np.zeros((7, col.FULL))
     rows[:, col.STIFFENING] = [-1, -1, 1, 1, 1, -1, -1]
     rows[:, col.AMPLITUDE] = np.arange(7.0)
     visit = Visit(rows, rows, np.zeros(7, np.int8), [])
-    monkeypatch.setattr(of_branches, "there_and_back", lambda *_: (visit, visit))
-    monkeypatch.setattr(of_branches, "seen", lambda rows, _: rows)
+    monkeypatch.setattr(problem, "there_and_back", lambda *_: (visit, visit))
+    monkeypatch.setattr(problem, "seen", lambda rows, _: rows)
     wet = Setup(
         pm.Material(1e9, 0.05, 0.01, liquid_film=1e-9), replace(SCOPE, interaction=pm.Interaction("capillary")), 0.0
     )
-    found = of_branches.branches(wet, "tip_offset", np.arange(7.0))
+    found = problem.branches(wet, "tip_offset", np.arange(7.0))
     assert found.gap.tolist()[:3] == [[2, 1, 0, 0, 0, 1, 2], [0, 0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0, 0]]
 
 
@@ -387,7 +403,7 @@ def test_the_repulsive_branch_is_known_where_the_way_over_the_data_does_not_lead
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 200.0), pm.Tip(8e-9), pm.Drive(20e-9), law)
     wet, far = pm.Material(3e9, 0.03, damping=0.01, liquid_film=1.5e-9), np.array([17.6e-9, 18.0e-9, 22e-9])
     assert (pm.sweep_distance(wet, scope, far).phase < 0).all()
-    found = of_branches.branches(Setup(wet, scope, 0.0), "tip_offset", far)
+    found = problem.branches(Setup(wet, scope, 0.0), "tip_offset", far)
     there = (found.phase > 0) & (found.gap == 0)
     assert there[:, 0].any() and not there[:, 2].any()
 

@@ -81,7 +81,7 @@ def take_modules() -> list[str]:
 def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
     from phasemap._kernels.columns import WIDE, SolvedRows
-    from phasemap._kernels.continuation.piece import exact_orbit_at
+    from phasemap._kernels.continuation.piece import exact_orbits_at
     from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.engagement.seen import SLOPES
     from phasemap._kernels.excitation import likely_amplitude
@@ -108,7 +108,7 @@ def solve_one_of_each_kind() -> None:
     for entry, *examples in (
         (fast.averaging_rows, pixels, 0, 1, answers),
         (fast.averaged_near_rows, pixels, 0, 1, answers),
-        (exact_orbit_at, path, numbers, 0.0, 0, 1.0, orbit),
+        (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, np.zeros((1, 5))),
         (exact.seen_rows, pixels, TABLES, np.zeros(2), answers, np.zeros((1, SLOPES))),
         (exact.exact_rows, pixels, TABLES, 0, 1, answers),
         (exact.exact_near_rows, pixels, TABLES, 0, 1, branches),

@@ -37,10 +37,12 @@ from phasemap._kernels.continuation.step import (
     same_piece,
 )
 from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.lever import phase_of
 from phasemap._kernels.numerics import count_smaller
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.impact import begin_impact
+from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,
@@ -82,6 +84,8 @@ PIECE_LEFT = 0
 PIECE_CLOSED = 1
 PIECE_STUCK = 2
 PIECE_FULL = 3
+# Columns of what is found of an exact orbit.
+F_Z0, F_A, F_P, F_PHASE, F_FLOQUET, FOUND = 0, 1, 2, 3, 4, 5
 
 
 class Asked(NamedTuple):
@@ -343,3 +347,24 @@ def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
         of_gap, of_amplitude = scales(path, reach, z0, a)
         point.tangent_v = point.tangent_u * of_amplitude / of_gap
     return mark_point(path, orbit, point)
+
+
+@kernel
+def exact_orbits_at(
+    path: Path, guesses: np.ndarray, m: np.ndarray, hold: int, tight: float, orbit: Orbit, found: np.ndarray
+) -> int:
+    """Go from harmonic orbits, guess = (z0, mean deflection, A, P, S), to the exact ones at these m of the path.
+
+    `hold`: whether their z0 or their A is kept. `tight`: last change, over that of an orbit that is converged.
+    `found`, shape (n, FOUND), is filled; the largest modulus of a Floquet multiplier is NaN where it is not known.
+    Returns how many were found before Newton's method did not converge; `orbit` is left the last one.
+    """
+    point = Point()
+    for i in range(len(guesses)):
+        oscillator, head = standing_at(path, m[i]), head_of(orbit)
+        if not exact_orbit_at(path, guesses[i], m[i], hold, tight * tolerance_of(oscillator), orbit):
+            return i
+        phase = phase_of(oscillator.lever, head.amplitude, head.push, head.drag)
+        marked = mark_start(path, orbit, 1.0, point)
+        found[i] = head.tip_offset, head.amplitude, head.push, phase, point.floquet if marked else math.nan
+    return len(guesses)

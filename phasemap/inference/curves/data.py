@@ -125,6 +125,10 @@ class Setup:
     amplitude_scale: float = 1.0  # amplitude that the instrument says over the true one [1]
     phase_offset: float = 0.0  # phase that the instrument says less the true one [degree]
 
+    def read(self, amplitude: np.ndarray, phase: np.ndarray) -> dict[str, np.ndarray]:
+        """A motion [m, degree] as the instrument says it."""
+        return {"amplitude": self.amplitude_scale * amplitude, "phase": phase + self.phase_offset}
+
     def with_parameter(self, name: str, value: float) -> Setup:
         """The setup with one parameter changed."""
         if name == "phase_offset":

@@ -253,9 +253,9 @@ def _off_branch(setup: Setup, data: Data, choice: Choice, curve: xr.Dataset) -> 
     values = curve[data.axis].values
     for i, direction in enumerate(data.directions):
         seen = curve.sel(direction=direction)
-        read = {"amplitude": setup.amplitude_scale * seen.amplitude.values, "phase": seen.phase + setup.phase_offset}
+        read = setup.read(seen.amplitude.values, seen.phase.values)
         for name, measured in data.measured.items():
-            for k, model in enumerate((np.asarray(read[name]), choice.read[name][i])):
+            for k, model in enumerate((read[name], choice.read[name][i])):
                 apart[k, i] += (difference(name, model, measured[i]) / data.errors[name][i]) ** 2
         off[i] = ~(apart[0, i] <= apart[1, i] + WORSE)
         for jump in _jumps_of(curve, data.axis, direction):

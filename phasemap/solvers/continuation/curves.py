@@ -11,18 +11,24 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import (
+    F_A,
+    F_FLOQUET,
+    F_P,
+    F_PHASE,
+    F_Z0,
+    FOUND,
     PIECE_CLOSED,
     PIECE_FULL,
     Asked,
     Made,
-    exact_orbit_at,
+    exact_orbits_at,
     follow_piece,
     mark_start,
 )
 from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point, start_far
 from phasemap._kernels.continuation.step import copy_orbit
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, phase_of
+from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, held_value, standing_at
@@ -103,25 +109,33 @@ class Curves:
         orbit = new_orbit(self.path.lever, TABLES)
         status = start_far(self.path, orbit, 0.9999 * free)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
-            status, orbit = self._go(np.array([farthest, 0.0, free, 0.0, 0.0]), 0.0, False)
+            orbit, found = self._go(np.array([[farthest, 0.0, free, 0.0, 0.0]]), np.zeros(1), False)
+            status = col.GOOD if len(found) else col.NOT_CONVERGED
         if status == col.GOOD:
             self._follow(orbit, (-1.0,))
 
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
-        amplitude, stiffness = row[col.AMPLITUDE], self.standing(m).lever[col.STIFFNESS]
-        drag = -row[col.DISSIPATION] / (np.pi * stiffness * amplitude)
-        guess = np.array([row[col.TIP_OFFSET], row[col.MEAN], amplitude, row[col.STIFFENING] * amplitude, drag])
-        status, orbit = self._go(guess, m, of_amplitude)
-        if status != col.GOOD:
-            return False
-        exact, head = row.copy(), head_of(orbit)
-        exact[col.TIP_OFFSET], exact[col.AMPLITUDE] = head.tip_offset, head.amplitude
-        exact[col.PHASE] = phase_of(self.standing(m).lever, head.amplitude, head.push, head.drag)
-        if self.knows(exact, m):
+        rows, at = row[None], np.array([m])
+        orbit, found = self._go(self._guesses(rows, at), at, of_amplitude)
+        if not len(found) or self.knows(_exact(rows, found)[0], m):
             return False
         self._follow(orbit, (1.0, -1.0))
         return True
+
+    def beside(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
+        """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
+        guesses = self._guesses(rows, m)
+        guesses[:, col.G_Z0] = tip_offsets
+        found = self._go(guesses, m, False)[1]
+        return _exact(rows, found) if len(found) == len(rows) and (found[:, F_FLOQUET] < 1).all() else None
+
+    def _guesses(self, rows: np.ndarray, m: np.ndarray) -> np.ndarray:
+        """The harmonic orbits of result rows."""
+        amplitude, stiffness = rows[:, col.AMPLITUDE], self.standing(float(m[0])).lever[col.STIFFNESS]
+        drag = -rows[:, col.DISSIPATION] / (np.pi * stiffness * amplitude)
+        push = rows[:, col.STIFFENING] * amplitude
+        return np.stack([rows[:, col.TIP_OFFSET], rows[:, col.MEAN], amplitude, push, drag], axis=1)
 
     def seek(self, amplitude: float, lift: float = 0.0) -> None:
         """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far.
@@ -135,9 +149,8 @@ class Curves:
             ):
                 continue
             guess[col.G_Z0] += lift
-            status, orbit = self._go(guess, 0.0, True)
-            head = head_of(orbit)
-            if status == col.GOOD and not self._near(head.tip_offset, head.amplitude, head.push, oscillator.lever):
+            orbit, found = self._go(guess[None], np.zeros(1), True)
+            if len(found) and not self._near(found[0, F_Z0], found[0, F_A], found[0, F_P], oscillator.lever):
                 self._follow(orbit, (1.0, -1.0))
 
     def after_ends(self, column: int, beside: float, close: float) -> None:
@@ -198,11 +211,12 @@ class Curves:
     def _tolerance(self, m: float) -> float:
         return TIGHT * float(tolerance_of(self.standing(m)))
 
-    def _go(self, guess: np.ndarray, m: float, of_amplitude: bool):  # type: ignore[no-untyped-def]
+    def _go(self, guesses: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
+        """The last exact orbit next to harmonic ones, and what `exact_orbits_at` found of those that there are."""
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        orbit = new_orbit(self.path.lever, TABLES)
-        good = exact_orbit_at(self.path, guess, m, hold, self._tolerance(m), orbit)
-        return (col.GOOD if good else col.NOT_CONVERGED), orbit
+        orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(guesses), FOUND), np.nan)
+        count = exact_orbits_at(self.path, guesses, m, hold, TIGHT, orbit, found)
+        return orbit, found[:count]
 
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
         start = new_orbit_like(orbit)
@@ -235,6 +249,13 @@ class Curves:
         kind = piece.rows[:, col.KIND]
         marks = piece.rows[kind == (col.WANTED if (kind == col.WANTED).any() else col.FOLD)]
         return len(marks) > 0 and all(_same(other.rows, row) for row in marks)
+
+
+def _exact(rows: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Result rows with the tip offset, amplitude and phase of the exact orbits found from them."""
+    exact = rows.copy()
+    exact[:, [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]] = found[:, [F_Z0, F_A, F_PHASE]]
+    return exact
 
 
 def _same(rows: np.ndarray, row: np.ndarray) -> bool:
