@@ -20,12 +20,9 @@ import pytest
 
 FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computes while it compiles
 RESULTS, ENDED = "results.json", "ended"  # files there
-BEFORE_KERNELS = (  # files that need few kernels or none, which a process of its own compiles meanwhile
+BEFORE_KERNELS = (  # files that need none of the kernels which a process of its own compiles meanwhile, or few
     "test_compilation",
-    "test_ensemble",
     "test_fuzz",
-    "test_scene",
-    "test_scene_measured",
     "test_read",
     "test_generate",
     "test_package",
@@ -33,7 +30,6 @@ BEFORE_KERNELS = (  # files that need few kernels or none, which a process of it
     "test_netcdf",
     "test_measured",
     "test_house",
-    "test_names",
 )
 FIRST = (
     "test_examples",

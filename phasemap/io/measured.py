@@ -152,17 +152,34 @@ def separation_of(values: np.ndarray, labels: np.ndarray) -> tuple[float, float]
     Returns the least distance between medians of neighbours, and its ratio to the spread, which is 2.5 for the halves
     of a normal distribution and 2.7 for those of an even one.
     """
-    from scipy.ndimage import median_filter
-
     parts = [labels == label for label in np.unique(labels)]
     levels = np.zeros(labels.shape)
     for part in parts:
         levels[part] = np.median(values[part])
-    smooth = median_filter(values - np.median(values - levels, axis=1, keepdims=True), 3)
+    smooth = smoothed(values - np.median(values - levels, axis=1, keepdims=True))
     medians = np.array([np.median(smooth[part]) for part in parts])
     off = np.concatenate([np.abs(smooth[part] - at) for part, at in zip(parts, medians, strict=True)])
     distance = float(np.diff(medians).min(initial=np.inf))
     return distance, distance / max(NORMAL * float(np.median(off)), 1e-300)
+
+
+def smoothed(values: np.ndarray) -> np.ndarray:
+    """Median of each pixel and its eight neighbours, mirrored at the edges: a quarter of the time of a rank filter.
+
+    The median of nine is the middle one of: the largest least, the middle middle and the least largest of columns.
+    """
+    around = np.pad(values, 1, mode="symmetric")
+    low, middle, high = _in_order(around[:-2], around[1:-1], around[2:])
+    least, between, largest = (
+        _in_order(one[:, :-2], one[:, 1:-1], one[:, 2:])[place] for one, place in ((low, 2), (middle, 1), (high, 0))
+    )
+    return _in_order(least, between, largest)[1]
+
+
+def _in_order(one: np.ndarray, two: np.ndarray, three: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The smallest, the middle and the largest of three."""
+    low, high = np.minimum(one, two), np.maximum(one, two)
+    return np.minimum(low, three), np.maximum(low, np.minimum(high, three)), np.maximum(high, three)
 
 
 def _channels(image: xr.Dataset) -> list[str]:
@@ -197,11 +214,9 @@ def align_and_segment(phase: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray
 
 def _settle(aligned: np.ndarray, n: int, otsu: Callable[..., np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
     """Label populations and align rows to their levels, each from the other, until the labels stay."""
-    from scipy.ndimage import median_filter
-
     labels = np.full(aligned.shape, -1)
     for _ in range(20):  # measured images settle in 3 to 6 passes
-        smooth = median_filter(aligned, 3)
+        smooth = smoothed(aligned)
         found = np.digitize(smooth, _thresholds(otsu, smooth, n))
         if np.array_equal(found, labels):
             break

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.ndimage import median_filter
 
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap.io import measured
@@ -119,3 +120,9 @@ def test_a_row_without_reference_takes_its_offset_from_its_neighbours() -> None:
     assert measured.level_height(height, reference)[2] == pytest.approx(8e-9 * np.ones(6), rel=1e-6)
     with pytest.raises(InputError, match=r"pixels in reference is \(\(5, 6\), 0\); allowed: \(5, 6\), at least 3"):
         measured.level_height(height, np.zeros((5, 6), bool))
+
+
+@pytest.mark.parametrize("shape", [(9, 14), (1, 5), (2, 2), (1, 1)])
+def test_the_median_of_neighbours_is_that_of_a_rank_filter(shape: tuple[int, int]) -> None:
+    values = np.random.default_rng(0).integers(0, 9, shape).astype(float)
+    assert np.array_equal(measured.smoothed(values), median_filter(values, 3))
