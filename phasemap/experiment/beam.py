@@ -6,7 +6,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
@@ -76,6 +76,7 @@ def check_modes(modes: object) -> Modes:
     return tuple(modes)
 
 
+@lru_cache(maxsize=256)  # a fit or a map asks thousands of times for those of one lever
 @unquestioned()
 def all_modes(quality_factor: float, participation: float, modes: Modes) -> tuple[Eigenmode, ...]:
     """The first mode and the higher ones, with no number left open; `modes` as `check_modes` returns them.

@@ -86,13 +86,15 @@ STARTS_PROCESSES = ("large_map", "many_images")
 FEWER = {"large_map": ["256"]}  # pixels along a side: the script's own argument
 LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "all_orbits": lambda e: {"SETPOINTS": e.SETPOINTS[::8]},
+    "gel_beside_glass": lambda e: {"MODULUS": e.MODULUS[::8]},
     "fit_response": lambda e: {"FREQUENCIES": e.FREQUENCIES[::4]},
     "invert_stack": lambda e: {"CHANGES": ("surface.shape=[24,24]", "surface.spacing=40e-9", *e.CHANGES[2:])},
     "learn_segment": lambda e: {"TRAINED": 2, "TESTED": 2, "SCENE": e.SCENE.replace("count = 24", "count = 4")},
     "line_rate": lambda e: {"ENGINES": {way: (*how, rates[2::3]) for way, (*how, rates) in e.ENGINES.items()}},
+    "loss_tangent": lambda e: {"ADHESION": e.ADHESION[::8], "SETPOINTS": e.SETPOINTS[::5]},
     "measured_series": lambda e: {"SHAPE": (64, 64)},
     "measured_twin": lambda e: {"LINES": slice(96, 104)},
-    "relaxation_spectrum": lambda e: {"SETPOINTS": e.SETPOINTS[::11]},
+    "relaxation_spectrum": lambda e: {"SETPOINTS": e.SETPOINTS[16::6]},
     "rubber_beside_glass": lambda e: {"GRADES": e.GRADES[::16], "OFFSETS": e.OFFSETS[::10]},
     "scan_faster": lambda e: {"LABELS": e.LABELS[:8], "RELIEF": e.RELIEF[:8]},
     "scan_series": lambda e: {"LABELS": e.LABELS[48:56], "RELIEF": e.RELIEF[48:56]},
