@@ -98,6 +98,14 @@ def test_a_lossier_material_is_darker_where_both_are_repulsive_and_the_reason_is
     assert "loss pulls the phase towards 0, which is darker here" in second
 
 
+@pytest.fixture
+def small_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map of few points: what it says of each is asked, not how many it has."""
+    monkeypatch.setattr(answers, "SETPOINTS", answers.SETPOINTS[2::5])
+    monkeypatch.setattr(answers, "AMPLITUDES", answers.AMPLITUDES[::4])
+
+
+@pytest.mark.usefixtures("small_map")
 def test_the_lag_is_ninety_degrees_less_the_phase_and_what_is_darker_in_one_is_brighter_in_the_other() -> None:
     plain, lag = step(), step(lag=True)
     before, after = answers.picture(plain), answers.picture(lag)
@@ -239,6 +247,7 @@ def test_a_material_that_the_law_cannot_have_has_no_curve() -> None:
     assert answers.curves(Setting.of(subject, {"pair": [0, 0]})) == {"material A": None}
 
 
+@pytest.mark.usefixtures("small_map")
 def test_a_map_on_which_nothing_holds_recommends_no_point() -> None:
     subject = subject_of(surface_of(pm.Material(0.0), pm.Material(0.0, damping=0.1)), SCOPE)
     mapped = answers.contrast_map(Setting.of(subject, {}))
@@ -391,9 +400,10 @@ def test_polymers_of_several_relaxation_times_can_be_explored_and_saved() -> Non
     changes = {f"materials.0.{name}": value for name, value in solid.items()}
     moved = step({**changes, "materials.1.damping": 0, "materials.1.relaxation": "PIB"})
     assert list(moved.materials.values())[1].relaxation == pm.Prony.preset("PIB")
-    xr.testing.assert_equal(answers.image(moved), scene_from_tables(moved.tables(), SAMPLES).simulate())
+    image = answers.image(moved)
+    xr.testing.assert_equal(image, scene_from_tables(moved.tables(), SAMPLES).simulate())
     assert values_of(replace(moved.subject, materials=moved.materials))["materials.1.relaxation"] == "PIB"
-    assert all(math.isfinite(found.phase) for found in shown(moved))
+    assert np.isfinite(image.phase).all()
 
 
 @pytest.mark.parametrize("switch", ["exact", "quick"])

@@ -121,7 +121,7 @@ def places(table: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 @pytest.mark.usefixtures("unsolved")
-@settings(max_examples=300, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_whatever_the_attributes_say_a_verdict_or_one_sentence_comes_out(
     images: dict[str, xr.Dataset], data: st.DataObject
