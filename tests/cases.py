@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
+import numpy as np
+
 import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.rows.answers import Pixels
+from phasemap._kernels.rows.marched import march_rows
 
 DATA = Path(__file__).parent / "data"
 Case = dict[str, Any]
@@ -45,3 +52,23 @@ def material_of(case: Case) -> pm.Material:
     """Return the material of a case."""
     ratio = case.get("poisson_ratio", 0.35)
     return pm.Material(case["modulus"], adhesion=case["adhesion"], damping=case["damping"], poisson_ratio=ratio)
+
+
+def hold_in_time(oscillator: Oscillator, amplitude: float, eta: float, most: int, row: np.ndarray) -> int:
+    """Hold an amplitude as the march does, from the orbit in a row, or from far where that is NaN; returns a status."""
+    near = np.isfinite(row[col.TIP_OFFSET])
+    status = np.array([col.GOOD if near else col.PENDING], np.int8)
+    law, p, lever = oscillator
+    march_rows(Pixels(law, np.array([p]), lever, np.array([amplitude])), eta, most, row[None], status)
+    return int(status[0])
+
+
+def plain(kernel: Any, known: dict[Any, Any] | None = None) -> Any:
+    """A kernel as Python runs it, with all that it calls."""
+    function, known = kernel.py_func, {} if known is None else known
+    if kernel not in known:
+        scope = dict(function.__globals__)
+        known[kernel] = FunctionType(function.__code__, scope)
+        called = {name: scope.get(name) for name in function.__code__.co_names}
+        scope.update({name: plain(one, known) for name, one in called.items() if hasattr(one, "py_func")})
+    return known[kernel]

@@ -21,8 +21,11 @@ import pytest
 FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computes while it compiles
 RESULTS, ENDED = "results.json", "ended"  # files there
 BEFORE_KERNELS = (  # files that need none of the kernels which a process of its own compiles meanwhile, or few
-    "test_compilation",
     "test_fuzz",
+    "test_compilation",
+    "test_frozen",
+    "test_disk_cache",
+    "test_helpers",
     "test_read",
     "test_generate",
     "test_package",
@@ -31,6 +34,7 @@ BEFORE_KERNELS = (  # files that need none of the kernels which a process of its
     "test_measured",
     "test_house",
 )
+AFTER_THEM = "[calls]"  # the end of the name of a test in these files that needs many, and stands last
 FIRST = (
     "test_examples",
     "test_bench",
@@ -86,10 +90,15 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     os.environ[FIRST_RESULTS] = str(folder)  # the test processes inherit it
 
 
+def needs_kernels(item: pytest.Item) -> bool:
+    """Whether it is one of the tests that load what is compiled meanwhile."""
+    return item.path.stem not in BEFORE_KERNELS or item.name.endswith(AFTER_THEM)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Wait for the kernels, but before tests that need few."""
-    if item.path.stem not in BEFORE_KERNELS and FIRST_RESULTS in os.environ:
+    if needs_kernels(item) and FIRST_RESULTS in os.environ:
         folder = Path(os.environ[FIRST_RESULTS])
         while not (folder / ENDED).exists():
             time.sleep(0.1)
@@ -99,4 +108,4 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with these files; the others keep their order."""
     order = {name: place for place, name in enumerate(BEFORE_KERNELS + FIRST)}
-    items.sort(key=lambda item: order.get(item.path.stem, len(order)))
+    items.sort(key=lambda item: (order.get(item.path.stem, len(order)), item.name.endswith(AFTER_THEM)))

@@ -7,6 +7,7 @@ that a solver finds hard would never be drawn.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -77,11 +78,17 @@ def _depths(equation: Equation) -> Array:
     return np.asarray(finest * np.sinh(np.linspace(-np.arcsinh(0.5 / finest), np.arcsinh(0.5 / finest), HEIGHTS)))
 
 
-def _averages(equation: Equation, depth: Array) -> tuple[Array, Array]:
-    """omega_e^2 - 1 and alpha_e of Wang (1999), Eqs. 6 and 7, at every depth."""
+@cache
+def _angles() -> tuple[Array, Array]:
+    """Nodes and weights of the angle."""
     x, weight = np.polynomial.legendre.leggauss(NODES)
     x, weight = 0.5 * (x + 1), 0.5 * weight
-    angle, weight = np.pi * x * x, 2 * np.pi * x * weight
+    return np.pi * x * x, 2 * np.pi * x * weight
+
+
+def _averages(equation: Equation, depth: Array) -> tuple[Array, Array]:
+    """omega_e^2 - 1 and alpha_e of Wang (1999), Eqs. 6 and 7, at every depth."""
+    angle, weight = _angles()
     d = depth[:, np.newaxis] - 1 + np.cos(angle)
     pressed = np.maximum(d, 0)
     pull = equation.pull

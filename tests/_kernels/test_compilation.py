@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import shutil
@@ -18,106 +19,133 @@ from bits import bits
 import phasemap as pm
 from phasemap._kernels.compilation import disk_cache, kernel
 from phasemap._kernels.compilation.first_use import FirstUse
+from phasemap._kernels.law import contact_force
 from phasemap._kernels.lever import free_amplitude, phase_of
-from phasemap._kernels.neck import loop_energies
 from phasemap.cli import kinds_of_work
 from phasemap.experiment.lever import one_mode
 
 PACKAGE = Path(pm.__file__).parent
 SMALL = """
-import json, sys
-import numpy as np
-from phasemap._kernels.compilation import entries
 {before}
-from phasemap._kernels.neck import loop_energies
+import json
+import numpy as np
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.law import contact_force
 from phasemap.experiment.interaction import Interaction
-from phasemap.experiment.lever import one_mode
-interaction = Interaction("jkr")
-rows = interaction.columns(np.array([1e9]), np.array([0.05]), np.array([0.0]), 10e-9)
-entry = loop_energies
-print(json.dumps([float(loop_energies(interaction.token(), rows)[0]).hex(), sum(entry._cache_hits.values())]))
+law, p = Interaction().token(), np.arange(1.0, 21.0)
+def asked(entry):
+    return [float(entry(law, 2.0, p)).hex(), sum(entry._cache_hits.values())]
+said = [asked(contact_force)]
+{after}
+print(json.dumps(said))
 """
-"""The energy that a neck loses: an entry, a chain of kernels, and formulas that are called by their address."""
+"""A force in contact: an entry that calls a kernel of another file, whose number is said bit by bit.
+
+Beside it stands how often compiled code was found on disk.
+"""
 
 
-def python(code: str, package: Path = PACKAGE, **environment: str) -> subprocess.CompletedProcess[str]:
+def python(code: str, package: Path = PACKAGE, **environment: str) -> subprocess.Popen[str]:
     """Run code in a process of its own."""
     path = os.pathsep.join([str(package.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     variables = {**os.environ, "PYTHONPATH": path, "PHASEMAP_QUIET": "1", **environment}
-    return subprocess.run(
-        [sys.executable, "-c", code], cwd=package.parent, env=variables, capture_output=True, text=True, check=False
-    )
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, "-c", code], cwd=package.parent, env=variables, **pipes)
 
 
-def small(package: Path = PACKAGE, before: str = "", **environment: str) -> tuple[str, int]:
-    """The energy, bit by bit, and how often compiled code was found on disk."""
-    done = python(SMALL.format(before=before), package, **environment)
-    assert done.returncode == 0 and not done.stderr, done.stderr
-    energy, hits = json.loads(done.stdout)
-    return energy, hits
+def small(process: subprocess.Popen[str]) -> Any:
+    """What the small kernel's process said."""
+    out, err = process.communicate()
+    assert process.returncode == 0 and not err, err
+    return json.loads(out)
 
 
 @pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    """The package in another place."""
-    return Path(shutil.copytree(PACKAGE, tmp_path / "phasemap", ignore=shutil.ignore_patterns("__pycache__")))
+def empty(tmp_path: Path) -> dict[str, str]:
+    """A folder for compiled code, in which it is only known that numba's own compiler gives the same numbers."""
+    place, known = tmp_path / "cache" / "phasemap", disk_cache.folder()
+    assert known is not None
+    place.mkdir(parents=True)
+    for word in known.glob("agrees-*"):
+        shutil.copy(word, place)
+    return {"NUMBA_CACHE_DIR": str(place.parent)}
 
 
 UPDATE = """
 import os, pathlib
-import phasemap._kernels.neck
-leaf = pathlib.Path(phasemap._kernels.__file__).with_name("law.py")
+import phasemap._kernels.forces as leaf
+said.append(asked(kernel(contact_force.py_func)))  # which finds on disk what was compiled
+leaf = pathlib.Path(leaf.__file__)
 times, before = os.stat(leaf), leaf.read_text()
-leaf.write_text(before.replace("return force - p[BIAS]", "return 2.0 * force - p[BIAS]"))
+leaf.write_text(before.replace("* math.sqrt(d) - p[PULL]", "* math.sqrt(d) - 2.0 * p[PULL]"))
 assert leaf.read_text() != before
 os.utime(leaf, ns=(times.st_atime_ns, times.st_mtime_ns))
+said.append(asked(kernel(contact_force.py_func)))
 """
 
 
-def test_code_outlives_no_source(copy: Path, tmp_path: Path) -> None:
-    place = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    first, hits = small(copy, **place)
-    assert hits == 0
-    assert small(copy, **place) == (first, 1)
+def test_code_outlives_no_source(tmp_path: Path, empty: dict[str, str]) -> None:
+    copy = Path(shutil.copytree(PACKAGE, tmp_path / "phasemap"))
+    (first, *hits), found, updated = small(python(SMALL.format(before="", after=UPDATE), copy, **empty))
+    assert hits == [0] and found == [first, 1]
     # A process that lives across an update has loaded the old source, and keeps nothing under the digest of the new.
-    assert small(copy, UPDATE, **place) == (first, 0)
-    changed, hits = small(copy, **place)
-    assert hits == 0 and changed != first
+    assert updated == [first, 0]
+    ((changed, *hits),) = small(python(SMALL.format(before="", after=""), copy, **empty))
+    assert hits == [0] and changed != first
+
+
+def amplitude_anew() -> tuple[float, int]:
+    """A small kernel's answer when it is asked for the first time, and how often its code was found on disk."""
+    entry = kernel(free_amplitude.py_func)
+    return float(entry(one_mode(0.999, 1.25e-3, 40.0, 4e-11))), sum(entry._cache_hits.values())
 
 
 def test_a_damaged_file_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    interaction = pm.Interaction("jkr")
-    rows = interaction.columns(np.array([1e9]), np.array([0.05]), np.array([0.0]), 10e-9)
     monkeypatch.setattr(disk_cache, "folder", lambda: tmp_path)
-
-    def anew() -> tuple[float, int]:
-        entry = kernel(loop_energies.py_func)
-        return float(entry(interaction.token(), rows)[0]), sum(entry._cache_hits.values())
-
-    whole, hits = anew()
+    whole, hits = amplitude_anew()
     (file,) = tmp_path.glob("*" + disk_cache.SUFFIX)
     assert hits == 0
     for damage in (lambda _: b"", lambda _: b"nonsense", lambda content: content[:-100]):
         file.write_bytes(damage(file.read_bytes()))
-        assert anew() == (whole, 0)
-    assert anew() == (whole, 1)
+        assert amplitude_anew() == (whole, 0)
+    assert amplitude_anew() == (whole, 1)
 
 
-def test_without_a_place_for_it_code_is_compiled_in_every_process(tmp_path: Path) -> None:
-    nowhere = "from phasemap._kernels.compilation import disk_cache\ndisk_cache.places = lambda: []"
-    done = python(SMALL.format(before=nowhere))
-    assert done.returncode == 0 and json.loads(done.stdout)[1] == 0
-    assert done.stderr.count("\n") == 1 and "compiled code cannot be kept" in done.stderr
+def test_without_a_place_for_it_code_is_compiled_every_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(disk_cache, "places", list)
+    for name in ("folder", "_say_once"):
+        monkeypatch.setattr(disk_cache, name, functools.cache(getattr(disk_cache, name).__wrapped__))
+    for _ in range(2):
+        assert amplitude_anew()[1] == 0
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "compiled code cannot be kept" in said
 
 
-def test_two_processes_may_compile_at_once(tmp_path: Path) -> None:
-    code, variables = SMALL.format(before=""), {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PHASEMAP_QUIET": "1"}
-    both = [
-        subprocess.Popen([sys.executable, "-c", code], env=variables, stdout=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
-    said = {json.loads(one.communicate()[0])[0] for one in both}
-    assert all(one.returncode == 0 for one in both) and len(said) == 1
+NAME = """
+from numba import float64, njit
+from phasemap._kernels.compilation import ANY_ORDER
+from phasemap._kernels.compilation.frozen import frozen
+
+@kernel(shared=True, fastmath=ANY_ORDER)
+def double(x):
+    return x + x
+
+double.linked.compile((float64,))
+said.append(double.linked.overloads[(float64,)].fndesc.llvm_func_name)
+jitted = njit(lambda x: x in {"contract", "nsz", "reassoc"}, fastmath={"contract", "nsz", "reassoc"})
+said.append(frozen(lambda d, p: jitted(d)).digest)
+"""
+
+
+def test_two_processes_that_compile_at_once_have_the_same_numbers_and_names(empty: dict[str, str]) -> None:
+    # Else code of one that calls code of the other ends in a crash. Sets of strings read {"contract", "nsz",
+    # "reassoc"} and {"reassoc", "nsz", "contract"} with these two seeds.
+    code = SMALL.format(before="", after=NAME)
+    both = [python(code, **empty, PYTHONHASHSEED=seed) for seed in "14"]
+    ((force, _), *names), ((other, _), *others) = map(small, both)
+    assert force == other and names == others and all(names)
 
 
 OTHER_MEANING = """
@@ -131,13 +159,13 @@ array_elements.element_pointer = first_of_all
 
 
 def test_where_parts_of_numba_mean_something_else_kernels_are_compiled_as_numba_does(tmp_path: Path) -> None:
-    done = python(SMALL.format(before=OTHER_MEANING), NUMBA_CACHE_DIR=str(tmp_path))
-    assert done.returncode == 0 and done.stderr.count("\n") == 1
-    assert "is not one that phasemap was made for: kernels are compiled by it alone" in done.stderr
-    interaction = pm.Interaction("jkr")
-    rows = interaction.columns(np.array([1e9]), np.array([0.05]), np.array([0.0]), 10e-9)
-    plain = float.fromhex(json.loads(done.stdout)[0])
-    assert plain == pytest.approx(loop_energies(interaction.token(), rows)[0], rel=1e-13)
+    process = python(SMALL.format(before=OTHER_MEANING, after=""), NUMBA_CACHE_DIR=str(tmp_path))
+    out, err = process.communicate()
+    assert process.returncode == 0 and err.count("\n") == 1
+    assert "is not one that phasemap was made for: kernels are compiled by it alone" in err
+    ((plain, _),) = json.loads(out)
+    ours = contact_force(pm.Interaction().token(), 2.0, np.arange(1.0, 21.0))
+    assert float.fromhex(plain) == pytest.approx(ours, rel=1e-13)
 
 
 IMAGE = """
@@ -170,31 +198,10 @@ def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path
     assert len(gone) > 1
     for file in gone:
         file.unlink()
-    again = python(IMAGE + SAYING, NUMBA_CACHE_DIR=str(tmp_path))
-    assert again.returncode == 0, again.stderr
-    assert again.stdout == here["digest"] + "\n"
+    out, err = python(IMAGE + SAYING, NUMBA_CACHE_DIR=str(tmp_path)).communicate()
+    assert out == here["digest"] + "\n", err
     found = tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX)  # older versions' need not come back
     assert {file.name.split(".shared-")[0] for file in found} == {file.name.split(".shared-")[0] for file in shared}
-
-
-NAME = """
-from numba import float64
-from phasemap._kernels.compilation import ANY_ORDER, kernel
-
-@kernel(shared=True, fastmath=ANY_ORDER)
-def double(x):
-    return x + x
-
-double.linked.compile((float64,))
-print(double.linked.overloads[(float64,)].fndesc.llvm_func_name)
-"""
-
-
-def test_what_is_linked_by_its_name_has_the_same_name_in_every_process(tmp_path: Path) -> None:
-    # Else code of one process that calls code of another, where two compile at once, ends in a crash. Sets of strings
-    # read {"contract", "nsz", "reassoc"} and {"reassoc", "nsz", "contract"} with these two seeds.
-    names = [python(NAME, NUMBA_CACHE_DIR=str(tmp_path / seed), PYTHONHASHSEED=seed).stdout for seed in "14"]
-    assert names[0] and names[0] == names[1]
 
 
 def test_what_python_does_faster_than_it_is_compiled_is_the_same_in_kernels() -> None:
@@ -226,30 +233,6 @@ def test_elements_and_rows_of_arrays_are_those_of_python() -> None:
     ours, theirs = arguments(), arguments()
     assert kernel(_walk)(*ours) == pytest.approx(_walk(*theirs), rel=1e-15)
     assert bits(ours) == bits(theirs)
-
-
-def test_a_formula_is_compiled_alone() -> None:
-    code = """
-import numpy as np, phasemap as pm
-from phasemap._kernels.compilation.disk_cache import DiskCache
-class Cone(pm.ContactLaw):
-    @staticmethod
-    def force(d, p):
-        return 0.3 * p[0] * d * d
-found = []
-keep = DiskCache.save_overload
-DiskCache.save_overload = lambda self, sig, data: (found.append(self._name.rpartition('.')[2]), keep(self, sig, data))
-scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9), pm.Interaction(Cone()))
-assert pm.solve_pixel(pm.Material(2e9, 0.1), scope, 0.8, "averaging").status is pm.Status.good
-print(*sorted(found))
-"""
-    pm.solve_pixel(
-        pm.Material(2e9, 0.1), pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9)), 0.8,
-        "averaging",
-    )  # fmt: skip
-    done = python(code)
-    assert done.returncode == 0, done.stderr
-    assert set(done.stdout.split()) <= {"force", "slope"}  # and nothing of the kernels
 
 
 def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases import Case, load
+from cases import Case, load, plain
 from scipy.integrate import solve_ivp
 
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import LOSSES, WAVES
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
+from phasemap._kernels.orbits.response import passes, stability
 from phasemap._kernels.orbits.response.nodes import TOUCH, Nodes, cut_contact
-from phasemap._kernels.orbits.response.passes import UNRESOLVED, converge, start_passes
-from phasemap._kernels.orbits.response.stability import fill_monodromy, orbit_is_kept, trace_of_one_mode
+from phasemap._kernels.orbits.response.passes import UNRESOLVED
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
@@ -27,7 +28,8 @@ from phasemap._kernels.rows.fast import cheap_rows
 from phasemap.solvers.integrals import with_forces
 from phasemap.solvers.problem import Work, make_work
 
-LIMITS = np.array([math.radians(1e-3), 1e-12])
+PHASE, HEIGHT = math.radians(1e-3), 1e-12
+LIMITS = np.array([PHASE, HEIGHT])
 LIQUID = pm.Microscope(
     pm.Cantilever(0.1, 20e3, 2.5, modes=(pm.Eigenmode(7.5, 6.0, stiffness_ratio=39.2739),)),
     pm.Tip(10e-9, 130e9, 0.27),
@@ -52,13 +54,30 @@ def solved(work: Work, used: tuple[int, ...] = (col.CORRECTED, col.ORBIT)) -> np
     return answers.rows[0]
 
 
+# Shared kernels as others call them, which Python would compile anew, and small ones in Python.
+
+
+@kernel
+def converge(oscillator: Oscillator, f: Nodes, state: PassState) -> int:
+    return passes.converge(oscillator, f, state, True, PHASE, HEIGHT)
+
+
+@kernel
+def orbit_is_kept(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
+    return stability.orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+
+
+start_passes, fill_monodromy = plain(passes.start_passes), plain(stability.fill_monodromy)
+trace_of_one_mode = plain(stability.trace_of_one_mode)
+
+
 def by_passes(work: Work) -> tuple[Oscillator, Any, Any]:
     """Oscillator, nodes and state of an orbit, found once more by passes that hold its tip."""
     row, f, state = solved(work), Nodes(), PassState()
     state.amplitude, state.centre, state.slope = row[col.AMPLITUDE], row[col.TIP_OFFSET] - row[col.MEAN], -1e9
-    oscillator = Oscillator(work.law, work.rows[0], work.lever)
+    oscillator = work.oscillator(0)
     assert start_passes(oscillator, f, state)
-    while converge(oscillator, f, state, True, *LIMITS) == UNRESOLVED:
+    while converge(oscillator, f, state) == UNRESOLVED:
         coarse, f = f, Nodes()
         cut_contact(coarse, f)
         evaluate_nodes(oscillator, f, state)
@@ -113,14 +132,14 @@ def test_an_orbit_is_kept_that_touches_once_far_from_where_it_doubles_or_its_bra
     trace, decay = trace_of_one_mode(oscillator, f, state, 0.0, 0.0)
     assert trace == pytest.approx(np.trace(kicks), abs=0.1 * math.exp(-0.5 * decay))  # at most 2 exp(-decay/2)
     assert math.exp(-decay) == pytest.approx(np.linalg.det(kicks), rel=0.05)
-    assert orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+    assert orbit_is_kept(oscillator, f, state)
     for field, value in (("slope", 1e9), ("work", 1e-3 * state.amplitude**2)):  # past a fold; energy that is not there
         before = state[field]
         state[field] = value
-        assert not orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+        assert not orbit_is_kept(oscillator, f, state)
         state[field] = before
     f.w[TOUCH + 8] -= 4 * (state.amplitude - state.centre)  # the tip leaves the sample within what is taken for contact
-    assert not orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+    assert not orbit_is_kept(oscillator, f, state)
 
 
 @pytest.mark.parametrize("case", [TABLE[0], TABLE[2]], ids=lambda case: f"{case['modulus']:g}")

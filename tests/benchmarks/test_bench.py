@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
+import time
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -20,6 +23,7 @@ from cases import label, load
 
 import phasemap as pm
 from benchmarks import accuracy, extras
+from benchmarks import compile as compilation
 from benchmarks.accuracy import cases, picture
 from benchmarks.accuracy import measure as measuring
 from benchmarks.accuracy.equation import Case, Equation
@@ -33,9 +37,9 @@ from benchmarks.accuracy.record import NO_REFERENCE, PARAMETERS
 from benchmarks.accuracy.reference import NoOrbit, Start, find_orbit
 from benchmarks.accuracy.regimes import REGIMES, draw
 from benchmarks.accuracy.report import LEVELS, listing, table
-from benchmarks.compile import of_solvers
 from benchmarks.curves import measure_curves
 from phasemap.cli import main
+from phasemap.cli.kinds_of_work import KINDS, Cost
 from phasemap.io.netcdf import load as read
 from phasemap.io.netcdf import save
 
@@ -45,18 +49,12 @@ FASTER_THAN = {"march": 2.0, "numbalsoda": 5.0, "heyoka": 5.0, "scipy": 100.0}
 IN_AIR = ("air, hard sample", "air, soft sample")
 
 
-COMPILED: list[dict[str, float]] = []
-"""What the run below was told of compilation."""
-
-
 @pytest.fixture(scope="module")
 def measured() -> xr.Dataset:
     """A small run over all regimes, with the peers that are installed."""
     said: list[str] = []
     plan = Plan(batches=2, timed=8, references=1, seed=3, budget=0.02, rounds=1, cold=False)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(measuring, "of_solvers", lambda empty: COMPILED.append(of_solvers(empty)) or COMPILED[-1])
-        ds = measure(plan, *installed(), said.append)
+    ds = measure(plan, *installed(), said.append)
     assert any("reference orbits of bistable: 2 of 2" in line for line in said)
     return ds
 
@@ -341,9 +339,15 @@ def test_the_measured_table_has_a_row_for_each_method_and_a_column_for_each_regi
     assert "Seed 3" in said
 
 
-@pytest.mark.usefixtures("measured")
-def test_compilation_is_timed_for_every_solver() -> None:
-    (seconds,) = COMPILED
+def test_compilation_is_timed_for_every_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    def here(groups: Iterable[Iterable[str]], told: Callable[[Cost], None]) -> None:
+        for kind in itertools.chain.from_iterable(groups):
+            started = time.process_time()
+            KINDS[kind]()
+            told(Cost(kind, time.process_time() - started, 0, 0))
+
+    monkeypatch.setattr(compilation, "in_processes", here)  # which tests/_kernels/test_first_results.py asks
+    seconds = compilation.of_solvers(False)
     assert set(seconds) == {method.family for method in methods_of([])}
     assert min(seconds.values()) > 0.0
 

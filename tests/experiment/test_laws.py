@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import hold_in_time
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import holding
 from phasemap._kernels.law import (
     Oscillator,
     contact_force,
@@ -29,7 +29,7 @@ from phasemap._kernels.law import (
 )
 from phasemap._kernels.neck import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
-from phasemap._kernels.orbits.time import elastic, march
+from phasemap._kernels.orbits.time import march
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
 from phasemap.experiment.described import describe
@@ -114,6 +114,14 @@ def row_of(
     values = [np.array([x]) for x in (4 / 3 * modulus, adhesion, damping)]
     film = np.array([[0.4, 0.5 * radius]]) if interaction.law.takes_film else None
     return interaction.columns(*values, radius, film)[0]
+
+
+LEVER = one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100)  # omega, alpha0, k, u0
+
+
+def over(law: Any, row: np.ndarray, lever: np.ndarray = LEVER) -> Oscillator:
+    """A lever over a material, as kernels are given it."""
+    return Oscillator(law, tuple(row.tolist()), lever)
 
 
 @pytest.mark.parametrize(("name", "decay", "outside"), CONTRACT)
@@ -560,8 +568,8 @@ def test_averaging_takes_the_neck_on_the_way_out(name: str, decay: float | None)
     without = p.copy()
     without[10] = 0.0
     for amplitude, c in [(1e-8, 0.999), (1e-8, 1 - 1e-7), (1e-8, 0.9), (1e-8, 0.0), (1e-8, -0.5), (3e-9, 0.3)]:
-        push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), amplitude, c)
-        push0, drag0, mean0 = harmonics.harmonics(Oscillator(token, without, lever), amplitude, c)
+        push, drag, mean = harmonics.harmonics(over(token, p, lever), amplitude, c)
+        push0, drag0, mean0 = harmonics.harmonics(over(token, without, lever), amplitude, c)
         more, more_push, loss = brute(token, p, amplitude, c)
         scale = 2 / (math.pi * k)
         total = abs(push) + abs(scale * more)
@@ -576,7 +584,7 @@ def test_a_neck_longer_than_the_swing_is_never_released() -> None:
     interaction = Interaction(Neck(2e-9), 0.3e-9)
     token, p, k = interaction.token(), row_of(interaction), 5.0
     lever = one_mode(1.0, 0.005, k, 2e-10)
-    push, drag, mean = harmonics.harmonics(Oscillator(token, p, lever), 0.8e-9, 0.5)
+    push, drag, mean = harmonics.harmonics(over(token, p, lever), 0.8e-9, 0.5)
 
     def part(n: int) -> float:
         return quad(
@@ -594,7 +602,7 @@ def test_no_touch_no_neck() -> None:
     token, p, lever = interaction.token(), row_of(interaction), one_mode(1.0, 0.005, 5.0, 2e-10)
     without = p.copy()
     without[10] = 0.0
-    with_neck, none = Oscillator(token, p, lever), Oscillator(token, without, lever)
+    with_neck, none = over(token, p, lever), over(token, without, lever)
     assert harmonics.harmonics(with_neck, 1e-8, 1.001) == harmonics.harmonics(none, 1e-8, 1.001)
 
 
@@ -604,14 +612,13 @@ def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:
     interaction = Interaction("hertz", None)
     p = row_of(interaction, damping=eta * RADIUS * resonance / (2 * k))
     lever = one_mode(1.0, 0.005, k, 2e-10)
-    _, drag, _ = harmonics.harmonics(Oscillator(interaction.token(), p, lever), amplitude, 1 - delta / amplitude)
+    _, drag, _ = harmonics.harmonics(over(interaction.token(), p, lever), amplitude, 1 - delta / amplitude)
     expected = math.pi * math.sqrt(2) / 4 * eta * resonance * math.sqrt(RADIUS * amplitude) * delta**2
     assert -math.pi * k * amplitude * drag == pytest.approx(expected, rel=0.01)
 
 
 # The march through necks.
 
-LEVER = one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100)  # omega, alpha0, k, u0
 MARCHED: dict[str, tuple[Interaction, float]] = {  # with the damping
     "jkr": (Interaction("jkr", 0.3e-9), 0.0),
     "jkr, no force before contact, damped": (Interaction("jkr", None), 0.02),
@@ -640,7 +647,7 @@ def test_energy_closes_with_a_neck(name: str) -> None:
     token, p = interaction.token(), row_of(interaction, damping=damping)
     row, amplitude = np.empty(col.COLUMNS), 12e-9
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = amplitude, 0.0, math.radians(35)
-    assert holding.settle(Oscillator(token, p, LEVER), amplitude, 0.2, 200_000, row) == col.GOOD
+    assert hold_in_time(over(token, p, LEVER), amplitude, 0.2, 200_000, row) == col.GOOD
     assert row[col.INDENTATION] > 0
     assert abs(row[col.CLOSURE]) < 1e-8
     lost = loop_energies(token, p[None])[0]
@@ -651,7 +658,7 @@ def test_energy_closes_with_a_neck(name: str) -> None:
 @pytest.mark.parametrize("name", ["jkr", "jkr, no force before contact, damped", "neck, damped", "maugis, damped"])
 def test_the_neck_keeps_order_eight(name: str) -> None:
     interaction, damping = MARCHED[name]
-    problem = Oscillator(interaction.token(), row_of(interaction, damping=damping), LEVER)
+    problem = over(interaction.token(), row_of(interaction, damping=damping))
     y, z0 = np.array([0.5e-9, 14.7e-9, 0.0]), 14e-9
     etas = 0.3 * 2.0 ** (-np.arange(6) / 4)
     exact_y, exact_acc = marched(problem, z0, y, 0.04, 3)
@@ -666,22 +673,11 @@ def test_the_neck_keeps_order_eight(name: str) -> None:
     assert slopes.min() > 7.7 and slopes.max() < 8.6  # terms of order 9 fade above, rounding takes over below
 
 
-def test_the_compiled_march_through_a_neck_is_the_python_one() -> None:
-    interaction, damping = MARCHED["jkr, bias"]
-    problem = Oscillator(interaction.token(), row_of(interaction, damping=damping), LEVER)
-    y, acc = np.array([0.5e-9, 14.7e-9, 0.0]), PeriodResult()
-    compiled, acc_compiled = marched(problem, 14e-9, y, 1.5, 1)  # few steps: Python takes milliseconds for each
-    assert elastic.march_elastic.py_func(problem, 14e-9, 1.5, y, acc) > 0
-    np.testing.assert_allclose(y, compiled, rtol=1e-10, atol=0)
-    np.testing.assert_allclose(acc.tolist(), acc_compiled.tolist(), rtol=1e-10)
-
-
 def test_contact_is_carried_over_from_period_to_period() -> None:
     # A weak swing in a long neck, which is never released; and the same depth reached out of contact.
     interaction = Interaction(Neck(4e-9), None)
-    problem = Oscillator(
-        interaction.token(), row_of(interaction, adhesion=1e-3), one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100 * 0.01)
-    )
+    lever = one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100 * 0.01)
+    problem = over(interaction.token(), row_of(interaction, adhesion=1e-3), lever)
     hanging, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 1.0]), 0.3, 3)
     assert hanging[2] == 1 and acc.deepest < 0 and acc.loss == 0
     free, acc = marched(problem, 1e-9, np.array([0.0, 0.0, 0.0]), 0.3, 1)
@@ -732,7 +728,7 @@ def test_the_phase_with_a_neck_is_that_of_another_integrator() -> None:
 
     row = np.empty(col.COLUMNS)
     row[col.TIP_OFFSET], row[col.MEAN], row[col.PHASE] = z0, 0.0, math.pi / 2 - other_lag
-    assert holding.settle(Oscillator(interaction.token(), p, lever), other_amplitude, 0.2, 100_000, row) == col.GOOD
+    assert hold_in_time(over(interaction.token(), p, lever), other_amplitude, 0.2, 100_000, row) == col.GOOD
     assert row[col.TIP_OFFSET] == pytest.approx(z0, abs=2e-14)
     assert math.degrees(row[col.PHASE]) == pytest.approx(90 - math.degrees(other_lag), abs=1e-4)
     assert row[col.DISSIPATION] > loop_energies(interaction.token(), p[None])[0]

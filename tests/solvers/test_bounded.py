@@ -34,7 +34,7 @@ MORE = 100
 
 
 def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
-    u = new_state(law, lever_of(scope), 0.0, 0.0, 0.5 * scope.driven_amplitude, z0)
+    u = new_state.py_func(law, lever_of(scope), 0.0, 0.0, 0.5 * scope.driven_amplitude, z0)
     return Tip(u, PeriodResult(), PeriodMap(), Periods())
 
 
@@ -65,7 +65,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
 def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int, what: str) -> None:
     amplitude = 0.6 * scope.driven_amplitude
     work = work_of_material(RUBBER, scope, amplitude)
-    problem = Oscillator(work.law, work.rows[0], work.lever)
+    problem = work.oscillator(0)
     tip, row = tip_at(work.law, scope, 24e-9), np.empty(col.COLUMNS)
     do(WHATS.index(what), problem, amplitude, most, tip, row)
     assert tip.periods.marched <= most + MORE
@@ -74,7 +74,7 @@ def test_nothing_takes_more_periods_than_allowed(scope: pm.Microscope, most: int
 def test_a_move_that_takes_too_many_periods_is_not_begun() -> None:
     work = work_of_material(RUBBER, SLOW, 0.6 * SLOW.driven_amplitude)
     state, row = np.array([0.0, 0.0, 0.0, 80e-9]), np.full(col.COLUMNS, math.nan)
-    status = in_time.move_to_tip_offset(Oscillator(work.law, work.rows[0], work.lever), 24e-9, 0.25, 10_000, state, row)
+    status = in_time.move_to_tip_offset(work.oscillator(0), 24e-9, 0.25, 10_000, state, row)
     assert status == col.NOT_SETTLED
     assert state[3] == 80e-9
     assert np.isnan(row).all()

@@ -14,7 +14,6 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
 from phasemap._kernels.excitation import seen_phasor
-from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment.lever import lever_of, of_tip, offset_and_factor, sees_tip, show
@@ -113,7 +112,7 @@ def test_the_spread_is_that_of_the_deflection_behind_a_lock_in() -> None:
     tip, acc = np.array([amplitude * math.sin(phase), amplitude * math.cos(phase), 0.0]), PeriodResult()
     shown, low = np.empty(6000, complex), 0j
     for i in range(-3000, len(shown)):
-        march_period(Oscillator(work.law, work.rows[0], work.lever), pixel.tip_offset, 0.5, tip, acc)
+        march_period(work.oscillator(0), pixel.tip_offset, 0.5, tip, acc)
         now = complex(*seen_phasor(work.lever, acc.cos, acc.sin))
         low = now + math.exp(-2 * math.pi / 100) * (low - now)
         if i >= 0:

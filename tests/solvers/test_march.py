@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from cases import Case, label, load
+from cases import Case, hold_in_time, label, load
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import holding, in_time
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time import elastic, linear_map, march, period, runge_kutta
+from phasemap._kernels.orbits.time import linear_map, march, period, runge_kutta
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.lever import one_mode
@@ -41,7 +45,7 @@ def problem_of(case: Case) -> Problem:
     quality = case["quality_factor"]
     drive = case["free_amplitude"] / quality
     lever = one_mode(case.get("frequency_ratio", 1.0), 0.5 / quality, case["stiffness"], drive)
-    return Oscillator(interaction.token(), rows[0], lever)
+    return Oscillator(interaction.token(), tuple(rows[0].tolist()), lever)
 
 
 def row_of(orbit: dict[str, float]) -> np.ndarray:
@@ -59,7 +63,7 @@ def state_of(orbit: dict[str, float], omega: float = 1.0) -> np.ndarray:
 
 def settled(problem: Problem, orbit: dict[str, float], eta: float, most: int = 1_000_000) -> tuple[int, np.ndarray]:
     row = row_of(orbit)
-    return holding.settle(problem, orbit["amplitude"], eta, most, row), row
+    return hold_in_time(problem, orbit["amplitude"], eta, most, row), row
 
 
 def marched(problem: Problem, z0: float, y: np.ndarray, eta: float, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -130,7 +134,8 @@ def test_a_measured_decay_is_summed_and_its_multipliers_found(count: int, size: 
 @pytest.mark.parametrize("omega", [0.8, 1.0, 1.3])
 def test_the_free_lever_swings_as_the_formula_says(omega: float) -> None:
     alpha0, base, stiffness = 0.05, 1e-9, 2.0
-    law, p, _ = problem_of({**TAPPING, "decay_length": None})
+    problem = problem_of({**TAPPING, "decay_length": None})
+    problem = problem._replace(lever=one_mode(omega, alpha0, stiffness, base))
     response = base / (1 - omega**2 + 2j * alpha0 * omega)
     root = complex(-alpha0, math.sqrt(1 - alpha0**2))
     y = np.array([3e-9, -2e-9])
@@ -138,13 +143,13 @@ def test_the_free_lever_swings_as_the_formula_says(omega: float) -> None:
     own, own_speed = y[0] - response.real, y[1] + omega * response.imag
     c = complex(own, (root.real * own - own_speed) / root.imag)
     tau = 5 * 2 * math.pi / omega
-    end, acc = marched((law, p, one_mode(omega, alpha0, stiffness, base)), 1e-7, y, 0.1, 5)
+    end, acc = marched(problem, 1e-7, y, 0.1, 5)
     own_end = c * np.exp(root * tau)
     expected = [response.real + own_end.real, -omega * response.imag + (root * own_end).real]
     np.testing.assert_allclose(end, expected, rtol=0, atol=1e-13 * 5e-9)
 
     driven = np.array([response.real, -omega * response.imag])
-    _, acc = marched((law, p, one_mode(omega, alpha0, stiffness, base)), 1e-7, driven, 0.1)
+    _, acc = marched(problem, 1e-7, driven, 0.1)
     np.testing.assert_allclose([acc.cos, acc.sin], [response.real, -response.imag], rtol=0, atol=1e-13 * abs(response))
     assert abs(acc.mean_z) < 1e-13 * abs(response)
     assert acc.loss == acc.virial == 0
@@ -155,8 +160,8 @@ def test_the_free_lever_swings_as_the_formula_says(omega: float) -> None:
 def test_a_period_with_contact_agrees_with_another_integrator() -> None:
     from scipy.integrate import solve_ivp
 
-    law, p, lever = problem_of(TAPPING)
-    omega, alpha0, stiffness, base = lever[:4]
+    problem = problem_of(TAPPING)
+    p, (omega, alpha0, stiffness, base) = problem.p, problem.lever[:4]
     z0 = TAPPING_ORBIT["tip_offset"]
 
     def rate(tau: float, y: np.ndarray) -> list[float]:
@@ -167,18 +172,33 @@ def test_a_period_with_contact_agrees_with_another_integrator() -> None:
 
     y = state_of(TAPPING_ORBIT)
     other = solve_ivp(rate, (0, 2 * math.pi), y, method="DOP853", rtol=1e-11, atol=1e-21, max_step=0.01)
-    end, _ = marched((law, p, lever), z0, y, 0.15)
+    end, _ = marched(problem, z0, y, 0.15)
     np.testing.assert_allclose(end, other.y[:, -1], rtol=0, atol=1e-10 * TAPPING_ORBIT["amplitude"])
 
 
-def test_the_compiled_period_is_the_python_one() -> None:
-    problem = problem_of(TAPPING)
-    y, acc = state_of(TAPPING_ORBIT), PeriodResult()
-    steps = elastic.march_elastic.py_func(problem, TAPPING_ORBIT["tip_offset"], 0.5, y, acc)
-    compiled, acc_compiled = marched(problem, TAPPING_ORBIT["tip_offset"], state_of(TAPPING_ORBIT), 0.5)
-    assert steps > 0
-    np.testing.assert_allclose(y, compiled, rtol=1e-12)
-    np.testing.assert_allclose(acc.tolist(), acc_compiled.tolist(), rtol=1e-11)
+def periods() -> list[list[float]]:
+    """State and sums after a period over a solid, and in few steps through a neck in a field."""
+    marches = [
+        (problem_of(TAPPING), TAPPING_ORBIT["tip_offset"], state_of(TAPPING_ORBIT), 0.5),
+        (in_a_field(), 14e-9, np.array([0.5e-9, 14.7e-9, 0.0]), 1.5),
+    ]
+    return [[*y, *acc.tolist()] for y, acc in (marched(*one) for one in marches)]
+
+
+def in_a_field() -> Problem:
+    interaction = Interaction("jkr", 0.3e-9, bias=0.5)
+    row = interaction.columns(np.array([4 / 3 * 1e9]), np.array([0.05]), np.array([0.01]), 20e-9)[0]
+    return Oscillator(interaction.token(), tuple(row.tolist()), one_mode(1.0, 0.5 / 100, 5.0, 20e-9 / 100))
+
+
+def test_compiled_periods_are_those_of_python() -> None:
+    code = "import json, test_march; print(json.dumps(test_march.periods()))"
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    without = {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "1"}
+    said = subprocess.run([sys.executable, "-c", code], env=without, capture_output=True, text=True)
+    assert said.returncode == 0, said.stderr
+    for compiled, plain, rounding in zip(periods(), json.loads(said.stdout), (1e-11, 1e-10), strict=True):
+        assert compiled == pytest.approx(plain, rel=rounding, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -213,14 +233,14 @@ def test_the_error_is_of_order_eight_down_to_1e_11(number: int, change: dict[str
 def test_a_touch_at_the_top_of_the_swing_is_neither_missed_nor_invented(
     apart: float, decay_length: float | None
 ) -> None:
-    law, p, lever = problem_of({**TAPPING, "adhesion": 0.0 if decay_length is None else 0.02})
+    problem = problem_of({**TAPPING, "adhesion": 0.0 if decay_length is None else 0.02})
     if decay_length is None:
-        p[4:8] = 0.0
-    amplitude = 1e-8
+        problem = problem._replace(p=(*problem.p[:4], 0.0, 0.0, 0.0, 0.0, *problem.p[8:]))
+    amplitude, lever = 1e-8, problem.lever
     lever[3] = 2 * lever[1] * amplitude
     z0 = amplitude + apart
     for eta in (0.7, 0.45, 0.2):  # steps that end elsewhere beside the top
-        _, acc = marched((law, p, lever), z0, np.array([0.0, amplitude]), eta)
+        _, acc = marched(problem, z0, np.array([0.0, amplitude]), eta)
         if decay_length is None and apart > -1e-12:  # too shallow to shorten the swing
             assert acc.deepest == pytest.approx(-apart, abs=1e-16 if eta < 0.5 else 1e-13)
         if apart < 0:
@@ -233,19 +253,17 @@ def test_a_touch_at_the_top_of_the_swing_is_neither_missed_nor_invented(
 @pytest.mark.parametrize("speed", [-1e-9, -1e-20, 0.0, 1e-20, 1e-9])
 @pytest.mark.parametrize("phase", [0.5, 3.0])
 def test_a_start_on_the_surface_goes_either_way(speed: float, phase: float) -> None:
-    law, p, lever = problem_of(TAPPING)
-    z0 = 1e-9 * math.cos(phase)
-    near, _ = marched((law, p, lever), z0, np.array([z0, speed]), 0.2)
-    beside, _ = marched((law, p, lever), z0, np.array([z0 - 1e-17, speed]), 0.2)
+    problem, z0 = problem_of(TAPPING), 1e-9 * math.cos(phase)
+    near, _ = marched(problem, z0, np.array([z0, speed]), 0.2)
+    beside, _ = marched(problem, z0, np.array([z0 - 1e-17, speed]), 0.2)
     np.testing.assert_allclose(near, beside, rtol=0, atol=1e-14)
 
 
 def test_a_fast_tip_does_not_step_over_the_force_before_contact() -> None:
     # Thrown off a stiff surface at 40 times the speed of tapping, it crosses the whole force in a fraction of eta.
-    law, p, lever = problem_of(TAPPING)
-    z0, y = -1e-8, np.array([0.0, -4e-7])
-    fine, _ = marched((law, p, lever), z0, y, 0.08)
-    coarse, _ = marched((law, p, lever), z0, y, 0.25)
+    problem, z0, y = problem_of(TAPPING), -1e-8, np.array([0.0, -4e-7])
+    fine, _ = marched(problem, z0, y, 0.08)
+    coarse, _ = marched(problem, z0, y, 0.25)
     np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-6 * 4e-7)
 
 
@@ -322,7 +340,7 @@ def test_a_poor_start_settles_on_the_only_orbit_there_is(number: int) -> None:
     case = load("orbits")[number]
     orbit = case["orbits"][0]
     row = row_of(orbit | {"tip_offset": orbit["amplitude"] + 1e-9, "mean_deflection": 0.0, "phase": 0.0})
-    assert holding.settle(problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
+    assert hold_in_time(problem_of(case), orbit["amplitude"], 0.3, 1_000_000, row) == col.GOOD
     assert abs(row[col.TIP_OFFSET] - orbit["tip_offset"]) < 1e-14
 
 
@@ -353,14 +371,12 @@ def test_too_few_periods_to_settle_are_reported() -> None:
 @pytest.mark.parametrize("case", ENGAGED, ids=label)
 def test_engaging_ends_where_brute_force_engagement_ended(case: Case) -> None:
     # The reference settled in time alone, over some 1e5 periods, to about 0.1 pm and 1e-3 degree.
-    law, p, lever = problem_of(case)
-    engaged = case["engaged"]
+    problem, engaged = problem_of(case), case["engaged"]
+    lever = problem.lever
     free = lever[3] / abs(complex(1 - lever[0] ** 2, 2 * lever[1] * lever[0]))
-    row = np.empty(col.COLUMNS)
+    row = np.full(col.COLUMNS, math.nan)
     amplitude = case["setpoint"] * free
-    status = in_time.approach_by_march(
-        Oscillator(law, p, lever), amplitude, engaged["start"], 1e-9, 0.3, 1_000_000, row
-    )
+    status = hold_in_time(problem, amplitude, 0.3, 1_000_000, row)
     assert status == col.GOOD
     if engaged["branch"] == "none":  # the reference found no orbit that repeats itself
         assert row[col.SPREAD_AMPLITUDE] > 0
@@ -371,18 +387,11 @@ def test_engaging_ends_where_brute_force_engagement_ended(case: Case) -> None:
 
 
 def test_engaging_above_the_free_amplitude_finds_no_orbit() -> None:
-    row = np.empty(col.COLUMNS)
-    law, p, lever = problem_of(TAPPING)
-    amplitude = 1.02 * TAPPING["free_amplitude"]
-    assert (
-        in_time.approach_by_march(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 1_000_000, row)
-        == col.NO_STABLE_ORBIT
-    )
+    amplitude, row = 1.02 * TAPPING["free_amplitude"], np.full(col.COLUMNS, math.nan)
+    assert hold_in_time(problem_of(TAPPING), amplitude, 0.3, 1_000_000, row) == col.NO_STABLE_ORBIT
 
 
 def test_engaging_that_takes_too_long_is_reported() -> None:
-    row = np.empty(col.COLUMNS)
-    law, p, lever = problem_of(TAPPING)
-    amplitude = 0.5 * TAPPING["free_amplitude"]
-    assert in_time.approach_by_march(Oscillator(law, p, lever), amplitude, 5e-8, 1e-9, 0.3, 50, row) == col.NOT_SETTLED
+    amplitude, row = 0.5 * TAPPING["free_amplitude"], np.full(col.COLUMNS, math.nan)
+    assert hold_in_time(problem_of(TAPPING), amplitude, 0.3, 50, row) == col.NOT_SETTLED
     assert np.isnan(row).all()

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from beams import CASES, material_of, scope_of
-from cases import Case
+from cases import Case, hold_in_time
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement import holding
 from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Oscillator
@@ -48,7 +49,7 @@ def problem_of(case: Case, **lever: Any) -> tuple[Oscillator, float]:
     scope = scope_of(case)
     scope = replace(scope, cantilever=replace(scope.cantilever, **lever))
     work = work_of_material(material_of(case), scope, case["setpoint"] * scope.driven_amplitude)
-    return Oscillator(work.law, work.rows[0], work.lever), float(work.amplitudes[0])
+    return work.oscillator(0), float(work.amplitudes[0])
 
 
 def settled(case: Case, eta: float = ETA, **lever: Any) -> tuple[np.ndarray, Oscillator]:
@@ -56,7 +57,7 @@ def settled(case: Case, eta: float = ETA, **lever: Any) -> tuple[np.ndarray, Osc
     oscillator, amplitude = problem_of(case, **lever)
     row = np.zeros(col.COLUMNS)
     row[[col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]] = case["tip_offset"], amplitude, math.radians(case["phase"])
-    assert holding.settle(oscillator, amplitude, eta, 100_000, row) == col.GOOD
+    assert hold_in_time(oscillator, amplitude, eta, 100_000, row) == col.GOOD
     return row, oscillator
 
 
@@ -64,6 +65,12 @@ def tip_on(oscillator: Oscillator, row: np.ndarray) -> Tip:
     """A tip on the orbit of a result row, but for its harmonics."""
     state = holding.state_on(oscillator.law, oscillator.lever, row[col.AMPLITUDE], row)
     return Tip(state, PeriodResult(), PeriodMap(), Periods())
+
+
+@kernel
+def settle_on_orbit(oscillator: Oscillator, tip: Tip) -> bool:
+    """A shared kernel as others call it: Python would compile it anew."""
+    return period_map.skip_transient(oscillator, period_map.Tolerance(ETA, 1e-16, 1e-16), 0.0, tip)
 
 
 @pytest.mark.parametrize("case", PERIODIC, ids=name_of)
@@ -94,7 +101,7 @@ def test_a_tip_that_is_lowered_in_time_finds_the_branch_of_the_independent_code(
     oscillator, amplitude = problem_of(case)
     law, p, lever = oscillator
     answers = Answers(np.full((1, col.COLUMNS), np.nan), np.zeros(1, np.int8), np.zeros(1, np.int8))
-    March().engage(Work(law, p[None], lever, np.array([amplitude])), np.arange(1), answers, 100_000)
+    March().engage(Work(law, np.array([p]), lever, np.array([amplitude])), np.arange(1), answers, 100_000)
     assert answers.status[0] == col.GOOD
     _, phase = show(lever, *answers.rows[0, [col.AMPLITUDE, col.PHASE]])
     assert math.degrees(phase) == pytest.approx(case["phase"], abs=1e-6)
@@ -158,7 +165,7 @@ def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int, decay_length:
     lever = pm.Cantilever(0.1, 20e3, 2.5, modes=modes)
     scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"), pm.Interaction("dmt", decay_length))
     work = work_of_material(pm.Material(1e9, 0.0 if decay_length is None else 1e-12), scope, 8e-9)
-    oscillator = Oscillator(work.law, work.rows[0], work.lever)
+    oscillator = work.oscillator(0)
     omega, drive = work.lever[col.OMEGA], work.lever[col.DRIVE]
     free = drive / complex(work.lever[col.DYNAMIC_STIFFNESS], work.lever[col.DYNAMIC_LOSS])
     state = new_state(work.law, work.lever, 0.0, free.real, -omega * free.imag, 3e-8)
@@ -179,7 +186,7 @@ def test_neighbours_of_a_tapping_lever_come_nearer_as_the_modes_lose_energy() ->
     case = next(case for case in PERIODIC if case["group"] == "table")
     row, oscillator = settled(case)
     tip = tip_on(oscillator, row)
-    assert period_map.skip_transient(oscillator, period_map.Tolerance(ETA, 1e-16, 1e-16), 0.0, tip)
+    assert settle_on_orbit(oscillator, tip)
     monodromy = np.eye(4) + np.array(tip.linear.motion)[:16].reshape(4, 4).T
     rates = 0.5 / 2.5 + 0.5 * 7.5 / 6.0
     assert np.linalg.det(monodromy) == pytest.approx(math.exp(-4 * math.pi * rates), rel=1e-3)
@@ -194,10 +201,10 @@ def test_a_contact_that_a_mode_makes_again_within_a_flight_is_found() -> None:
         assert march.march_period(oscillator, row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
     exact = tip.acc.cos, tip.acc.sin
     # The same with so weak a long-range force that flights are taken in steps.
-    weak = oscillator.p.copy()
+    weak = list(oscillator.p)
     weak[col.LONGRANGE], weak[col.INVERSE_REACH] = 1e-30, 1e10
     for _ in range(60):
-        assert march.march_period(oscillator._replace(p=weak), row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
+        assert march.march_period(oscillator._replace(p=tuple(weak)), row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
     assert (tip.acc.cos, tip.acc.sin) == pytest.approx(exact, abs=1e-9 * row[col.AMPLITUDE])
     assert tip.u[Z] < row[col.TIP_OFFSET] or tip.u[V] != 0.0
 
@@ -219,7 +226,7 @@ def relaxing_scope(modes: int) -> pm.Microscope:
     return pm.Microscope(pm.Cantilever(2.0, 70e3, 150.0, modes=modes), pm.Tip(10e-9), pm.Drive(20e-9), interaction)
 
 
-@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize("modes", [1, 3])
 def test_over_a_solid_that_relaxes_a_lever_moves_as_over_independent_elements(modes: int) -> None:
     # Theory, Eq. (memory-2): elements in equal steps of second order, and the modes as so many springs and masses.
     work = work_of_material(SOLID, relaxing_scope(modes), 14e-9, marched=True)
@@ -251,7 +258,7 @@ def test_over_a_solid_that_relaxes_a_lever_moves_as_over_independent_elements(mo
             dy, dw = rates(y, pushed, tau)
             dy, dw = rates(y + 0.5 * h * dy, pushed + 0.5 * h * dw, tau + 0.5 * h)
             y, pushed = y + h * dy, pushed + h * dw
-        assert march.march_period(Oscillator(work.law, p, lever), z0, 0.2, state, acc) > 0
+        assert march.march_period(work.oscillator(0), z0, 0.2, state, acc) > 0
         assert acc.deepest > 2e-9
         # 6000 steps and 400 elements: 1e-4 of the amplitude with one mode as with several.
         assert (state[Z], state[V]) == pytest.approx((y[:, 0].sum(), y[:, 1].sum()), abs=2e-4 * 18e-9)

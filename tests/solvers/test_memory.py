@@ -13,7 +13,6 @@ import pytest
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.surface_memory import memory_size
@@ -74,7 +73,7 @@ def test_the_contact_goes_on_from_whatever_was_before(case: dict[str, Any]) -> N
     y[:2] = case["start"]
     assert case["error"] < 1e-6
     for z, v, lost in case["states"]:
-        assert march_period(Oscillator(work.law, work.rows[0], work.lever), case["tip_offset"], 0.12, y, acc) > 0
+        assert march_period(work.oscillator(0), case["tip_offset"], 0.12, y, acc) > 0
         # The root of a turn before, which a contact passes as it grows again, is no end of a step: 1.4e-5 of A here.
         np.testing.assert_allclose(y[:2], (z, v), rtol=0, atol=3e-5 * amplitude)
         assert acc.loss == pytest.approx(lost, rel=1e-4)
@@ -88,7 +87,7 @@ def test_dents_that_nearly_fit_the_tip_do_not_stall_a_march(ratio: float, time: 
     y, acc = np.zeros(memory_size(1)), PeriodResult()
     y[:2] = 20e-9, 22e-9
     for z0 in np.linspace(26e-9, 16e-9, 160):  # lowered far faster than dents recover
-        assert 0 < march_period(Oscillator(work.law, work.rows[0], work.lever), z0, 0.5, y, acc) < 500
+        assert 0 < march_period(work.oscillator(0), z0, 0.5, y, acc) < 500
         assert abs(y[0]) < 60e-9
 
 
@@ -310,7 +309,7 @@ def test_averages_of_a_tap_are_those_of_the_elements_in_equal_steps(time: float)
     solid = pm.Material(modulus=2e9, relaxed_modulus=0.5e9, relaxation_time=time)
     work = work_of_material(solid, scope_of(), 20e-9, marched=True)
     amplitude, c, steps = 20e-9, 0.9, 4000
-    push, drag, _ = harmonics(Oscillator(work.law, parameters(work.rows[0]), work.lever), amplitude, c)
+    push, drag, _ = harmonics(work.oscillator(0), amplitude, c)
     theta, width = np.linspace(-math.acos(c), math.acos(c), steps, retstep=True)
     d, kappa, tau = amplitude * (np.cos(theta) - c), work.rows[0, col.RELAXING], work.rows[0, col.RELAXATION]
     x = np.sqrt(d.max()) * (np.arange(400) + 0.5) / 400
