@@ -129,8 +129,9 @@ class Material(Shown):
         if self.modulus is not None and not math.isclose(self.modulus, first, rel_tol=1e-9):
             raise InputError("modulus", self.modulus, f"left out beside relaxation, whose modulus is {first:g} Pa")
         object.__setattr__(self, "modulus", first)
-        given = [name for name in ("damping", "viscosity", "relaxed_modulus", "relaxation_time", "thickness")
-                 if getattr(self, name)]  # fmt: skip
+        if self.thickness:
+            raise InputError("thickness", self.thickness, "left out beside relaxation, which is of a half-space")
+        given = [name for name in ("damping", "viscosity", "relaxed_modulus", "relaxation_time") if getattr(self, name)]
         if given:
             raise InputError(given[0], getattr(self, given[0]), "left out beside relaxation, which is the loss")
 

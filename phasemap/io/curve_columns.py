@@ -81,8 +81,11 @@ def of_text(path: Path, columns: Sequence[str | None] | None, number: int) -> Pa
 
 def _numbers(line: str) -> list[float]:
     """The numbers of a line; none if one of its words is not a number."""
+    line = line.strip(" ,;")
+    if re.search(r"[\s;]", line) and not re.search(r",(?!\d)|(?<!\d),", line):
+        line = line.replace(",", ".")  # between digits only, and something else between words
     try:
-        return [float(word) for word in re.split(r"[\s;,]+", line.strip(" ,;"))]
+        return [float(word) for word in re.split(r"[\s;,]+", line)]
     except ValueError:
         return []
 

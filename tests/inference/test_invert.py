@@ -206,6 +206,7 @@ def test_numbers_do_not_depend_on_threads_and_survive_a_file(tmp_path):
 def test_wrong_input_is_named():
     stack = measure(blend(0, (1, 2)))
     jkr = pm.Microscope(LEVER, TIP, pm.Drive(40e-9), pm.Interaction(contact="jkr", decay_length=None))
+    lossy = pm.Microscope(LEVER, TIP, pm.Drive(40e-9), pm.Interaction(pm.interaction.LossyDMT(3.0, 3e-7, 1e-9)))
     for arguments, message in (
         ({"images": [one.drop_vars("phase") for one in stack]}, "image 0"),
         ({"images": [xr.Dataset({"phase": one.phase}) for one in stack]}, "setpoints is None"),
@@ -215,6 +216,7 @@ def test_wrong_input_is_named():
         ({"height_zero": "free"}, "height_zero"),
         ({"phase_zero": None}, "phase_zero"),
         ({"scope": jkr}, "without a neck"),
+        ({"scope": lossy}, "losses of its own"),
         ({"scope": [SCOPE]}, "4 of them"),
         ({"prior": pm.Material(1e9)}, "adhesion of the prior"),
         ({"prior_factor": 1.0}, "prior_factor"),

@@ -329,6 +329,9 @@ def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, u
         pm.series(files)
     scope_of(files, None, [name])
     assert scope_of(files, pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE)))[1] == []
+    lossy = pm.Interaction(pm.interaction.LossyDMT(3.0, 3e-7, 1e-9))
+    with pytest.raises(pm.InputError, match="no losses of its own"):
+        scope_of(files, pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE), lossy))
 
 
 @pytest.mark.parametrize(

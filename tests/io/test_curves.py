@@ -43,6 +43,15 @@ def test_columns_with_names_and_units_are_a_curve_of_both_directions(tmp_path: P
 
 
 @pytest.mark.filterwarnings(TOLD)
+@pytest.mark.parametrize("mark", [";", "\t", "; "])
+def test_a_decimal_comma_is_no_mark_between_columns(tmp_path: Path, mark: str) -> None:
+    point = text(tmp_path / "point.txt", "z [nm]\tAmplitude [mV]\tPhase lag [deg]", 1e9 * Z, 1e3 * AMPLITUDE, LAG)
+    comma = tmp_path / "comma.txt"
+    comma.write_text(point.read_text().replace("\t", mark).replace(".", ","))
+    xr.testing.assert_equal(pm.read_curve(comma), pm.read_curve(point))
+
+
+@pytest.mark.filterwarnings(TOLD)
 def test_a_file_of_several_curves_without_names_is_read_by_the_names_given(tmp_path: Path) -> None:
     half = [Z[:121], AMPLITUDE[:121], AMPLITUDE[:121] + 0.01, LAG[:121]]
     table = np.stack([*half, *(2 * one for one in half)], axis=1)

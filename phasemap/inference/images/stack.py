@@ -139,10 +139,10 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
         (one.cantilever, one.tip, one.interaction) != (first.cantilever, first.tip, first.interaction) for one in scopes
     ):
         raise InputError("scope", "several", "microscopes that differ in their drive only")
-    if first.interaction.law.hysteretic:
+    if first.interaction.law.hysteretic or first.interaction.law.in_time:
         raise InputError(
             "contact", first.interaction.law.name,
-            "a law without a neck: 'dmt', 'hertz', 'punch', 'cone', 'film' or a law of your own",
+            "a law without a neck or losses of its own: 'dmt', 'hertz', 'punch', 'cone', 'film' or a law of your own",
             "Fit single curves with phasemap.fit_distance instead.",
         )  # fmt: skip
     return scopes

@@ -154,6 +154,9 @@ def scope_of(
             "the drive frequency", Word(listed), "the same in all files", "A series is of one sample and one lever."
         )
     if scope is not None:
+        if (law := scope.interaction.law).in_time:
+            hint = "Fit single curves with phasemap.fit_distance instead."
+            raise InputError("contact", law.name, "a law that averaging knows: no films, no losses of its own", hint)
         return scope, []
     said, told = _of_lever(known, names, given)
     resonance = said.get("resonance_frequency", frequencies[0] if frequencies else 300e3)
