@@ -86,6 +86,7 @@ STARTS_PROCESSES = ("large_map", "many_images")
 FEWER = {"large_map": ["256"]}  # pixels along a side: the script's own argument
 LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "all_orbits": lambda e: {"SETPOINTS": e.SETPOINTS[::8]},
+    "forces_outside_contact": lambda e: {"SETPOINTS": e.SETPOINTS[::16]},
     "gel_beside_glass": lambda e: {"MODULUS": e.MODULUS[::8]},
     "fit_response": lambda e: {"FREQUENCIES": e.FREQUENCIES[::4]},
     "invert_stack": lambda e: {"CHANGES": ("surface.shape=[24,24]", "surface.spacing=40e-9", *e.CHANGES[2:])},
