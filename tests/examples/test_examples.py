@@ -80,8 +80,11 @@ def in_this_process(path: Path, less: bool) -> None:
     plt.close("all")
 
 
-SLOW = ("paper_fig6_laws", "fit_response", "measured_series", "large_map", "learn_segment", "many_images")
-"""Two more laws to compile, fits of some hundred curves, processes of their own: other tests ask for what these do."""
+SLOW = (
+    "paper_fig6_laws", "fit_response", "measured_series", "large_map", "learn_segment", "many_images",
+    "relaxation_spectrum", "gel_beside_glass", "loss_tangent", "forces_outside_contact",
+)  # fmt: skip
+"""More laws to compile, fits of some hundred curves, processes of their own: other tests ask for what these do."""
 STARTS_PROCESSES = ("large_map", "many_images")
 FEWER = {"large_map": ["256"]}  # pixels along a side: the script's own argument
 LESS: dict[str, Callable[[Any], dict[str, Any]]] = {

@@ -395,6 +395,7 @@ def test_a_material_that_relaxes_can_be_explored() -> None:
     assert all(math.isfinite(found.phase) for found in shown(moved))
 
 
+@pytest.mark.slow
 def test_polymers_of_several_relaxation_times_can_be_explored_and_saved() -> None:
     solid = {"damping": 0, "relaxed_modulus": 0.1e9, "relaxation_time": 1e-6}
     changes = {f"materials.0.{name}": value for name, value in solid.items()}

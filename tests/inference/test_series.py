@@ -109,6 +109,7 @@ def test_the_truth_is_within_the_errors(found):
     assert float(found.free_amplitude_low[0]) < AMPLITUDE < float(found.free_amplitude_high[0])
 
 
+@pytest.mark.slow
 def test_a_shared_zero_is_one_in_each_tune_wherever_it_is_on_the_circle():
     zeros = (179.0, -40.0)
     files = [*measure(phases()), *measure(phases(), seed=1)]
@@ -146,7 +147,7 @@ def test_what_repeats_at_one_setting_differ_by_is_an_error_of_all():
     assert (found.contrast_error[1] > 2.0).all()
 
 
-@pytest.mark.parametrize("wrong", [0.0, 4.0])
+@pytest.mark.parametrize("wrong", [pytest.param(0.0, marks=pytest.mark.slow), 4.0])
 def test_what_no_material_explains_is_found_as_a_discrepancy_and_said_with_its_number(wrong):
     levels, rng = (0.5, 0.6, 0.7, 0.8, 0.9), np.random.default_rng(1)
     files = measure(phases(levels), levels, phase_zero=0.0, free_amplitude=AMPLITUDE)
@@ -405,6 +406,7 @@ def test_files_of_different_levers_and_single_files_are_refused():
     any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "gwyfile", "NSFopen")),
     reason='needs pip install "afm-phasemap[read]" and nsfopen',
 )
+@pytest.mark.slow
 def test_a_real_flake_has_the_same_contrast_in_both_directions():
     spec = find_spec("NSFopen")
     image = pm.read_image(Path(spec.submodule_search_locations[0], "example", "Plotting_Data", "MoS2.nid"))

@@ -213,6 +213,7 @@ def test_the_file_states_a_licence(ensemble: Ensemble, tmp_path: Path) -> None:
         load_ensemble(tmp_path / "ensemble.toml", ["ensemble.licence=3"])
 
 
+@pytest.mark.slow
 def test_two_processes_write_the_same_bytes(ensemble: Ensemble, whole: bytes, tmp_path: Path) -> None:
     assert ensemble.simulate(tmp_path / "two.nc", workers=2).read_bytes() == whole
 
