@@ -16,7 +16,8 @@ import numpy as np
 import xarray as xr
 
 from phasemap._shared.units import counted, say
-from phasemap.experiment.beam import Eigenmode, Modes, all_modes
+from phasemap.experiment.cantilever import Cantilever
+from phasemap.experiment.described import made
 from phasemap.results.status import Status
 
 SOLVED_BY = {
@@ -245,8 +246,7 @@ def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -
     if not microscope["drive"].get("second") or configuration.get("solver") == "march":
         return
     shown = [name for name in ds.data_vars if str(name).startswith(("mode2_", "bimodal_"))]
-    lever = microscope["cantilever"]
-    _, second, *_ = all_modes(lever["quality_factor"], lever["participation"], _modes_of(lever["modes"]))
+    _, second, *_ = made(microscope["cantilever"], Cantilever).eigenmodes
     if shown and second.quality_factor < 2 * second.frequency_ratio:
         yield (
             f"the second mode has a Q of {second.quality_factor:.3g}, so that all sidebands of the two drives swing in "
@@ -260,13 +260,6 @@ def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -
             "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march', "
             "which integrates both drives."
         )
-
-
-def _modes_of(described: Any) -> Modes:
-    """Modes of a lever from how they are described."""
-    if isinstance(described, int):
-        return described
-    return tuple(Eigenmode(**{name: value for name, value in mode.items() if name != "kind"}) for mode in described)
 
 
 def _of(which: np.ndarray, what: str) -> str:

@@ -331,17 +331,12 @@ def _each_held(curves: Curves, question: Question, name: str, scale: Scale, rati
                 rows[k], status[k] = held.row, Status.good.code
                 rows[k, col.PARAMETER] = curves.wanted[k]
                 traces[k] = np.nan if held.trace is None else held.trace
-                if last is not None and (held.jump is not None or _branches_differ(rows[[last, k]])):
+                repulsive = rows[:, col.STIFFENING] > 0
+                if last is not None and (held.jump is not None or repulsive[k] != repulsive[last]):
                     jumps.append(Jump(direction, rows[last], rows[k]))
             last = k if status[k] == Status.good.code else None  # else the tip is engaged anew
         visits.append(Visit(rows, traces, status, jumps))
     return visits
-
-
-def _branches_differ(rows: np.ndarray) -> bool:
-    """Whether some of these orbits are attractive and some repulsive."""
-    repulsive = rows[:, col.STIFFENING] > 0
-    return bool(repulsive.any() and not repulsive.all())
 
 
 def there_and_back(work: Work, rising: np.ndarray) -> list[Visit]:
