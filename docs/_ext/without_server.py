@@ -1,4 +1,7 @@
-"""The explorer as static pages, in the folder ``try`` of the site; where it cannot be built, a page that says so."""
+"""The explorer as static pages, in the folder ``try`` of the site; where it cannot be built, a page that says so.
+
+Where the tools are there and it cannot be built, the build of the site fails.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 TOOLS = Path(__file__).parents[2] / "tools" / "browser" / "build.py"
-NEEDED = ("wasm-ld", "npm")  # a linker of WebAssembly; what fetches Python for browsers
+NEEDED = ("wasm-ld", "npm", "node")  # a linker of WebAssembly; what fetches Python for browsers, and runs it
 WITHOUT = "This copy of the site has no explorer, for {}. Run phasemap explore."
 
 
@@ -21,6 +24,8 @@ def build(app: Any, failed: Exception | None) -> None:
     missing = " and ".join(name for name in NEEDED if shutil.which(name) is None)
     if not missing and subprocess.run([sys.executable, TOOLS, folder]).returncode == 0:
         return
+    if not missing:
+        app.statuscode = 1  # of sphinx-build
     why = f"{missing} was missing" if missing else "it could not be built"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()

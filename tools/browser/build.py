@@ -2,8 +2,9 @@
 
     python tools/browser/build.py FOLDER
 
-needs ``wasm-ld`` (Debian's package lld) for the kernels, and npm for Pyodide, which is Python for browsers. What was
-compiled is kept in the cache of the user as long as no source of it changes.
+needs ``wasm-ld`` (Debian's package lld) for the kernels, npm for Pyodide, which is Python for browsers, and node, in
+which the page answers beforehand what it begins with. What was compiled is kept in the cache of the user as long as no
+source of it changes, and so is Pyodide.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sys
 import tarfile
 import tempfile
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,9 @@ HERE = Path(__file__).parent
 PAGE = bundle.PACKAGE / "explorer" / "page"
 PYODIDE = "pyodide@314.0.7"
 RUNTIME = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "phasemap")
+BEGINS = ("picture", "curves")  # what the page asks of a sample that is chosen
+Question = tuple[str, str, str | None]  # route, message, and the file of an answer that is kept
 
 
 def build(folder: Path) -> None:
@@ -48,7 +53,62 @@ def build(folder: Path) -> None:
     for name in SAMPLES:
         (folder / f"{name}.sample").write_bytes(sample(offered, name)[1])
         pack(folder / f"{name}.zip", files_of(offered[name]))
-    runtime(folder / "pyodide")
+    shutil.copytree(runtime(), folder / "pyodide", dirs_exist_ok=True)
+    kept = list(begun(offered))
+    used = answered(folder, [*kept, *others(offered)])
+    for archive in (folder / "python.zip", folder / "pyodide" / "python_stdlib.zip"):
+        thin(archive, used)
+    (folder / "prepared.json").write_text(json.dumps({f"{route} {message}": file for route, message, file in kept}))
+
+
+def begun(offered: Offered) -> Iterator[Question]:
+    """What is answered beforehand: pictures and curves of every sample, the first one's map of the contrast."""
+    for name in SAMPLES:
+        for route in (*BEGINS, *["contrast"] * (name == offered.first)):
+            yield route, message(offered[name]), f"{name}-{route}.answer"
+
+
+def others(offered: Offered) -> Iterator[Question]:
+    """Every choice of the page, and what is wrong: whatever it imports for its answers is found by asking."""
+    for knob in json.loads((PAGE / "knobs.json").read_text()):
+        for value in [*knob.get("choices", ()), knob.get("usual")]:
+            one = message(
+                offered["step"], {knob["key"].replace("*", "0"): int(value) if str(value).isdigit() else value}
+            )
+            for route in (*BEGINS, "save/scene", "save/python"):
+                yield route, one, None
+    for wrong in ({"scan.setpoint": 3}, {"scan.setpiont": 0.5}, {"tip.radius": "2 nN"}, {"cantilever.modes": "x"}):
+        yield "picture", message(offered["step"], wrong), None
+
+
+def message(subject: Subject, changes: dict[str, Any] | None = None) -> str:
+    """What the page asks, to the letter (`message` in state.js)."""
+    names = list(subject.materials)
+    asked = {"sample": subject.name, "changes": changes or {}, "names": names, "pair": [0, min(1, len(names) - 1)]}
+    return json.dumps(asked | {"exact": False, "lag": False}, separators=(",", ":"), ensure_ascii=False)
+
+
+def answered(folder: Path, questions: list[Question]) -> set[str]:
+    """Have the page's engine answer, in node; returns the modules that it imported, as paths without an ending."""
+    node = ["node", HERE / "prepare.mjs", folder.resolve()]
+    said = subprocess.run(node, input=json.dumps(questions), check=True, stdout=subprocess.PIPE, text=True).stdout
+    files: list[str] = json.loads(said.splitlines()[-1])
+    return {file.removeprefix("/page/").partition(".zip/")[2] or file.removeprefix("/page/") for file in files}
+
+
+def thin(archive: Path, used: set[str]) -> None:
+    """Leave modules of Python that are not used out of an archive."""
+    with zipfile.ZipFile(archive) as whole:
+        content = {name: whole.read(name) for name in whole.namelist()}
+    python = (".py", ".pyc")
+    pack(
+        archive,
+        {
+            name: one
+            for name, one in content.items()
+            if not name.endswith(python) or Path(name).with_suffix(".py").as_posix() in used
+        },
+    )
 
 
 def compiled() -> Path:
@@ -59,10 +119,9 @@ def compiled() -> Path:
         HERE / "kernels.py",
     ]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(code))).hexdigest()[:16]
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "phasemap")
-    folder = cache / f"webassembly-{digest}"
+    folder = CACHE / f"webassembly-{digest}"
     if not (folder / "kernels.json").exists():  # which is written last
-        for old in cache.glob("webassembly-*"):
+        for old in CACHE.glob("webassembly-*"):
             shutil.rmtree(old)
         subprocess.run([sys.executable, HERE / "kernels.py", folder], check=True)
     return folder
@@ -101,11 +160,12 @@ def described(subject: Subject) -> dict[str, Any]:
     }
 
 
-def runtime(folder: Path) -> None:
-    """Fetch Pyodide, which is Python for browsers, from npm."""
+def runtime() -> Path:
+    """The folder of Pyodide, which is Python for browsers; it is fetched from npm if it is not there."""
+    folder = CACHE / PYODIDE
     if all((folder / name).exists() for name in RUNTIME):
-        return
-    folder.mkdir(exist_ok=True)
+        return folder
+    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as there:
         made = subprocess.run(
             ["npm", "pack", "--silent", PYODIDE], cwd=there, check=True, capture_output=True, text=True
@@ -115,6 +175,7 @@ def runtime(folder: Path) -> None:
                 content = package.extractfile(f"package/{name}")
                 assert content is not None
                 (folder / name).write_bytes(content.read())
+    return folder
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ FOLDER: where build.py wrote the pages. Exits with 1 where a phase differs by mo
 from __future__ import annotations
 
 import base64
+import gzip
 import json
 import math
 import struct
@@ -26,6 +27,7 @@ LIMIT = 1e-10  # degrees
 WAY = 1e-9  # degrees, of points on the way along a curve, which are where a step ends; beside a fold phases are steep
 SINGLE = 1e-5  # degrees and nm, of maps in single precision
 DIGIT = 0.0101  # a last digit of what is rounded
+ALLOWED = {"curves": DIGIT, "contrast": DIGIT, "picture": SINGLE, "save/scene": 0.0}
 HERE = Path(__file__).parent
 
 
@@ -45,8 +47,20 @@ def main(folder: Path) -> None:
     for (route, name, message), wanted, found in zip(cases.MESSAGES, here["pages"], there["pages"], strict=True):
         far = apart(list(numbers(opened(route, wanted))), list(numbers(opened(route, found))))
         print(f"{route} of {name} {message}: within {far:.1e}")
-        failed |= not far <= {"curves": DIGIT, "picture": SINGLE}.get(route, 0.0)
+        failed |= not far <= ALLOWED[route]
+    for asked, file in json.loads((folder / "prepared.json").read_text()).items():
+        route, message = asked.split(" ", 1)
+        given = json.loads(message)
+        wanted = cases.answered(route, Offered()[given.pop("sample")], given)
+        far = apart(*(list(numbers(opened(route, one))) for one in (wanted, prepared(folder / file))))
+        print(f"{file}, made with the page: within {far:.1e}")
+        failed |= not far <= ALLOWED[route]
     sys.exit(int(failed))
+
+
+def prepared(file: Path) -> str:
+    """An answer that was made with the page."""
+    return base64.b64encode(gzip.decompress(file.read_bytes())).decode()
 
 
 def apart(one: list[float], other: list[float]) -> float:
@@ -63,7 +77,7 @@ def apart(one: list[float], other: list[float]) -> float:
 def opened(route: str, answer: str) -> Any:
     """An answer as the page reads it."""
     content = base64.b64decode(answer)
-    if route == "curves":
+    if route in ("curves", "contrast"):
         return json.loads(content)
     (length,) = struct.unpack_from("<I", content)
     rest = content[4 + length :]

@@ -35,7 +35,7 @@ class Asker {
     this.again = true;
     if (this.busy) { this.overtake(); return; }
     this.busy = true;
-    const waits = [setTimeout(() => { say("solving …"); hideProblem(); }, SLOW), setInterval(sayWhatTakesLong, PATIENT)];
+    const waits = [setTimeout(() => { say("solving …"); hideProblem(); sayWhatTakesLong(); }, SLOW), setInterval(sayWhatTakesLong, PATIENT)];
     while (this.again) {
       this.again = false;
       this.question = new AbortController();
@@ -51,6 +51,7 @@ class Asker {
     }
     waits.forEach(clearTimeout); // which ends intervals too
     this.busy = false;
+    if (!picture.busy) delete $("pictures").dataset.doing;
   }
 
   /** Takes the question back as soon as it is slow. */
@@ -65,6 +66,7 @@ async function sayWhatTakesLong() {
   if (doing === null || !(picture.busy || curves.busy)) return;
   say(doing);
   drawWaiting(doing);
+  if (picture.busy && now.picture) $("pictures").dataset.doing = doing; // the one in sight is not yet what the sliders say
 }
 
 function hideProblem() {

@@ -9,6 +9,8 @@ const REFUSED = {
   open: "Files are opened by phasemap explore: this page has no server that could read them.",
 };
 
+const prepared = fetch("prepared.json").then((answer) => answer.json()); // files of answers that were made with the page
+
 export class Refused extends Error {
   constructor(sentence, code) { super(sentence); this.code = code; }
 }
@@ -22,7 +24,15 @@ class Engine {
 
   begin() {
     this.worker = new Worker("worker.js", { type: "module" });
-    this.worker.onmessage = ({ data: { id, bytes, error } }) => this.end(id, error === undefined ? new Response(bytes) : new Refused(error));
+    this.there = false;
+    this.ready = new Promise((ready, failed) => {
+      this.worker.onmessage = ({ data: { id, bytes, error } }) => {
+        const found = error === undefined ? new Response(bytes) : new Refused(error);
+        if (id !== undefined) this.end(id, found);
+        else if (error === undefined) ready(this.there = true);
+        else failed(found);
+      };
+    });
     for (const { asked } of this.waiting.values()) this.worker.postMessage(asked);
   }
 
@@ -41,7 +51,9 @@ class Engine {
     this.begin();
   }
 
-  ask(route, message, signal) {
+  async ask(route, message, signal) {
+    await this.ready; // which does not count
+    signal?.throwIfAborted();
     const asked = { id: crypto.getRandomValues(new Uint32Array(1))[0], route, message }, { id } = asked, began = performance.now();
     const timer = setTimeout(() => this.stop(id, new Refused(LONG, TOO_LONG)), LIMIT);
     signal?.addEventListener("abort", () => {
@@ -52,20 +64,47 @@ class Engine {
   }
 }
 
-const moving = new Engine(); // what a slider waits for is not held up by what takes long
-let patient; // begun when it is first needed
+let moving, patient; // what a slider waits for is not held up by what takes long
+
+/** Loads both, one after the other. */
+async function load() {
+  moving ??= new Engine();
+  await moving.ready;
+  patient ??= new Engine();
+}
+
+/** Loads them while the first answers are looked at; in another page's frame once this one is touched. */
+function loadSoon() {
+  if (self === top) load();
+  else for (const touched of ["pointerdown", "keydown"]) addEventListener(touched, load, { once: true });
+}
+
+async function sample(name) {
+  const found = await fetch(`${encodeURIComponent(name)}.sample`);
+  if (!found.ok) throw new Refused(`This page has no sample ${name}. phasemap explore opens files and links to them.`);
+  return found;
+}
+
+/** The answer that was made with the page, if there is one. */
+async function made(route, body, signal) {
+  const { quick, ...asked } = JSON.parse(body), file = (await prepared)[`${route} ${JSON.stringify(asked)}`];
+  if (file && quick) throw new Refused("The full answer is there as soon.");
+  return file && new Response((await fetch(file, { signal })).body.pipeThrough(new DecompressionStream("gzip")));
+}
 
 /** The answer to a message. */
 export async function ask(route, body, signal) {
   if (route === "start") return fetch("start.json");
-  if (route === "sample") return fetch(`${JSON.parse(body).sample}.sample`);
-  if (route === "doing") return new Response(JSON.stringify({ doing: moving.begun ? "solving …" : "Python and its kernels are loading, only this once …" }));
+  if (route === "sample") return sample(JSON.parse(body).sample);
+  if (route === "doing") return new Response(JSON.stringify({ doing: moving?.there ? "solving …" : "The solver is loading, only this once …" }));
   const refused = REFUSED[route.split("/")[0]] ?? REFUSED[route];
   if (refused) throw new Refused(refused);
-  if (route !== "picture") return (patient ??= new Engine()).ask(route, body, signal);
-  const answer = await moving.ask(route, body, signal);
-  moving.begun = true;
-  return answer;
+  const answer = await made(route, body, signal);
+  if (route === "curves") loadSoon();
+  if (answer) return answer;
+  load();
+  const one = route === "picture" || (route === "curves" && !patient?.there) ? moving : patient ??= new Engine();
+  return one.ask(route, body, signal);
 }
 
 /** Nothing can go away. */

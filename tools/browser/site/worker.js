@@ -7,6 +7,7 @@ const FILES = ["kernels.wasm", "kernels.json", "python.zip", "tables.bin"];
 const bytes = async (name) => [name, new Uint8Array(await (await fetch(name)).arrayBuffer())];
 const samples = {}; // those that are there, or on their way
 const engine = Promise.all(FILES.map(bytes)).then((files) => begin(loadPyodide, Object.fromEntries(files)));
+engine.then(() => postMessage({}), () => postMessage({ error: "The solver could not be loaded. Reload the page to try again." }));
 
 onmessage = async ({ data: { id, route, message } }) => {
   try {
