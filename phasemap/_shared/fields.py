@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
@@ -89,6 +90,13 @@ class Number(Generic[T]):
             meant = likely(value, self.unit, self.usual)
             hint = f"Did you mean {meant}?" if meant else ""
             raise InputError(error.name, error.value, error.allowed, hint) from None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least, or what values are above, and the most that is allowed."""
+        bounds = self._bounds
+        most = math.nextafter(bounds["below"], -math.inf) if "below" in bounds else bounds.get("maximum", math.inf)
+        return bounds.get("above", bounds.get("minimum", -math.inf)), most
 
     def look_at(self, value: float) -> None:
         """Warn of a value outside all practice."""

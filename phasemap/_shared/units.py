@@ -10,8 +10,8 @@ PREFIXES = {
     1e12: "T", 1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p", 1e-15: "f",
     1e-18: "a", 1e-21: "z",
 }  # fmt: skip
-WRITTEN = {"N m-1": "N/m", "J m-2": "J/m²", "C m-2": "C/m²", "degree": "degrees", "1": ""}
-UDUNITS = {"N/m": "N m-1", "J/m2": "J m-2", "C/m2": "C m-2"}  # of what they write otherwise
+WRITTEN = {"N m-1": "N/m", "J m-2": "J/m²", "C m-2": "C/m²", "N s m-1": "N s/m", "degree": "degrees", "1": ""}
+UDUNITS = {"N/m": "N m-1", "J/m2": "J m-2", "C/m2": "C m-2", "N s/m": "N s m-1"}  # of what they write otherwise
 ELECTRONVOLT = 1.602176634e-19  # [J], in which people count what a cycle takes
 BARE = ("degree", "1", "eV", "N m-1", "J m-2")  # never with a prefix
 

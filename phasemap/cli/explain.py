@@ -38,7 +38,7 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     about = "set a part of the microscope, such as tip.radius=7nm"
     parser.add_argument("overrides", metavar="key=value", nargs="*", help=about)
     add_columns(parser)
-    about = "contact laws to compare, with commas, or all; default: dmt"
+    about = "contact laws to compare, with commas, such as 'jkr,lossy dmt', or all; default: dmt"
     parser.add_argument("--law", metavar="LIST", default="dmt", help=about)
     about = "preset of the material that the sample should be, to start from"
     parser.add_argument("--sample", metavar="PRESET", help=about)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Shown, known_as
@@ -134,6 +134,22 @@ class Material(Shown):
         given = [name for name in ("damping", "viscosity", "relaxed_modulus", "relaxation_time") if getattr(self, name)]
         if given:
             raise InputError(given[0], getattr(self, given[0]), "left out beside relaxation, which is the loss")
+
+
+def with_modulus(material: Material, modulus: float) -> Material:
+    """A material with another modulus [Pa]; what it relaxes to, or its spectrum, is multiplied by the same factor."""
+    if not relaxes(material):
+        return replace(material, modulus=modulus)
+    factor = modulus / material.modulus
+    if material.relaxed_modulus is not None:
+        return replace(material, modulus=modulus, relaxed_modulus=factor * material.relaxed_modulus)
+    spectrum = cast("Prony", material.relaxation).scaled(factor)
+    return replace(material, modulus=spectrum.instantaneous, relaxation=spectrum)
+
+
+def relaxes(material: Material) -> bool:
+    """Whether a material has relaxation times, which are its loss."""
+    return material.relaxation is not None or material.relaxation_time is not None
 
 
 def check_relaxation(modulus: float, relaxed: float | None, time: float | None, loss: float | None) -> None:

@@ -7,7 +7,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -195,6 +195,10 @@ class Prony(Shown):
         check_choice("preset of a spectrum", name, list(tables))
         one = tables[name]
         return cls.from_shear(one["shear_moduli"], one["times"], one["equilibrium"], dwell or one["dwell"])
+
+    def scaled(self, factor: float) -> Prony:
+        """The spectrum with all moduli multiplied by a factor."""
+        return replace(self, moduli=tuple(factor * one for one in self.moduli), equilibrium=factor * self.equilibrium)
 
     @property
     def instantaneous(self) -> float:

@@ -166,7 +166,7 @@ def sweep_parameter(
     name : str
         "modulus", "adhesion", "damping", "viscosity", "poisson_ratio", "thickness", "relaxed_modulus",
         "relaxation_time", "liquid_film", "contact_angle", "stiffness", "quality_factor", "radius", "free_amplitude",
-        "frequency", "decay_length" or "bias".
+        "frequency", "decay_length" or "bias". With the modulus of a material that relaxes goes what it relaxes to.
     values : array_like
         In the parameter's SI unit, rising or falling.
     setpoint : float

@@ -14,8 +14,9 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import problem
-from phasemap.inference.curves.data import Setup, check_data, check_parameters
+from phasemap.inference.curves.data import Setup, check_data, check_parameters, under
 from phasemap.solvers.continuation.visit import Visit
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
@@ -23,6 +24,8 @@ FILM = pm.Material(0.89e9, 0.37, 0.014)
 HEIGHT = 140e-9
 FREQUENCIES = np.linspace(146.5e3, 150e3, 51)
 OFFSETS = np.linspace(158e-9, 100e-9, 41)
+LOSSY = replace(SCOPE, interaction=pm.Interaction(pm.interaction.LossyDMT()))
+RUBBER = pm.Material(adhesion=0.05, relaxation=pm.Prony([1e9, 5e8], [1e-6, 1e-5], 1e9))
 NOISE = {"amplitude_error": 0.5e-9, "phase_error": 0.5}
 
 
@@ -286,6 +289,12 @@ def test_other_starts_lie_within_what_is_searched(few_looks: None) -> None:
         ({"tip_offsets": OFFSETS[[0, 2, 1, 3]]}, "tip_offsets is"),
         ({"offset": np.inf}, "offset is inf"),
         ({"starts": 0}, "starts is 0"),
+        (
+            {"scope": LOSSY, "parameters": ("outer_loss",)},
+            "outer_loss to start from is 0.0; allowed: a number above 0 N s",
+        ),
+        ({"scope": LOSSY, "parameters": ("adhesion_ratio",)}, "adhesion_ratio to start .*; allowed: a number above 1"),
+        ({"start": RUBBER, "parameters": ("damping",)}, "allowed: modulus, adhesion or relaxation_time, because"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_in_a_sentence(changes: dict[str, Any], message: str) -> None:
@@ -382,6 +391,55 @@ def test_derivatives_from_orbits_beside_are_those_of_whole_curves(axis: str, mon
     assert solved == 1 and model.evaluations == 5  # the phase's zero moves no orbit
     # Orbits are exact to 1e-13 m, over a step of 2e-4 and an error of 5e-10 m.
     np.testing.assert_allclose(beside, along, atol=1e-5 * np.abs(along).max())
+
+
+def test_a_law_that_loses_energy_is_named_and_its_own_numbers_are_fitted_above_their_least() -> None:
+    scope, _, more = under("lossy dmt", SCOPE, FILM)
+    setup = Setup(FILM, scope, 0.0)
+    ratio, loss = check_parameters(list(more)[:2], setup, "tip_offset")
+    assert (ratio.name, loss.name, loss.units) == ("adhesion_ratio", "outer_loss", "N s m-1")
+    assert [round(ratio.value(q), 3) for q in (-3, 0, 1, 9)] == [1.001, 2.0, 11.0, 1000.0]
+    changed = setup.with_parameter("outer_loss", 3e-7).with_parameter("adhesion_ratio", 11.0)
+    assert changed.scope.interaction.contact == pm.interaction.LossyDMT(11.0, 3e-7)
+    assert changed.value("outer_loss") == 3e-7
+
+
+def test_the_modulus_of_a_material_that_relaxes_takes_its_relaxation_along() -> None:
+    spectrum = Setup(RUBBER, SCOPE, 0.0).with_parameter("modulus", 5e9).material
+    assert spectrum.relaxation == pm.Prony([2e9, 1e9], [1e-6, 1e-5], 2e9)
+    solid = pm.Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-6)
+    assert Setup(solid, SCOPE, 0.0).with_parameter("modulus", 0.5e9).material == replace(
+        solid, modulus=0.5e9, relaxed_modulus=0.25e9
+    )
+    assert [one.name for one in check_parameters(None, Setup(RUBBER, SCOPE, 0.0), "tip_offset")] == [
+        "modulus",
+        "adhesion",
+    ]
+    with pytest.raises(pm.InputError, match=r"a frequency response is given; .* fit_distance fits these too"):
+        pm.fit_frequency(FREQUENCIES, **response(FILM, "up", 1), start=RUBBER)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lossy", [True, False], ids=["a lossy law", "a spectrum"])
+def test_what_is_marched_in_time_comes_back_from_a_curve(lossy: bool) -> None:
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    far, wanted = np.linspace(21e-9, 13e-9, 5), {"modulus": 2.5e9, "adhesion": 0.05}
+    true, start, begun = RUBBER, replace(with_modulus(RUBBER, 3.2e9), adhesion=0.04), scope
+    if lossy:
+        true = start = pm.Material(2e9, 0.05)
+        wanted = {"adhesion_ratio": 1.5, "outer_loss": 2e-7}
+        begun, scope = (
+            replace(scope, interaction=pm.Interaction(pm.interaction.LossyDMT(*one, 1.5e-9)))
+            for one in ((2.0, 1e-7), wanted.values())
+        )
+    seen = pm.sweep_distance(true, scope, far).sel(direction="approach")
+    fit = pm.fit_distance(
+        far, scope=begun, start=start, starts=1, parameters=tuple(wanted),
+        phase=seen.phase, phase_error=0.1, amplitude=seen.amplitude, amplitude_error=20e-12,
+    )  # fmt: skip
+    assert fit.good and fit.chi2 < 1e-3
+    for name, value in wanted.items():
+        assert abs(fit.values[name] - value) < fit.errors[name] < 0.05 * value
 
 
 def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.MonkeyPatch) -> None:

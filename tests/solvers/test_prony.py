@@ -101,6 +101,16 @@ def test_a_sweep_carries_the_memory_of_every_arm() -> None:
     assert float(swept.phase[0, -1]) == pytest.approx(float(here.phase), abs=1e-3)
 
 
+def test_a_modulus_that_is_swept_takes_the_spectrum_along() -> None:
+    rubber, half = (
+        pm.Material(relaxation=pm.Prony([c * 1e9, c * 0.5e9], [20e-9, 200e-9], c * 0.5e9), adhesion=0.03)
+        for c in (1.0, 0.5)
+    )
+    swept = pm.sweep_parameter(rubber, SCOPE, "modulus", [1e9, 2e9], setpoint=0.6)
+    single = [float(pm.solve_pixel(one, SCOPE, setpoint=0.6).phase) for one in (half, rubber)]
+    np.testing.assert_allclose(swept.phase, [single, single], atol=1e-3)
+
+
 def test_a_scan_in_time_records_the_phase_of_every_arm() -> None:
     """On ground of one material the feedback comes to rest: to 0.02 degree, of steps of 0.7 and of a settling loop."""
     surface = pm.Surface(RUBBER.instantaneous, relaxation=RUBBER, pixel_size=1e-9, shape=(1, 3))

@@ -103,6 +103,8 @@ class Interaction(Shown):
         known = isinstance(self.contact, ContactLaw) or (isinstance(self.contact, str) and self.contact in LAWS)
         if not known:
             hint = "Derive its class from phasemap.ContactLaw." if hasattr(self.contact, "force") else ""
+            if isinstance(self.contact, str) and (kind := WITH_PARAMETERS.get(self.contact.lower())):
+                hint = f"Give pm.interaction.{kind.__name__}(...), in a scene {{ law = {kind.name!r}, ... }}."
             if isinstance(self.contact, type) and issubclass(self.contact, ContactLaw):
                 hint = f"Give an object, {self.contact.__name__}()."
             raise InputError("contact", self.contact, "one of " + ", ".join(LAWS) + ", or in Python a ContactLaw", hint)

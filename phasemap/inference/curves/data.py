@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from phasemap._shared.arrays import real_numbers, within_half_a_turn
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
+from phasemap._shared.fields import Number, number_of
 from phasemap._shared.notices import unquestioned
-from phasemap.experiment.interaction import Capillary, Interaction, Neck
+from phasemap._shared.units import UDUNITS
+from phasemap.experiment.interaction import Capillary, ContactLaw, Interaction, LossyDMT, Neck
 from phasemap.experiment.interaction.contact import LAWS
-from phasemap.experiment.material import Material
+from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.verdict import PRIOR, REACH
 from phasemap.solvers.continuation.path import UNITS, Question
@@ -27,12 +29,12 @@ if TYPE_CHECKING:
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}
 OFFSETS = {"frequency": "tip_offset", "tip_offset": "offset"}  # what the height is called, by the axis
-OF_SAMPLE = ("modulus", "adhesion", "damping", "viscosity", "thickness", "liquid_film")
+OF_SAMPLE = ("modulus", "adhesion", "damping", "viscosity", "thickness", "liquid_film", "relaxation_time")
 OF_SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "free_amplitude", "decay_length")
 READING = ("amplitude_scale", "sensitivity", "phase_offset")
 ALL_UNITS = UNITS | {
     "resonance_frequency": "Hz", "tip_offset": "m", "offset": "m", "amplitude_scale": "1", "phase_offset": "degree",
-    "sensitivity": "1", "neck_length": "m",
+    "sensitivity": "1",
 }  # fmt: skip
 FACTOR, KNOWN = 10.0, 1.44  # within which a property of the sample, and of the microscope, is known beforehand
 WIDTHS = 3.3  # the same of the resonance frequency, in its half widths
@@ -47,8 +49,14 @@ NORMAL = 1.4826  # standard deviation over the median absolute deviation
 ZERO = 0.3  # error of the phase of the free lever [degree]
 CALIBRATED, GUESSED = 1.05, 1.15  # factors within which the sensitivity of the amplitude is known
 NECK, FILM, LIQUID = 1e-9, 5e-9, 0.4e-9  # length and thicknesses to start from [m]
-BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0)}
+LOSS = 1e-7  # loss outside contact to start from [N s/m]
+BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0), "lossy dmt": LossyDMT(2.0, LOSS)}
 """Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
+FITTED = (
+    "neck_length",
+    "adhesion_ratio",
+    "outer_loss",
+)  # of these, what is fitted unasked where it is not at its least
 EVERY = (*LAWS, "neck")
 
 
@@ -142,8 +150,9 @@ class Setup:
             return replace(self.with_parameter("free_amplitude", free), amplitude_scale=1 / value)
         scope = self.scope
         with unquestioned():
-            if name == "neck_length":
-                return replace(self, scope=replace(scope, interaction=replace(scope.interaction, contact=Neck(value))))
+            if name in (own := numbers_of_law(acts := scope.interaction)):
+                law = replace(cast(Any, contact_of(acts)), **{own[name]: value})
+                return replace(self, scope=replace(scope, interaction=replace(acts, contact=law)))
             if name == "resonance_frequency":
                 lever = replace(scope.cantilever, resonance_frequency=value)
                 return replace(self, scope=replace(scope, cantilever=lever))
@@ -155,30 +164,49 @@ class Setup:
         special = {"sensitivity": 1 / self.amplitude_scale, **dict.fromkeys(OFFSETS.values(), self.height)}
         if name in special:
             return special[name]
-        if name == "neck_length":
-            return getattr(self.scope.interaction.contact, "length", None)
-        parts = (self, self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, self.scope.interaction)
+        acts = self.scope.interaction
+        parts = (self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, acts, self, contact_of(acts))
+        name = numbers_of_law(acts).get(name, name)
         found: float | None = next(getattr(part, name) for part in parts if hasattr(part, name))
         return found
 
 
+def contact_of(acts: Interaction) -> ContactLaw:
+    """The contact law as it was given."""
+    return LAWS[acts.contact] if isinstance(acts.contact, str) else acts.contact
+
+
+def numbers_of_law(acts: Interaction) -> dict[str, str]:
+    """Names of the numbers that the contact law has of its own, and of its fields."""
+    law = type(contact_of(acts))
+    names = [name for name, field in vars(law).items() if isinstance(field, Number)]
+    return {f"neck_{name}" if law is Neck else name: name for name in names}
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted parameter, by standard deviations q of what is known of it: start exp(q size), or start + q size."""
+    """One fitted parameter, by standard deviations q of what is known of it.
+
+    It is least + (start - least) exp(q size), or start + q size.
+    """
 
     name: str
     start: float  # value at q = 0, in `units`
     units: str
     logarithmic: bool
     size: float  # standard deviation of the value beforehand, or of its logarithm
+    ends: tuple[float, float] = (0.0, np.inf)  # the least and the most of a logarithmic one
 
     def value(self, q: float) -> float:
         """The value at q."""
-        return float(self.start * np.exp(q * self.size) if self.logarithmic else self.start + q * self.size)
+        if not self.logarithmic:
+            return float(self.start + q * self.size)
+        least, most = self.ends
+        return float(min(least + (self.start - least) * np.exp(q * self.size), most))
 
     def error(self, q: float, of_q: float) -> float:
         """The error of the value at q, from that of q."""
-        return float(of_q * self.size * (self.value(q) if self.logarithmic else 1.0))
+        return float(of_q * self.size * (self.value(q) - self.ends[0] if self.logarithmic else 1.0))
 
 
 def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter, ...]:
@@ -186,40 +214,51 @@ def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter,
 
     `names`: a sequence, or a mapping to how well each is known: a factor above 1, a standard error, or None.
     """
-    loss, other = ("damping", "viscosity") if setup.material.viscosity is None else ("viscosity", "damping")
+    losses = losses_of(setup.material)
     if names is None:
-        names = ("modulus", "adhesion", loss)
-    known = (*OF_SAMPLE, "neck_length", *OF_SCOPE, OFFSETS[axis], *READING)
+        names = ("modulus", "adhesion", *losses)
+    known = (*OF_SAMPLE, *numbers_of_law(setup.scope.interaction), *OF_SCOPE, OFFSETS[axis], *READING)
     if not isinstance(names, Sequence | Mapping) or isinstance(names, str) or not names:
         raise InputError("parameters", names, "a sequence of names out of " + ", ".join(known))
     found = []
     for i, name in enumerate(names):
         if name not in known:
             raise InputError("parameters", name, "names out of " + ", ".join(known))
-        if name == other:
-            raise InputError("parameters", name, f"{loss}, because that is what the start material has")
+        if name in ("damping", "viscosity") and name not in losses:
+            has = losses[0] if losses else "modulus, adhesion or relaxation_time"
+            raise InputError("parameters", name, f"{has}, because that is what the start material has")
         if name in list(names)[:i]:
             raise InputError("parameters", name, "every name once")
         found.append(_parameter(name, setup, names[name] if isinstance(names, Mapping) else None))
     return tuple(found)
 
 
+def losses_of(material: Material) -> tuple[str, ...]:
+    """What number of a material is its loss: none of one that relaxes."""
+    return () if relaxes(material) else ("damping",) if material.viscosity is None else ("viscosity",)
+
+
 def _parameter(name: str, setup: Setup, spread: float | None) -> Parameter:
     """A parameter that is known within `spread`, by default as well as such a one mostly is."""
-    start, units = setup.value(name), ALL_UNITS[name]
+    start, ends = setup.value(name), (0.0, np.inf)
+    if field := numbers_of_law(setup.scope.interaction).get(name):
+        of_law = number_of(type(contact_of(setup.scope.interaction)), field)
+        units, ends = UDUNITS.get(of_law.unit, of_law.unit), of_law.ends
+    else:
+        units = ALL_UNITS[name]
     if name in (*OFFSETS.values(), "phase_offset"):
         usual = TURN if name == "phase_offset" else setup.scope.drive.free_amplitude / REACH
         size = usual if spread is None else number(f"error of {name}", spread, units, above=0)
         return Parameter(name, float(start or 0.0), units, False, size)
-    if start is None or start <= 0:
-        raise InputError(f"{name} to start from", start, f"a number above 0 {units}".removesuffix(" 1"))
+    if start is None or not ends[0] < start < ends[1]:
+        raise InputError(f"{name} to start from", start, f"a number above {ends[0]:g} {units}".removesuffix(" 1"))
     if spread is not None:
         size = np.log(number(f"factor of {name}", spread, "1", above=1, maximum=FACTOR**2))
     elif name == "resonance_frequency":
         size = WIDTHS * setup.scope.cantilever.damping_ratio
     else:
-        size = np.log(FACTOR if name in (*OF_SAMPLE, "neck_length") else KNOWN)
-    return Parameter(name, start, units, True, float(size))
+        size = np.log(KNOWN if name in OF_SCOPE else FACTOR)
+    return Parameter(name, start, units, True, float(size), ends)
 
 
 class Recorded(NamedTuple):
@@ -261,8 +300,8 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
         raise InputError("the curve", f"{len(middles)} distances at which something acts", "5 at least, each way")
     drive = scope.drive
     scope = replace(scope, drive=replace(drive, free_amplitude=free * drive.free_amplitude / scope.driven_amplitude))
-    loss = "damping" if start.viscosity is None else "viscosity"
-    parameters: dict[str, float | None] = dict.fromkeys(("modulus", "adhesion", loss, "offset", "radius"))
+    named = ("modulus", "adhesion", *losses_of(start), "offset", "radius")
+    parameters: dict[str, float | None] = dict.fromkeys(named)
     parameters["sensitivity"] = GUESSED if volts else CALIBRATED
     if "phase" in values:
         parameters["phase_offset"] = ZERO
@@ -296,7 +335,7 @@ def _repeats(means: np.ndarray, name: str) -> float:
 def begun(start: Material) -> Material:
     """A material to start from: what it lacks of adhesion and damping is that of the prior."""
     adhesion = start.adhesion or PRIOR.adhesion
-    if start.damping or start.viscosity:
+    if start.damping or start.viscosity or relaxes(start):
         return replace(start, adhesion=adhesion)
     return replace(start, adhesion=adhesion, damping=PRIOR.damping, viscosity=None)
 
@@ -304,18 +343,20 @@ def begun(start: Material) -> Material:
 def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, Material, dict[str, float | None]]:
     """Microscope and start under a law, and the parameters that it adds.
 
-    `law`: a name of `EVERY`, or an `Interaction`.
+    `law`: a name of `EVERY` or `BEGUN`, or an `Interaction`.
     """
-    if isinstance(law, str) and law.lower() not in EVERY:
-        raise InputError("law", law, "one of " + ", ".join(EVERY))
+    names = dict.fromkeys((*EVERY, *BEGUN))
+    if isinstance(law, str) and law.lower() not in names:
+        raise InputError("law", law, "one of " + ", ".join(names))
     own = law if isinstance(law, Interaction) else Interaction(BEGUN.get(str(law).lower(), str(law)))
     more: dict[str, float | None] = {}
     if own.law.takes_film:
         start, more["thickness"] = replace(start, thickness=start.thickness or FILM), None
     if own.law.wets:
         start, more["liquid_film"] = replace(start, liquid_film=start.liquid_film or LIQUID), None
-    if isinstance(own.contact, Neck):
-        more["neck_length"] = None
+    for name, field in numbers_of_law(own).items():
+        if name in FITTED and getattr(own.contact, field) > number_of(type(own.contact), field).ends[0]:
+            more[name] = None
     if isinstance(law, str) and own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
         own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
     if own.decay_length is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -119,9 +119,11 @@ def fit_distance(
     scope : Microscope
         Its free amplitude is not used for a curve that was read.
     start : Material
+        Of one that relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
     laws : sequence of str or Interaction, optional
-        Contact laws to compare, or "all"; by default that of `scope`. "neck" is a `Neck` whose length is fitted, and
-        films have their thickness fitted; "capillary" that of tip and sample together, in time, which takes minutes.
+        Contact laws to compare, or "all"; by default that of `scope`. Of "neck", "lossy dmt" and films the law's own
+        numbers are fitted, of "capillary" the film of tip and sample together. "lossy dmt" and "capillary" are marched
+        in time, which takes minutes.
     offset : float
         That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
     amplitude, amplitude_error, phase, phase_error : array_like
@@ -130,8 +132,9 @@ def fit_distance(
         "approach", "retract", or ("approach", "retract") for data of shape (2, n).
     parameters : sequence of str or mapping, optional
         As in `fit_frequency`, with "offset" in place of "tip_offset", and "sensitivity" (of the amplitude, over the
-        supposed one; the free amplitude follows it), "thickness" of a film, "liquid_film", "neck_length". Of a curve
-        that was read, a mapping changes how well these are known.
+        supposed one; the free amplitude follows it), "thickness" of a film, "liquid_film", "relaxation_time", and the
+        numbers of the contact law by their names ("adhesion_ratio", "outer_loss"; that of a `Neck` is "neck_length"),
+        known within a factor of 10. Of a curve that was read, a mapping changes how well these are known.
     starts : int
         As in `fit_frequency`.
 
@@ -189,7 +192,11 @@ def _fit(
     from phasemap.inference.curves.data import Setup, check_data, check_parameters
     from phasemap.inference.curves.problem import Problem, search
     from phasemap.inference.curves.result import make_fit
+    from phasemap.solvers.continuation.path import Question
 
+    if axis == "frequency" and Question(start, scope).only_in_time:
+        allowed = "one of a material and a law that are not marched in time"
+        raise InputError("a frequency response", Word("given"), allowed, "fit_distance fits these too.")
     data, setup = check_data(axis, values, direction, given), Setup(start, scope, height)
     chosen = check_parameters(parameters, setup, axis)
     if data.size <= len(chosen):

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHOWN = {"Pa": ("GPa", 1e-9), "m": ("nm", 1e9), "J m-2": ("J/m²", 1.0), "N m-1": ("N/m", 1.0), "Hz": ("kHz", 1e-3),
-         "degree": ("°", 1.0), "Pa s": ("Pa s", 1.0), "1": ("", 1.0)}  # fmt: skip
+         "degree": ("°", 1.0), "Pa s": ("Pa s", 1.0), "1": ("", 1.0), "s": ("µs", 1e6), "N s m-1": ("nN s/m", 1e9),
+         "m3": ("nm³", 1e27)}  # fmt: skip
 STRONG = 0.9  # correlations above it are worth a line
 WORSE = 9.0  # in chi2, by which the orbit visited must fit a datum worse than another one to be the wrong one
 APART = 10.0  # factor between moduli of which nobody would say that they are of one material

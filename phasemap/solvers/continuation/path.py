@@ -12,7 +12,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.fields import number_of
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.units import UDUNITS
-from phasemap.experiment.material import Material
+from phasemap.experiment.material import Material, relaxes, with_modulus
 from phasemap.experiment.material_rows import MORE_NUMBERS
 from phasemap.experiment.microscope import PARTS as CLASSES
 from phasemap.experiment.microscope import Microscope
@@ -45,6 +45,9 @@ class Question:
 
     def with_parameter(self, name: str, value: float) -> Question:
         """The material and microscope with one parameter changed."""
+        if name == "modulus":
+            with unquestioned():
+                return Question(with_modulus(self.material, value), self.scope)
         if name in MATERIAL:
             other = {"damping": "viscosity", "viscosity": "damping"}.get(name)
             changes: dict[str, Any] = {name: value}
@@ -69,8 +72,7 @@ class Question:
         viscous = bool(self.material.viscosity or self.material.damping)
         interaction = self.scope.interaction
         ting = interaction.withdrawal == "ting" and viscous
-        relaxes = self.material.relaxation_time is not None or self.material.relaxation is not None
-        return relaxes or ting or interaction.law.in_time
+        return relaxes(self.material) or ting or interaction.law.in_time
 
 
 def fixed_path(question: Question) -> Path:
