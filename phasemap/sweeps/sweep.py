@@ -307,7 +307,8 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     -------
     xarray.Dataset
         Dims ("direction", "depth"), approach and retract: force [N], positive repulsive. The two differ where a law of
-        contact draws out a neck, and where one of liquid forms. Damping, which needs a velocity, is not in it.
+        contact draws out a neck, where one of liquid forms, and where a law or a table has another force on the way
+        out of contact. Damping and losses that need a velocity are not in it.
 
     Examples
     --------
@@ -317,15 +318,21 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     >>> (1e9 * curve.force.sel(direction="approach")).round(2).values.tolist()
     [-0.79, -3.14, 11.27]
     """
-    from phasemap._kernels.law import contact_force, longrange_force  # which the page without a server has not
+    # What the page without a server has not.
+    from phasemap._kernels.law import contact_force, longrange_force, withdrawn_force
 
     axis = check_axis("depths", depths, "m", usual=USUAL)
-    work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.wets)
-    row = work.rows[0]
+    work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.in_time)
+    row, law = work.rows[0], work.law
     forces = [
-        [(contact_force if depth >= ends else longrange_force)(work.law, depth, row) for depth in axis.tolist()]
+        [(contact_force if depth >= ends else longrange_force)(law, depth, row) for depth in axis.tolist()]
         for ends in (row[FORMING], row[RELEASE])
     ]
+    if law.lossy:
+        forces[1] = [
+            force - (withdrawn_force(law, depth, row) if depth >= 0.0 else 0.0)
+            for depth, force in zip(axis.tolist(), forces[1], strict=True)
+        ]
     about = {"long_name": "force of the surface on the tip, positive repulsive", "units": "N"}
     return xr.Dataset(
         {"force": (("direction", "depth"), np.array(forces), about)},

@@ -89,6 +89,16 @@ def test_a_scene_has_the_law() -> None:
     assert pm.load_scene(scene, [given]).microscope.interaction.contact == LossyDMT(2.0, 1e-7)
 
 
+def test_the_loop_of_a_force_curve_is_the_energy_that_a_tap_loses_by_adhesion() -> None:
+    depths = np.linspace(-1e-9, 2e-9, 61)
+    there, back = pm.force_curve(MATERIAL, under(LossyDMT(2.0, 1e-7)), depths).force.values
+    assert (there == pm.force_curve(MATERIAL, SCOPE, depths).force.values[0]).all()
+    assert (back[depths < 0] == there[depths < 0]).all()
+    inside = depths >= 0.0
+    lost = np.trapezoid((there - back)[inside], depths[inside])
+    assert lost == pytest.approx(2 * np.pi * 10e-9 * (0.04 - 0.02) * 2e-9)  # theory, Eq. (losses-2)
+
+
 def test_what_does_not_know_the_losses_refuses_them_in_a_sentence() -> None:
     with pytest.raises(pm.InputError, match="contact is 'lossy dmt'; allowed: a dry law without losses"):
         pm.orbits(MATERIAL, under(LossyDMT(2.0)), setpoint=0.7)

@@ -114,6 +114,10 @@ def test_a_table_whose_force_is_smaller_on_the_way_out_has_the_orbits_of_adhesio
     assert found.status is pm.Status.good and found.solver == "march"
     assert found.phase == pytest.approx(wanted.phase, abs=1e-4)
     assert found.dissipation == pytest.approx(wanted.dissipation, rel=1e-5)
+    depths = np.array(table.depths[302:350])  # a force curve goes through its points, both ways
+    there, back = pm.force_curve(POLYMER, scope_of(Interaction(out)), depths).force.values
+    assert there == pytest.approx(table.forces[302:350], rel=1e-9, abs=1e-15)
+    assert there - back == pytest.approx(less)
 
 
 def test_a_loop_that_gives_energy_is_refused() -> None:
