@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ADHESION_LOSS, DRAG, GRADIENT, SIDEBANDS, WIDE
 from phasemap._shared.arrays import Array, is_uniform
-from phasemap._shared.threads import bounds_of, spread
+from phasemap._shared.threads import Progress, bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of, of_tip
-from phasemap.experiment.material_rows import film_of
+from phasemap.experiment.material_rows import film_of, liquid_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, values_of
 from phasemap.imaging.interpolation.atlas import Atlas, build
@@ -32,6 +33,7 @@ Numbers = Callable[[slice], NDArray[np.int32]]
 FEW = 1 << 13  # distinct materials up to which an atlas does not pay
 MOST = 1 << 19  # distinct materials that are kept at a time
 FINER = 0.1  # accuracy of what an atlas is made of, over that of the image
+MANY, KINDS = 500, 30  # materials that are marched for which an atlas pays, and values that are no continuum
 REST = 1 << 16  # pixels without an interpolant that are solved together
 
 
@@ -50,7 +52,7 @@ class Interpolants:
         """
         functions = functions_of(job.needs)
         wanted = np.array([functions.index(column) for column in _columns_of(names)], np.int64)
-        piece, values = self.atlas(self.axes.points(*job.properties(materials)), wanted)
+        piece, values = self.atlas(self.axes.points(*job.properties(materials), liquid_of(materials)), wanted)
         rows = np.empty((WIDE if set(names) & set(OF_ORBITS) else col.COLUMNS, len(materials)))
         rows[: col.COLUMNS] = np.nan
         rows[np.array(functions)[wanted]] = values
@@ -90,10 +92,47 @@ def interpolates(job: Job) -> bool:
 def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
     """Solve what materials an image has if they are few, or make an atlas of them."""
     if survey.materials is not None:
-        return Plan(survey.materials, job.solve(survey.materials, job.progress))
+        return Plan(survey.materials, solved(job, survey.materials, job.progress))
     if not interpolates(job):
         return Plan()
-    return Plan(interpolants=make_atlas(job, survey))
+    return Plan(interpolants=make_atlas(job, survey.sample, survey.count))
+
+
+def solved(job: Job, materials: Array, progress: Progress | None = None) -> Values:
+    """Variables of distinct materials; of many that are marched in time most are interpolated, kind by kind.
+
+    A kind has everything in common but what has more than `KINDS` values: stiffness, damping, and one of adhesion, film
+    of liquid and its contact angle.
+    """
+    law = job.scope.interaction.law
+    if len(materials) < MANY or job.solver.name != "auto" or not law.in_time or job.remembers:
+        return job.solve(materials, progress)
+    stiffness, adhesion, damping = job.properties(materials)
+    wet = liquid_of(materials)
+    none = np.full(len(materials), np.inf)
+    columns = [stiffness, damping, adhesion, *((none, none) if wet is None else wet.T)]
+    counts = [len(np.unique(one)) for one in columns]
+    third = int(np.argmax(counts[2:]))
+    keys = [one for i, one in enumerate(columns) if not (i in (0, 1, 2 + third) and counts[i] > KINDS)]
+    rows = np.full((len(materials), col.COLUMNS), np.nan)
+    dry = columns[3] == 0.0  # no neck is the limit of small ones
+    _, kind = np.unique(np.column_stack([dry, *keys]), axis=0, return_inverse=True)
+    for number in np.flatnonzero(np.bincount(kind.reshape(-1)) >= MANY):
+        of = np.flatnonzero(kind.reshape(-1) == number)
+        same = tuple(float(one[of[0]]) for one in columns[2:])
+        mine = make_atlas(job, materials[of], len(of), {"third": third, "same": same})
+        if mine.atlas.pieces:
+            rows[of] = mine.rows(job, materials[of], job.needs)
+    held = ~np.isnan(rows[:, col.AMPLITUDE])
+    done, used = int(np.count_nonzero(held)), np.full(len(rows), col.INTERPOLATED, np.int8)
+    values = values_of(job.names, rows, np.where(held, col.GOOD, PENDING).astype(np.int8), used, job.scope)
+    if done < len(held):
+        beyond = None if progress is None else lambda more, _: progress(done + more, len(held))
+        for name, part in job.solve(materials[~held], beyond).items():
+            values[name][..., ~held] = part
+    elif progress is not None:
+        progress(done, done)
+    return values
 
 
 def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
@@ -149,7 +188,7 @@ def _fill_segments(job: Job, canvas: Canvas) -> None:
     while first < job.pixels:
         known = Distinct(min(MOST, job.pixels))
         taken = collect(job, known, first)
-        values = job.solve(known.materials)
+        values = solved(job, known.materials)
         _put(job, canvas, values, numbers_in(job, known), first, taken)
         job.report(taken)
         first = taken
@@ -176,16 +215,22 @@ def _fill_from_atlas(job: Job, canvas: Canvas, interpolants: Interpolants) -> No
         spread(fill, bounds_of(job.pixels, BLOCK), job.workers, report)
 
 
-def make_atlas(job: Job, survey: Survey) -> Interpolants:
-    """An atlas for the materials of an image."""
-    stiffness, adhesion, damping = job.properties(survey.sample)
-    valid = np.isfinite(stiffness + adhesion + damping)
-    axes = Axes.around(stiffness[valid], damping[valid]) if valid.any() else Axes(False, 0.0)
-    sample = axes.points(stiffness[valid], adhesion[valid], damping[valid]).T
+def make_atlas(job: Job, materials: Array, count: int, liquid: dict[str, Any] | None = None) -> Interpolants:
+    """An atlas for an image of `count` materials, of which these are some.
+
+    `liquid`: fields of `Axes` for films of liquid.
+    """
+    properties = job.properties(materials)
+    valid = np.isfinite(sum(properties))
+    stiffness, adhesion, damping = (one[valid] for one in properties)
+    axes = Axes.around(stiffness, damping) if valid.any() else Axes(False, 0.0)
+    wet = liquid_of(materials)
+    axes = replace(axes, **liquid or {})
+    sample = axes.points(stiffness, adhesion, damping, None if wet is None else wet[valid]).T
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
-    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs, film_of(survey.sample[:1]))
+    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs, film_of(materials[:1]))
     shuffled = np.ascontiguousarray(sample[np.random.default_rng(1).permutation(len(sample))])
-    return Interpolants(axes, build(exact, shuffled, survey.count, tolerances_of(job, exact, shuffled)))
+    return Interpolants(axes, build(exact, shuffled, count, tolerances_of(job, exact, shuffled)))
 
 
 def _columns_of(names: tuple[str, ...]) -> list[int]:

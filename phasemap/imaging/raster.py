@@ -71,7 +71,7 @@ def _plan(job: Job, survey: Survey, _before: Table | Interpolants | None) -> Tab
     """The branches of all materials if these are few, or an atlas of more, or neither."""
     if survey.materials is not None:
         return _table(job, survey.materials, job.progress)
-    return make_atlas(job, survey) if _interpolates(job) else None
+    return make_atlas(job, survey.sample, survey.count) if _interpolates(job) else None
 
 
 def _table(job: Job, materials: Array, progress: Progress | None) -> Table:

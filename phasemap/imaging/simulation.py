@@ -124,10 +124,11 @@ def simulate(
     -----
     A material that occurs in many pixels is solved once. A term that no pixel has is not evaluated.
 
-    Where an image has more than some thousand different materials, "auto" solves a few thousand that span them and
-    interpolates (`phasemap.imaging.interpolation`): never across a jump of the orbit, with an error estimated at
-    materials of the image itself, and the rest is solved one by one. `solver` says "interpolated" there. Of `Raster`
-    that is what engagement finds; the other branch is solved for each material to which the tip comes on it.
+    Where an image has more than some thousand different materials (some hundred under films of liquid), "auto" solves a
+    part that spans them and interpolates (`phasemap.imaging.interpolation`): never across a jump of the orbit, with an
+    error estimated at materials of the image itself, and the rest is solved one by one. `solver` says "interpolated"
+    there. Of `Raster` that is what engagement finds; the other branch is solved for each material to which the tip
+    comes on it.
 
     Of a surface whose maps are Dask arrays the image has Dask arrays too, of the same numbers: to compute them, or to
     write them with ``to_zarr`` or ``to_netcdf``, simulates block by block, on a cluster if there is one. What is only

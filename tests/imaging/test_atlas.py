@@ -167,6 +167,43 @@ def test_a_map_of_the_poisson_ratio_needs_no_coordinate_of_its_own() -> None:
     assert (image.solver.values == col.INTERPOLATED).mean() > 0.99
 
 
+WET = replace(
+    AIR, cantilever=pm.Cantilever(40.0, 300e3, 100.0), drive=pm.Drive(30e-9), interaction=pm.Interaction("capillary")
+)
+
+
+def test_films_of_liquid_are_interpolated_material_by_material() -> None:
+    film = np.concatenate([between(0.2e-9, 1.5e-9, 3, (30, 36), False), np.zeros((1, 36))])  # and dry places
+    soft = np.arange(36) % 2 == 0
+    surface = pm.Surface(
+        np.where(soft, 1e9, 3e9)[np.newaxis].repeat(31, axis=0), adhesion=0.05, damping=0.01, liquid_film=film,
+        contact_angle=np.where(soft, 60.0, 0.0)[np.newaxis].repeat(31, axis=0), pixel_size=1e-9,
+    )  # fmt: skip
+    image = pm.simulate(surface, WET, setpoint=0.7)
+    interpolated = image.solver.values == SOLVER_NAMES.index("interpolated")
+    assert interpolated[:-1].all() and not interpolated[-1].any()
+    for y, x in ((0, 0), (7, 3), (14, 20), (22, 35), (29, 12), (30, 4)):
+        one = pm.Material(
+            surface.modulus[y, x], 0.05, 0.01, liquid_film=film[y, x], contact_angle=60.0 if soft[x] else 0.0
+        )
+        wanted, found = pm.solve_pixel(one, WET, setpoint=0.7), image.isel(y=y, x=x)
+        assert abs(found.phase - wanted.phase) < found.error_phase + 1e-6 < 2e-3
+        assert abs(found.height - wanted.height) < found.error_height + 1e-15
+
+
+@pytest.mark.slow
+def test_no_film_is_on_a_wrong_branch_where_orbits_jump(monkeypatch: pytest.MonkeyPatch) -> None:
+    scope = replace(WET, drive=pm.Drive(12e-9))
+    film = between(0.1e-9, 2.5e-9, 1, (40, 40), False)
+    surface = pm.Surface(3e9, adhesion=0.05, damping=0.01, liquid_film=film, pixel_size=1e-9)
+    image = pm.simulate(surface, scope, setpoint=0.7)
+    monkeypatch.setattr(engaged, "MANY", film.size + 1)
+    single = pm.simulate(surface, scope, setpoint=0.7)
+    assert np.ptp(single.phase.values) > 80.0 and (image.branch == single.branch).all()
+    assert (image.solver == SOLVER_NAMES.index("interpolated")).mean() > 0.9
+    assert (abs(image.phase - single.phase) <= image.error_phase).all()
+
+
 def test_the_numbers_do_not_depend_on_threads_nor_on_what_is_asked_for() -> None:
     surface = CROSSING.surface(seed=3)
     one, many = pm.simulate(surface, AIR, 0.7, threads=1), pm.simulate(surface, AIR, 0.7, threads=3)

@@ -183,9 +183,12 @@ class _Builder:
 
     def column(self, box: Box, materials: Array, depth: int) -> int:
         """Everything above a box of (x0, x1): its layers, or the two halves of it."""
+        low, high = box[4], box[5]
+        whole = Cell((*box[:4], 0.0, 1.0 if high > low else 0.0), low, high)
+        if self.exact.marched:  # borders are folds of static forces: here cells are cut where orbits jump
+            return self.cell(whole, materials, depth)
         if self._budget(materials) < LOOK or depth > DEEPEST:
             return self._node(LEAF, NO_PIECE)
-        low, high = box[4], box[5]
         try:
             few = self._few_above(box, materials)
             borders = find_borders(self.exact.bare, (box[0], box[1], box[2], box[3]), low, high, few)
@@ -195,7 +198,7 @@ class _Builder:
             return self._cut_column(box, materials, depth) if undecided.worth else self._node(LEAF, NO_PIECE)
         if borders:
             return self._layers(box, materials, depth, borders)
-        return self.cell(Cell((*box[:4], 0.0, 1.0 if high > low else 0.0), low, high), materials, depth)
+        return self.cell(whole, materials, depth)
 
     def _cut_column(self, box: Box, materials: Array, depth: int) -> int:
         """Two halves of a box of (x0, x1), cut across its longer side."""

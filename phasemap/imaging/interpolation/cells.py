@@ -263,7 +263,8 @@ class _Trial:
         estimates = SAFETY * errors.max(axis=0)
         if (estimates > self.tolerances).any():
             return None
-        return Piece(self.cell, coefs, (estimates + FLOOR * self.tolerances)[[HEIGHT, PHASE]])
+        least = FLOOR * self.tolerances[[HEIGHT, PHASE]]
+        return Piece(self.cell, coefs, estimates[[HEIGHT, PHASE]] + np.maximum(least, self.exact.errors))
 
 
 def best_of(exact: ExactOrbits, cells: list[Cell], tolerances: Array) -> Cell:

@@ -17,10 +17,11 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import of_tip, seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import OF_ORBITS
+from phasemap.solvers.in_time import ERROR_HEIGHT, ERROR_PHASE
 from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
-from phasemap.solvers.solver import Orbit
+from phasemap.solvers.solver import Auto, Orbit
 
 SHARE = 0.05  # of the largest damping, below which the damping axis is about linear
 
@@ -31,7 +32,7 @@ class Axes:
 
     x0 = ln K, or K^(1/4) where some K is 0: the depth of the contact goes with a power of K. x1 = ln(alpha1 + a): the
     phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it. See theory,
-    Eq. (interpolation-1).
+    Eq. (interpolation-1). Under films of liquid x2 may be their thickness or contact angle.
 
     Examples
     --------
@@ -43,31 +44,42 @@ class Axes:
 
     logarithmic: bool  # whether x0 is ln K
     offset: float  # a [1]; 0 where nothing is damped, and then x1 = alpha1
+    third: int = 0  # which of the following x2 is
+    same: tuple[float, ...] = (0.0, np.inf, np.inf)  # adhesion [J/m2], film of liquid [m] and its angle [degree]
 
     @classmethod
     def around(cls, stiffness: Array, damping: Array) -> Axes:
         """Axes for these materials."""
         return cls(bool(stiffness.min() > 0), SHARE * float(damping.max()))
 
-    def points(self, stiffness: Array, adhesion: Array, damping: Array) -> Array:
+    def points(self, stiffness: Array, adhesion: Array, damping: Array, liquid: Array | None = None) -> Array:
         """Coordinates, shape (3, n)."""
         points = np.empty((3, len(adhesion)))
         with np.errstate(divide="ignore", invalid="ignore"):
             points[0] = np.log(stiffness) if self.logarithmic else np.sqrt(np.sqrt(stiffness))
             points[1] = np.log(damping + self.offset) if self.offset else damping
-        points[2] = adhesion
+        points[2] = adhesion if liquid is None or not self.third else liquid[:, self.third - 1]
         return points
 
     def materials(self, points: Array) -> tuple[Array, Array, Array]:
         """Stiffness [Pa], adhesion [J/m2], damping [1] of coordinates, shape (3, n)."""
         stiffness = np.exp(points[0]) if self.logarithmic else points[0] ** 4
         damping = np.maximum(np.exp(points[1]) - self.offset, 0.0) if self.offset else points[1]
-        return stiffness, points[2], damping
+        return stiffness, self._each(points)[0], damping
+
+    def liquid(self, points: Array) -> Array | None:
+        """Thickness [m] and contact angle [degree] of films of liquid at coordinates, shape (n, 2), or None."""
+        found = np.column_stack(self._each(points)[1:])
+        return found if np.isfinite(found).any() else None
+
+    def _each(self, points: Array) -> list[Array]:
+        return [points[2] if i == self.third else np.full(points.shape[1], one) for i, one in enumerate(self.same)]
 
     @property
     def lowest(self) -> Array:
-        """Where each coordinate ends for want of smaller materials."""
-        return np.array([-np.inf if self.logarithmic else 0.0, np.log(self.offset) if self.offset else 0.0, 0.0])
+        """Where each coordinate ends for want of smaller materials; a film that is there does not end at 0."""
+        least = np.inf if self.third else 0.0
+        return np.array([-np.inf if self.logarithmic else 0.0, np.log(self.offset) if self.offset else 0.0, least])
 
 
 FUNCTIONS = (col.TIP_OFFSET, col.PHASE, col.MEAN, col.INDENTATION, col.DISSIPATION, col.VIRIAL)
@@ -99,12 +111,13 @@ class ExactOrbits:
             self if self.functions == FUNCTIONS else ExactOrbits(scope, amplitude, axes, workers, accuracy, film=film)
         )
         self._workers, self._accuracy = workers, accuracy or Accuracy()
+        self.marched = scope.interaction.law.in_time
+        self.errors = np.array([ERROR_HEIGHT, ERROR_PHASE]) if self.marched else np.zeros(2)  # of orbits [m, rad]
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
         self.asked += len(points)
-        return work_of(
-            *self.axes.materials(points.T), self.scope, amplitude or self.amplitude, self._films(len(points))
-        )
+        given = *self.axes.materials(points.T), self.scope, amplitude or self.amplitude, self._films(len(points))
+        return work_of(*given, liquid=self.axes.liquid(points.T), marched=self.marched)
 
     def _films(self, count: int) -> Array | None:
         return None if self.film is None else np.broadcast_to(self.film, (count, 2))
@@ -116,7 +129,8 @@ class ExactOrbits:
         `in_time`: whether time is asked where no curve of orbits tells, which is a thousand times slower.
         """
         work = self._work(points, amplitude)
-        rows, status, used = run(Orbit(in_time=in_time), work, self._accuracy, threads=self._workers)
+        solver = Auto() if self.marched else Orbit(in_time=in_time)
+        rows, status, used = run(solver, work, self._accuracy, threads=self._workers)
         return self._functions(work, points, rows, status, used)
 
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
@@ -127,7 +141,8 @@ class ExactOrbits:
         `amplitude`: in place of that at the setpoint [m].
         `group`: so many points, one after another, are close to each other.
         """
-        if self.scope.drive.excitation == "base":  # the amplitude of the tip that is held is not known before its phase
+        # On a driven base the amplitude of the tip that is held is not known before its phase.
+        if self.scope.drive.excitation == "base" or self.marched:
             return self(points, amplitude)
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
