@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
+from phasemap._shared.units import say
+from phasemap.experiment.cantilever import Cantilever
 from phasemap.experiment.described import describe
 from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, supplied
 from phasemap.experiment.material import Material
@@ -80,6 +82,7 @@ def picture(setting: Setting) -> Picture:
         "materials": [None if one is None else _plain(one, setting) for one in found.values()],
         "why": lines_of(first, second, LAG if setting.lag else PHASE) if first and second else [],
         "free_amplitude": setting.scope.driven_amplitude,
+        "lever": lever_in_water(setting.scope.cantilever) if setting.in_water else "",
         "step": step,
         "shape": list(labels.shape),
         "pixel": [step * side for side in setting.subject.pixel_size],
@@ -88,6 +91,15 @@ def picture(setting: Setting) -> Picture:
     if relief is not None:
         height = height + relief[::step, ::step]
     return _picture(setting, ds.isel(material=sorted(there)), about, height, ds["phase"].values[labels], "materials")
+
+
+def lever_in_water(lever: Cantilever) -> str:
+    """What became of a lever that the sliders describe in air."""
+    modes = (
+        f"{say(one.frequency_ratio * lever.resonance_frequency, 'Hz', 3)} (Q {one.quality_factor:.2g})"
+        for one in lever.eigenmodes
+    )
+    return f"In water the lever resonates at {' and '.join(modes)}; the sliders say what it is in air."
 
 
 def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import gathered, strict_units
+from phasemap.experiment.cantilever import Cantilever
 from phasemap.experiment.control import Control, Engage
 from phasemap.experiment.described import describe
 from phasemap.experiment.interaction import WITH_PARAMETERS, ContactLaw
@@ -33,6 +34,7 @@ from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.problem import check_setpoint
 
 LOSSES = "materials.*.loss"  # a choice of the page alone: the keys that it shows say the same
+GIVEN, WATER = "given", "water"  # what the lever is in: as its numbers say, or in water where they are those in air
 FIRST_ALONE = {"free_amplitude": None, "detection": "fm"}  # of a second mode that is not driven
 
 
@@ -82,6 +84,8 @@ def values_of(subject: Subject) -> dict[str, Any]:
             found[one["key"]] = getattr(subject.scope.drive.second, name, FIRST_ALONE[name])
         elif part == "realism":
             found[one["key"]] = getattr(subject.realism, name)
+        elif name == "environment":
+            found[one["key"]] = GIVEN
         else:
             found[one["key"]] = control.get(name) if part == "control" else getattr(getattr(subject.scope, part), name)
     contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)
@@ -161,6 +165,11 @@ class Setting:
             subject, scope, setpoint, control, realism, _alike(one_loss), pair, **switches, warnings=said,
             changes=changes,
         )  # fmt: skip
+
+    @property
+    def in_water(self) -> bool:
+        """Whether the page puts the lever in water."""
+        return (self.changes or {}).get("cantilever", {}).get("environment") == WATER
 
     @property
     def only_in_time(self) -> bool:
@@ -261,11 +270,18 @@ def _by_table(given: object, materials: int) -> Changes:
 
 
 def _changed(base: Any, name: str, values: dict[str, Any]) -> Any:
-    """A part of the microscope with other values."""
+    """A part of the microscope with other values; a lever in its environment."""
     if not values:
         return base
+    values = dict(values)
+    environment = values.pop("environment", GIVEN) if isinstance(base, Cantilever) else GIVEN
     check_keys(name, values, [field.name for field in fields(base)])
-    return replace(base, **values)
+    changed = replace(base, **values)
+    if environment == GIVEN:
+        return changed
+    if environment != WATER:
+        raise InputError("environment", environment, f"{GIVEN} or {WATER}")
+    return changed.in_liquid(modes=len(changed.eigenmodes))
 
 
 def _second(drive: Drive, values: dict[str, Any]) -> Mode | None:

@@ -321,6 +321,18 @@ def test_every_slider_and_choice_of_the_page_sets_a_key_of_a_scene() -> None:
     )
 
 
+def test_a_lever_can_be_put_in_water_and_the_page_says_what_becomes_of_it(tmp_path: Path) -> None:
+    size = {"cantilever.length": 125e-6, "cantilever.width": 30e-6, "cantilever.modes": 2}
+    moved = step({"cantilever.environment": "water", "drive.free_amplitude": 5e-9, **size})
+    dry = step(size).scope.cantilever
+    assert moved.scope.cantilever == dry.in_liquid() and len(dry.in_liquid().eigenmodes) == 2
+    assert answers.picture(moved).about["lever"].startswith("In water the lever resonates at 163 kHz (Q 8.7) and ")
+    (tmp_path / "saved.toml").write_bytes(SAVED["scene"](moved).content)
+    assert load_scene(tmp_path / "saved.toml").microscope.cantilever == moved.scope.cantilever
+    with pytest.raises(pm.InputError, match="environment is 'oil'; allowed: given or water"):
+        step({"cantilever.environment": "oil"})
+
+
 def test_a_law_and_a_control_can_be_chosen_and_are_in_the_scene_that_is_saved(tmp_path: Path) -> None:
     moved = step(
         {

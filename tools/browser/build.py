@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import bundle
+import cases
 import numpy as np
 
 from phasemap._kernels.quadrature import TABLES
@@ -69,7 +70,9 @@ def begun(offered: Offered) -> Iterator[Question]:
 
 
 def others(offered: Offered) -> Iterator[Question]:
-    """Every choice of the page, and what is wrong: whatever it imports for its answers is found by asking."""
+    """Every choice of the page, what is compared, and what is wrong: what answers import is found by asking."""
+    for route, name, more in cases.MESSAGES:
+        yield route, message(offered[name], more.get("changes")), None
     for knob in json.loads((PAGE / "knobs.json").read_text()):
         for value in [*knob.get("choices", ()), knob.get("usual")]:
             one = message(

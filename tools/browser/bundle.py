@@ -25,7 +25,7 @@ HERE = Path(__file__).parent / "python"
 FOLDERS = ("_shared", "experiment", "explorer", "imaging", "io", "plot", "results", "scenes", "solvers", "sweeps")
 KERNELS = "phasemap._kernels"
 VERBATIM = ("columns", "forces")
-OWN = ("law",)  # modules of kernels that are written anew in the folder python
+OWN = ("law", "orbits.time.march")  # modules of kernels that are written anew in the folder python
 IMPORTS = f"""from __future__ import annotations
 import math
 from typing import Any, NamedTuple

@@ -22,6 +22,8 @@ COUNT = 5000  # materials
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 LOW, HIGH = (0.1e9, 0.02, 0.001, 0.3), (10e9, 0.1, 0.02, 0.3)  # modulus, adhesion, damping, Poisson's ratio
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
+RELAXES = ("damping", 0.0), ("relaxed_modulus", 0.1e9), ("relaxation_time", 1e-6)
+WATER = ("environment", "water"), ("length", 125e-6), ("width", 30e-6), ("modes", 2)
 MESSAGES = (
     ("picture", "step", {}), ("picture", "bistable", {"exact": True}), ("picture", "copolymer", {}),
     ("picture", "step", {"changes": {"interaction.contact": "maugis"}}),
@@ -29,6 +31,9 @@ MESSAGES = (
     ("picture", "step", {"changes": {"drive.excitation": "base", "cantilever.modes": 2}}),
     ("picture", "step", {"changes": {"drive.second.free_amplitude": 2e-10, "cantilever.modes": 2}}),
     ("picture", "step", {"changes": {"interaction.bias": 2.0, "cantilever.quality_factor": 5.0}}),
+    ("picture", "step", {"changes": {"interaction.withdrawal": "ting"}}),
+    ("picture", "step", {"changes": {f"materials.{i}.{key}": value for i in (0, 1) for key, value in RELAXES}}),
+    ("picture", "step", {"changes": {f"cantilever.{key}": value for key, value in WATER}}),
     ("curves", "bistable", {}), ("save/scene", "blend", {"changes": {"tip.radius": 2e-8}}),
 )  # fmt: skip
 

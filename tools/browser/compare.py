@@ -33,7 +33,9 @@ HERE = Path(__file__).parent
 
 def main(folder: Path) -> None:
     """Compare, and say how far both are apart."""
-    said = subprocess.run(["node", HERE / "answer.mjs", folder.resolve()], check=True, capture_output=True, text=True)
+    said = subprocess.run(
+        ["node", HERE / "answer.mjs", folder.resolve()], check=True, stdout=subprocess.PIPE, text=True
+    )
     here, there = json.loads(cases.said(Offered().__getitem__)), json.loads(said.stdout.splitlines()[-1])
     failed = False
     status, offset, phase = (apart(*pair) for pair in zip(here["solved"], there["solved"], strict=True))

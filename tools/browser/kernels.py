@@ -32,6 +32,7 @@ from phasemap._kernels import law
 from phasemap._kernels.compilation import entries as compilation
 from phasemap._kernels.compilation import linked_code
 from phasemap._kernels.compilation.disk_cache import DiskCache
+from phasemap._kernels.orbits.time import march
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.interaction.longrange import Biased
 from phasemap.solvers.both_branches import stable_branches
@@ -75,17 +76,18 @@ def take_modules() -> list[str]:
     DiskCache.save_overload = lambda self, sig, data: None  # type: ignore[method-assign]
     solve_one_of_each_kind()
     formulas()
-    return taken + [code._library.get_llvm_str() for code in law._COMPILED.values()]
+    return taken + [code._library.get_llvm_str() for code in (*law._COMPILED.values(), *march._KEPT)]
 
 
 def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
     from phasemap._kernels.columns import WIDE, SolvedRows
     from phasemap._kernels.continuation.piece import exact_orbits_at
-    from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
+    from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.engagement.seen import SLOPES
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
+    from phasemap._kernels.orbits.averaged.orbits import far_start
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
@@ -115,6 +117,10 @@ def solve_one_of_each_kind() -> None:
         (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),
         (exact.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
+        (marched.remembering_rows, pixels, 1.0, 1, answers.rows, answers.status),
+        (marched.relaxing_rows, pixels, numbers, answers),
+        (far_start, oscillator, 1.0),
+        (free_state, work.law, numbers, 1.0),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),
         (land_on, oscillator, 1.0, numbers, np.zeros((1, 2)), 1.0, 1),
@@ -127,7 +133,7 @@ def solve_one_of_each_kind() -> None:
 
 
 def formulas() -> dict[str, str]:
-    """Names in the code of the formulas of contact laws that kernels do not know, by their names in Python."""
+    """Names in the code of formulas of contact laws and of the march that remembers, by their names in Python."""
     found, given = {}, []
     for one in LAWS.values():
         given += [one.force, one.slope, one.attraction.force, one.attraction.slope, one.damping, one.damping_slope]
@@ -136,6 +142,8 @@ def formulas() -> dict[str, str]:
             address = law.address_of(formula)
             code = next(code for code in law._COMPILED.values() if code.address == address)
             found[f"{formula.__module__}.{formula.__qualname__}"] = code._wrapper_name
+    march.address_of_relaxing()
+    found[f"{march.__name__}.{march.address_of_relaxing.__name__}"] = march._KEPT[0]._wrapper_name
     return found
 
 

@@ -4,6 +4,8 @@
 export const TOO_LONG = 503; // code of a refusal for want of time
 const ALIVE = 1000; // ms between two questions whether the server is there
 
+export const refused = {}; // all that the form offers can be had
+
 export class Refused extends Error {
   constructor(sentence, code) { super(sentence); this.code = code; }
 }

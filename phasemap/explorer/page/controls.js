@@ -2,6 +2,7 @@
 
 import { changes, reset, state } from "./state.js";
 import { materialColour } from "./draw.js";
+import { refused } from "./engine.js";
 
 const STEPS = 1000;
 const PEAKS = 5; // half widths of the resonance that the slider of the frequency reaches
@@ -84,6 +85,7 @@ function control(knob, i, presets) {
 function set(key, value) {
   if (key.endsWith(".loss")) translateLoss(key, value);
   if (key === "control.kind" && value === "feedback") beginFeedback();
+  if (key === "cantilever.environment" && value === "water") beginWater();
   state.values[key] = value;
   refresh();
   notify();
@@ -93,6 +95,15 @@ function set(key, value) {
 function beginFeedback() {
   const usual = { "control.line_rate": 2, "control.bandwidth": 1000, "realism.temperature": 295, "realism.detector_noise": 100e-15 };
   for (const [key, value] of Object.entries(usual)) state.values[key] ??= value;
+}
+
+/** In water the size of a lever counts, and so do two modes; it is driven at the resonance that it has there. */
+function beginWater() {
+  const { values } = state;
+  values["cantilever.length"] ??= 125e-6;
+  values["cantilever.width"] ??= 30e-6;
+  values["cantilever.modes"] = Math.max(values["cantilever.modes"], 2);
+  values["drive.frequency"] = null;
 }
 
 /** The loss of a material in another form, of the same size where that is known: alpha1 = eta R omega_c / (2 k). */
@@ -128,7 +139,11 @@ function row(label, id, ...children) {
 }
 
 function choice(knob, key) {
-  const select = make("select", { id: key }, ...Object.entries(knob.choices).map(([value, text]) => new Option(text, value)));
+  const option = ([value, text]) => {
+    const title = refused[`${knob.key}=${value}`];
+    return title ? make("option", { value, textContent: `${text}: phasemap explore`, title, disabled: true }) : new Option(text, value);
+  };
+  const select = make("select", { id: key }, ...Object.entries(knob.choices).map(option));
   select.addEventListener("change", () => set(key, typeof state.start[key] === "number" ? Number(select.value) : select.value));
   controls.push({ refresh: () => {
     const value = String(state.values[key]);

@@ -2,7 +2,7 @@
 
 import { ask } from "./asking.js";
 
-export { revival, TOO_LONG, watch } from "./asking.js";
+export { refused, revival, TOO_LONG, watch } from "./asking.js";
 
 /** What is said in JSON at the beginning of an answer, and the bytes that follow. */
 async function parted(answer) {

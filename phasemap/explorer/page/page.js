@@ -201,9 +201,9 @@ function drawImages() {
   }
   const warnings = [...shown.warnings, ...(shown.materials ? [] : shown.failed)]; // else the words say it of each material
   $("warnings").replaceChildren(...warnings.map((line) => Object.assign(document.createElement("li"), { textContent: line })));
-  const notes = [];
+  const notes = shown.lever ? [shown.lever] : [];
   if (shown.step > 1) notes.push(`Every ${shown.step === 2 ? "second" : `${shown.step}th`} pixel is shown; what is saved has all.`);
-  if (!$("scan").hidden) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.simplified ? `, ${about.simplified}` : ""}.` : "This is the trace of the scan, until a slider moves.");
+  if (!$("scan").hidden) notes.push(shown.materials ? `The tip is lowered onto each pixel anew (no memory of its neighbours)${about.simplified ? `, ${about.simplified}` : ""}.` : "This is the trace of the scan, until a slider moves.", engine.refused.scan ?? "");
   $("note").textContent = notes.join(" ");
 }
 
@@ -276,7 +276,7 @@ async function show(name, link = {}) {
   for (const [name] of QUANTITIES) $(`${name}-measured`).hidden = !about.measured;
   for (const id of ["note", "advice", "map-state"]) $(id).textContent = "";
   $("map-figure").hidden = state.names.length < 2;
-  $("scan").title = about.control ?? "";
+  $("scan").title = engine.refused.scan ?? about.control ?? "";
   controls.build($("values"), knobs, offer.presets, () => { showPair(); changed(); });
   showPair();
   complain("");
@@ -377,7 +377,8 @@ $("map").title = "Click to use this setting";
 
 /** Does what a button says, which is dead in the meantime. */
 function button(id, busy, work) {
-  const element = $(id);
+  const element = $(id), why = engine.refused[id.replace("-", "/")];
+  if (why) Object.assign(element, { disabled: true, title: why });
   element.addEventListener("click", async () => {
     element.disabled = true;
     $("save").open = false;
@@ -445,7 +446,7 @@ async function startWith(fragment) {
 
 await attempt(async () => {
   [offer, knobs] = await Promise.all([engine.start(), fetch("knobs.json").then((answer) => answer.json())]);
-  $("sample").replaceChildren(...Object.entries(offer.samples).map(([name, title]) => Object.assign(new Option(name, name), { title })), new Option(OPEN, OPEN));
+  $("sample").replaceChildren(...Object.entries(offer.samples).map(([name, title]) => Object.assign(new Option(name, name), { title })), Object.assign(new Option(OPEN, OPEN), { disabled: "open" in engine.refused, title: engine.refused.open ?? "" }));
   $("scan").textContent = "Scan as a microscope does";
   await startWith(location.hash);
   window.addEventListener("hashchange", () => { if (location.hash !== toLink()) attempt(() => startWith(location.hash)); });

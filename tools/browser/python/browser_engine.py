@@ -27,9 +27,7 @@ class NotHere(PhasemapError):
     """What only the package itself can do."""
 
     def __init__(self):
-        super().__init__(
-            "The page has no kernels for this, as for surfaces that remember. `phasemap explore` has them."
-        )
+        super().__init__("This page cannot solve this, as several relaxation times; phasemap explore can.")
 
 
 def begin(call, entries, formulas):
@@ -42,10 +40,10 @@ def answer(route, message):
     try:
         asked = json.loads(message)
         setting = Setting.of(subject(asked.pop("sample")), asked)
-        if setting.only_in_time and not setting.scope.interaction.law.in_time:  # some surface remembers
+        if any(one.relaxation for one in setting.materials.values()):  # whose numbers kernels take from Python's memory
             raise NotHere()
         return True, routes.answers()[route](setting)[1]
-    except PhasemapError as error:
+    except (PhasemapError, ModuleNotFoundError) as error:
         return False, str(error)
 
 

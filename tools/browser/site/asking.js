@@ -4,9 +4,12 @@ export const TOO_LONG = 503; // code of a refusal for want of time
 const LIMIT = 60000, SLOW = 5000; // ms that an answer may take, and after which it is stopped where nobody waits for it
 const LONG = "This takes longer than the 60 s that the page has for an answer. phasemap explore solves it sooner, and phasemap run without a limit.";
 const ELSEWHERE = "is not simulated in this page. Save the scene; phasemap run simulates it, and phasemap explore shows it.";
-const REFUSED = {
-  scan: `A scan ${ELSEWHERE}`, "save/image": `The whole image ${ELSEWHERE}`, "save/picture": `The whole image ${ELSEWHERE}`,
+
+/** What cannot be had here, with reasons: routes, and choices of the form. */
+export const refused = {
+  scan: `A scan ${ELSEWHERE}`, "save/image": `The whole image ${ELSEWHERE}`,
   open: "Files are opened by phasemap explore: this page has no server that could read them.",
+  "materials.*.loss=spectrum": "Several relaxation times are solved by phasemap explore.",
 };
 
 const prepared = fetch("prepared.json").then((answer) => answer.json()); // files of answers that were made with the page
@@ -92,13 +95,24 @@ async function made(route, body, signal) {
   return file && new Response((await fetch(file, { signal })).body.pipeThrough(new DecompressionStream("gzip")));
 }
 
+/** Both images side by side, as they are seen. */
+async function picture({ sample }) {
+  const shown = ["height", "phase"].map((id) => document.getElementById(id)), [{ width, height }] = shown;
+  const whole = Object.assign(document.createElement("canvas"), { width: 2 * width, height }), pen = whole.getContext("2d");
+  pen.fillStyle = getComputedStyle(shown[0].parentElement).backgroundColor;
+  pen.fillRect(0, 0, 2 * width, height);
+  shown.forEach((one, i) => pen.drawImage(one, i * width, 0));
+  const png = await new Promise((take) => whole.toBlob(take)), said = new TextEncoder().encode(JSON.stringify({ name: `${sample}.png`, kind: "image/png" }));
+  return new Response(new Blob([new Uint32Array([said.length]), said, png]));
+}
+
 /** The answer to a message. */
 export async function ask(route, body, signal) {
   if (route === "start") return fetch("start.json");
   if (route === "sample") return sample(JSON.parse(body).sample);
   if (route === "doing") return new Response(JSON.stringify({ doing: moving?.there ? "solving …" : "The solver is loading, only this once …" }));
-  const refused = REFUSED[route.split("/")[0]] ?? REFUSED[route];
-  if (refused) throw new Refused(refused);
+  if (route === "save/picture") return picture(JSON.parse(body));
+  if (route in refused) throw new Refused(refused[route]);
   const answer = await made(route, body, signal);
   if (route === "curves") loadSoon();
   if (answer) return answer;

@@ -1,0 +1,1 @@
+"""Of scipy, the page needs one function."""
