@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 FIT_EXAMPLES = """FILE is a curve of amplitude and phase against distance: columns of text, with a line of names and
 units above them or with --columns, a curve of JPK (.jpk-force) or NanoScope (.spm, .001), Asylum Research's .ibw (pip
 install "afm-phasemap[read]"), or a distance sweep of phasemap. What it does not say of lever and tip is given as
-key=value, or assumed and said. Tip radius, sensitivity of the amplitude and zero of the phase are fitted within what is
-known of them, and their errors are in those of the material. One law takes half a minute, all of them some ten minutes.
+key=value, or assumed and said. Tip radius, sensitivity of the amplitude, zero of the phase and how far beside its
+resonance the lever is driven are fitted within what is known of them, and their errors are in those of the material.
+One law takes half a minute, all of them more than ten minutes.
 
 examples:
   phasemap plot curve.txt

@@ -16,7 +16,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import problem
-from phasemap.inference.curves.data import Setup, check_data, check_parameters, under
+from phasemap.inference.curves.data import Setup, check_data, check_parameters, of_curve, under
 from phasemap.solvers.continuation.visit import Visit
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
@@ -349,28 +349,48 @@ def recorded(scope: pm.Microscope, seed: int, sensitivity: float = 60e-9) -> xr.
          "phase": (dims, lag, {"units": "degree"})}, {"direction": ["approach", "retract"]},
     )  # fmt: skip
     return ds.assign_attrs(
-        free_amplitude_voltage=155e-9 / sensitivity, phase_zero=92.0, phase_sign=-1.0,
-        amplitude_sensitivity=1.08 * sensitivity,
+        free_amplitude_voltage=scope.driven_amplitude / sensitivity, phase_zero=92.0 - scope.free_phase,
+        phase_sign=-1.0, amplitude_sensitivity=1.08 * sensitivity,
     )  # fmt: skip
 
 
 def test_a_recorded_curve_says_its_sensitivity_and_its_material_within_their_errors() -> None:
-    fit = pm.fit_distance(recorded(SCOPE, 21), scope=SCOPE, start=pm.Material(2e9, 0.3, 0.02), starts=2)
+    tuned = replace(SCOPE.drive, frequency=148.24e3 * (1 + 0.12 * SCOPE.cantilever.damping_ratio))
+    beside = replace(SCOPE, drive=tuned)  # above the resonance by 0.12 half widths, which makes 7 degrees
+    fit = pm.fit_distance(recorded(beside, 21), scope=SCOPE, start=pm.Material(2e9, 0.3, 0.02), starts=2)
+    assert abs(fit.values["free_phase"] - beside.free_phase) < 3 * fit.errors["free_phase"] < 4 < -beside.free_phase
     found = fit.values["sensitivity"]
     assert abs(found - 1 / 1.08) < 3 * fit.errors["sensitivity"] < 0.3, str(fit)
     assert abs(fit.values["modulus"] - FILM.modulus) < 3 * fit.errors["modulus"] < 3e9
-    assert fit.scope.drive.free_amplitude == pytest.approx(155e-9 * 1.08 * found)
+    assert fit.scope.driven_amplitude == pytest.approx(beside.driven_amplitude * 1.08 * found)
     assert set(fit.values) == {
-        "modulus", "adhesion", "damping", "offset", "radius", "sensitivity", "phase_offset", "decay_length"
+        "modulus", "adhesion", "damping", "offset", "radius", "sensitivity", "phase_offset", "free_phase",
+        "decay_length",
     }  # fmt: skip
     assert len(pm.plot.fit(fit.to_dataset()).axes) == 4
     assert len(pm.plot.plot(recorded(SCOPE, 21)).axes) == 2
 
 
+def test_what_the_free_lever_shows_is_data_as_well() -> None:
+    found = of_curve(recorded(SCOPE, 23), SCOPE, FILM)
+    phase, errors = found.given["phase"]
+    free = abs(phase).max(axis=0) < 0.3
+    assert found.distances[-1] > 45e-9 and 3 <= free.sum() <= 8, "to the end of the curve, in few parts"
+    assert (errors[:, free].max() < 0.2) and (abs(phase / errors)[:, free] < 4).all()
+
+
+def test_a_law_starts_from_the_numbers_of_another_whatever_its_own_are_called() -> None:
+    scope, start, more = under("neck", SCOPE, FILM)
+    for one in check_parameters([*more, "modulus", "free_phase"], Setup(start, scope, 0.0), "tip_offset"):
+        assert one.value(one.q(0.7 * one.start + 0.1)) == pytest.approx(0.7 * one.start + 0.1), one.name
+    lengthened = Setup(start, scope, 0.0).with_parameter("neck_length", 2e-9)
+    assert lengthened.scope.interaction.contact == pm.interaction.Neck(2e-9) and lengthened.value("neck_length") == 2e-9
+
+
 def test_a_law_that_is_not_there_is_refused() -> None:
-    with pytest.raises(pm.InputError, match="law is 'wet'; allowed: one of hertz, dmt"):
+    with pytest.raises(pm.InputError, match="law is 'wet'; allowed: one of dmt, hertz"):
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws="wet")
-    with pytest.raises(pm.InputError, match=r"laws is .*; allowed: one at least of hertz"):
+    with pytest.raises(pm.InputError, match=r"laws is .*; allowed: one at least of dmt"):
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws=[])
     with pytest.raises(pm.InputError, match=r"the curve is 'height'; allowed: one of phasemap.read_curve"):
         pm.fit_distance(xr.Dataset({"height": ("x", [1.0])}), scope=SCOPE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -34,14 +35,15 @@ OF_SCOPE = ("stiffness", "resonance_frequency", "quality_factor", "radius", "fre
 READING = ("amplitude_scale", "sensitivity", "phase_offset")
 ALL_UNITS = UNITS | {
     "resonance_frequency": "Hz", "tip_offset": "m", "offset": "m", "amplitude_scale": "1", "phase_offset": "degree",
-    "sensitivity": "1",
+    "sensitivity": "1", "free_phase": "degree",
 }  # fmt: skip
 FACTOR, KNOWN = 10.0, 1.44  # within which a property of the sample, and of the microscope, is known beforehand
 WIDTHS = 3.3  # the same of the resonance frequency, in its half widths
-TURN = 60.0  # the same of a phase [degree]
+OF_PHASE = {"phase_offset": 60.0, "free_phase": 10.0}  # the same of phases; levers are tuned near resonance [degree]
+MOST_TUNED = 20.0  # the largest that may be said of the latter [degree]
 
-BINS = 30  # of the distances at which something acts on the tip, and a part beyond
-BEYOND = 1.15
+BINS, FLAT = 30, 5  # of the distances at which something acts on the tip, and of those beyond
+FINE = 100  # parts of a curve, whose means tell where something acts
 ACTS = 0.005  # of the free amplitude, that is missing where something acts
 FLOORS = {"amplitude": 5e-4, "phase": 0.1}  # least errors: of the free amplitude, and [degree]
 ONE_WAY = {"amplitude": 2e-3, "phase": 0.3}  # the same where no second direction says how well a curve repeats
@@ -52,12 +54,9 @@ NECK, FILM, LIQUID = 1e-9, 5e-9, 0.4e-9  # length and thicknesses to start from 
 LOSS = 1e-7  # loss outside contact to start from [N s/m]
 BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0), "lossy dmt": LossyDMT(2.0, LOSS)}
 """Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
-FITTED = (
-    "neck_length",
-    "adhesion_ratio",
-    "outer_loss",
-)  # of these, what is fitted unasked where it is not at its least
-EVERY = (*LAWS, "neck")
+FITTED = ("neck_length", "adhesion_ratio", "outer_loss")
+"""Of these, what is fitted unasked where it is not at its least."""
+EVERY = (*dict.fromkeys(("dmt", *LAWS)), "neck", "lossy dmt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +144,9 @@ class Setup:
             return replace(self, amplitude_scale=value)
         if name in OFFSETS.values():
             return replace(self, height=value)
+        if name == "free_phase":  # what is read far from the surface stays as it is
+            scope = _tuned(self.scope, value)
+            return replace(self, scope=scope, phase_offset=self.phase_offset + self.scope.free_phase - scope.free_phase)
         if name == "sensitivity":  # the free amplitude read is known, so that the true one changes
             free = self.scope.drive.free_amplitude * self.amplitude_scale * value
             return replace(self.with_parameter("free_amplitude", free), amplitude_scale=1 / value)
@@ -161,14 +163,34 @@ class Setup:
 
     def value(self, name: str) -> float | None:
         """A parameter's value; None if it has none."""
-        special = {"sensitivity": 1 / self.amplitude_scale, **dict.fromkeys(OFFSETS.values(), self.height)}
+        special = {
+            "sensitivity": 1 / self.amplitude_scale,
+            "free_phase": self.scope.free_phase,
+            **dict.fromkeys(OFFSETS.values(), self.height),
+        }
         if name in special:
             return special[name]
         acts = self.scope.interaction
-        parts = (self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, acts, self, contact_of(acts))
-        name = numbers_of_law(acts).get(name, name)
+        if name in (own := numbers_of_law(acts)):
+            return float(getattr(contact_of(acts), own[name]))
+        parts = (self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, acts, self)
         found: float | None = next(getattr(part, name) for part in parts if hasattr(part, name))
         return found
+
+
+def _tuned(scope: Microscope, free_phase: float) -> Microscope:
+    """The microscope driven beside the resonance, so that the free lever has this phase [degree] and its amplitude."""
+    from scipy.optimize import brentq
+
+    lever, width = scope.cantilever, 3 * scope.cantilever.damping_ratio
+
+    def driven(ratio: float) -> Microscope:
+        return replace(scope, drive=replace(scope.drive, frequency=ratio * lever.resonance_frequency))
+
+    with unquestioned():
+        at = brentq(lambda ratio: driven(ratio).free_phase - free_phase, max(1 - width, 0.05), 1 + width, xtol=1e-14)
+        free = scope.drive.free_amplitude * scope.driven_amplitude / driven(at).driven_amplitude
+        return replace(scope, drive=replace(driven(at).drive, free_amplitude=free))
 
 
 def contact_of(acts: Interaction) -> ContactLaw:
@@ -197,6 +219,13 @@ class Parameter:
     size: float  # standard deviation of the value beforehand, or of its logarithm
     ends: tuple[float, float] = (0.0, np.inf)  # the least and the most of a logarithmic one
 
+    def q(self, value: float) -> float:
+        """The number of standard deviations at which it has this value."""
+        if not self.logarithmic:
+            return (value - self.start) / self.size
+        least = self.ends[0]
+        return math.log(max(value - least, math.ulp(1.0) * self.start) / (self.start - least)) / self.size
+
     def value(self, q: float) -> float:
         """The value at q."""
         if not self.logarithmic:
@@ -218,6 +247,7 @@ def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter,
     if names is None:
         names = ("modulus", "adhesion", *losses)
     known = (*OF_SAMPLE, *numbers_of_law(setup.scope.interaction), *OF_SCOPE, OFFSETS[axis], *READING)
+    known = (*known, "free_phase") if axis == "tip_offset" else known
     if not isinstance(names, Sequence | Mapping) or isinstance(names, str) or not names:
         raise InputError("parameters", names, "a sequence of names out of " + ", ".join(known))
     found = []
@@ -230,7 +260,7 @@ def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter,
         if name in list(names)[:i]:
             raise InputError("parameters", name, "every name once")
         found.append(_parameter(name, setup, names[name] if isinstance(names, Mapping) else None))
-    return tuple(found)
+    return tuple(sorted(found, key=lambda one: one.name == "free_phase"))  # last: of the lever as it then is
 
 
 def losses_of(material: Material) -> tuple[str, ...]:
@@ -246,9 +276,10 @@ def _parameter(name: str, setup: Setup, spread: float | None) -> Parameter:
         units, ends = UDUNITS.get(of_law.unit, of_law.unit), of_law.ends
     else:
         units = ALL_UNITS[name]
-    if name in (*OFFSETS.values(), "phase_offset"):
-        usual = TURN if name == "phase_offset" else setup.scope.drive.free_amplitude / REACH
-        size = usual if spread is None else number(f"error of {name}", spread, units, above=0)
+    if name in (*OFFSETS.values(), *OF_PHASE):
+        usual = OF_PHASE.get(name, setup.scope.drive.free_amplitude / REACH)
+        most = MOST_TUNED if name == "free_phase" else np.inf
+        size = usual if spread is None else number(f"error of {name}", spread, units, above=0, maximum=most)
         return Parameter(name, float(start or 0.0), units, False, size)
     if start is None or not ends[0] < start < ends[1]:
         raise InputError(f"{name} to start from", start, f"a number above {ends[0]:g} {units}".removesuffix(" 1"))
@@ -287,13 +318,20 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
         values["phase"] = within_half_a_turn(
             attrs.get("phase_sign", 1.0) * (curve["phase"].values - attrs["phase_zero"])
         )
-    far = float(np.nanmax(np.where(values["amplitude"] < (1 - ACTS) * free, z, np.nan)))
-    edges = np.linspace(0.0, BEYOND * far, BINS + 1)
+    end = float(np.nanmin(np.nanmax(z, axis=1)))
+    fine = np.linspace(0.0, end, FINE + 1)
+    means_of = [_binned(*one, fine)[0] for one in zip(z, values["amplitude"], strict=True)]
+    far = float(fine[1:][(np.array(means_of) < (1 - ACTS) * free).any(axis=0)].max(initial=fine[1]))
+    acting = np.linspace(0.0, far, BINS + 1)
+    edges = np.concatenate([acting, np.linspace(far, end, FLAT + 1)[1:]]) if end > far + acting[1] else acting
     means, errors = {}, {}
     for name, every in values.items():
         binned = np.array([_binned(*one, edges) for one in zip(z, every, strict=True)])
         means[name], scatter = binned[:, 0], binned[:, 1]
-        errors[name] = np.hypot(scatter, _repeats(means[name], name) * (free if name == "amplitude" else 1.0))
+        again = np.repeat(
+            [_repeats(part, name) for part in np.split(means[name], [BINS], axis=1)], [BINS, scatter.shape[1] - BINS]
+        )
+        errors[name] = np.hypot(scatter, again * (free if name == "amplitude" else 1.0))
     seen = np.isfinite(sum(means.values()) + sum(errors.values())).all(axis=0)
     middles = 0.5 * (edges[1:] + edges[:-1])[seen]
     if len(middles) < 5:
@@ -304,7 +342,7 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
     parameters: dict[str, float | None] = dict.fromkeys(named)
     parameters["sensitivity"] = GUESSED if volts else CALIBRATED
     if "phase" in values:
-        parameters["phase_offset"] = ZERO
+        parameters |= {"phase_offset": ZERO, "free_phase": None}
     given = {name: (means[name][:, seen], errors[name][:, seen]) for name in means}
     return Recorded(
         middles, given, tuple(map(str, curve["direction"].values)), scope,
@@ -326,7 +364,7 @@ def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.nd
 
 def _repeats(means: np.ndarray, name: str) -> float:
     """How well both directions repeat each other, where they are on one branch: for most distances."""
-    if len(means) < 2:
+    if len(means) < 2 or not np.isfinite(means[1] - means[0]).any():
         return ONE_WAY[name]
     apart = NORMAL * np.nanmedian(np.abs(means[1] - means[0])) / np.sqrt(2.0)
     return float(max(FLOORS[name], apart / (np.nanmax(means) if name == "amplitude" else 1.0)))

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError, Word
@@ -115,13 +117,15 @@ def fit_distance(
     tip_offsets : array_like, shape (n,), or xarray.Dataset
         Rest positions of the tip above the undeformed surface [m], rising or falling, but for a constant. Or a curve of
         `phasemap.read_curve`: then amplitude, phase, their errors and directions are its own, and material, offset,
-        decay length, tip radius, sensitivity of the amplitude and zero of the phase are fitted.
+        decay length, tip radius, sensitivity of the amplitude, zero of the phase and "free_phase" (how far beside the
+        resonance the lever is driven: the phase of the free lever) are fitted.
     scope : Microscope
         Its free amplitude is not used for a curve that was read.
     start : Material
         Of one that relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
     laws : sequence of str or Interaction, optional
-        Contact laws to compare, or "all"; by default that of `scope`. Of "neck", "lossy dmt" and films the law's own
+        Contact laws to compare, or "all"; by default that of `scope`. Each starts, too, from what the best before it
+        found, so name simple ones first. Of "neck", "lossy dmt" and films the law's own
         numbers are fitted, of "capillary" the film of tip and sample together. "lossy dmt" and "capillary" are marched
         in time, which takes minutes.
     offset : float
@@ -132,9 +136,10 @@ def fit_distance(
         "approach", "retract", or ("approach", "retract") for data of shape (2, n).
     parameters : sequence of str or mapping, optional
         As in `fit_frequency`, with "offset" in place of "tip_offset", and "sensitivity" (of the amplitude, over the
-        supposed one; the free amplitude follows it), "thickness" of a film, "liquid_film", "relaxation_time", and the
-        numbers of the contact law by their names ("adhesion_ratio", "outer_loss"; that of a `Neck` is "neck_length"),
-        known within a factor of 10. Of a curve that was read, a mapping changes how well these are known.
+        supposed one; the free amplitude follows it), "free_phase" [degree], "thickness" of a film, "liquid_film",
+        "relaxation_time", and the numbers of the contact law by their names ("adhesion_ratio", "outer_loss"; that of a
+        `Neck` is "neck_length"), known within a factor of 10. Of a curve that was read, a mapping changes how well
+        these are known.
     starts : int
         As in `fit_frequency`.
 
@@ -176,19 +181,21 @@ def fit_distance(
     named: Sequence[Any] = (scope.interaction,) if laws is None else EVERY if laws == "all" else laws
     if not named:
         raise InputError("laws", laws, f"one at least of {', '.join(EVERY)}, or all")
-    fits = []
+    fits: list[Fit] = []
     for law in [named] if isinstance(named, str) else named:
         beneath, first, more = under(law, scope, start)
         asked = {**(own if isinstance(own, Mapping) else dict.fromkeys(own)), **more} if own else own
-        fits.append(_fit("tip_offset", tip_offsets, given, direction, beneath, first, height, asked, starts))
+        known = max(fits, key=lambda one: one.evidence).values if fits else {}
+        fits.append(_fit("tip_offset", tip_offsets, given, direction, beneath, first, height, asked, starts, known))
     best, *others = sorted(fits, key=lambda one: -one.evidence)
     return replace(best, rivals=tuple(others))
 
 
 def _fit(
     axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope, start: Material,
-    height: float, parameters: Any, starts: int,
+    height: float, parameters: Any, starts: int, known: Mapping[str, float] | None = None,
 ) -> Fit:  # fmt: skip
+    """A fit that is tried first from the values `known` of a simpler law, if there are any."""
     from phasemap.inference.curves.data import Setup, check_data, check_parameters
     from phasemap.inference.curves.problem import Problem, search
     from phasemap.inference.curves.result import make_fit
@@ -204,4 +211,5 @@ def _fit(
             "number of data", data.size, f"more than the number of fitted parameters, which is {len(chosen)}"
         )
     problem = Problem(data, setup, chosen)
-    return make_fit(problem, search(problem, whole("starts", starts, 1)))
+    first = [np.array([one.q(known.get(one.name, one.start)) for one in chosen])] if known else []
+    return make_fit(problem, search(problem, whole("starts", starts, 1), first))

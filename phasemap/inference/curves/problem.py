@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -304,11 +305,11 @@ class Solution(NamedTuple):
     tried: int  # starts
 
 
-def search(problem: Problem, starts: int) -> Solution:
-    """The best solution from the start given, and from others as long as none is good."""
+def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> Solution:
+    """The best solution from q given first and from the start, and from others as long as none is good."""
     degrees = problem.data.size - len(problem.parameters)
     found: list[tuple[float, np.ndarray]] = []
-    for q in _starts(problem, starts):
+    for q in chain(first, _starts(problem, starts)):
         at = _descend(problem, q, Ruler.coarse(problem.data), "soft_l1", 1e-2)  # without regard for outliers
         at = _descend(problem, at, Ruler.strict(problem.data), "linear", 1e-8)
         chi2 = problem.misfit(at)[0]
