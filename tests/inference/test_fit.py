@@ -16,7 +16,8 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import problem
-from phasemap.inference.curves.data import Setup, check_data, check_parameters, of_curve, under
+from phasemap.inference.curves.data import Setup, check_data, check_parameters
+from phasemap.inference.curves.recorded import of_curve, under
 from phasemap.solvers.continuation.visit import Visit
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3

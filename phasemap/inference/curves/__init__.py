@@ -1,5 +1,5 @@
 """Fitting of measured curves: what a material must be for the sweep to look as it was measured.
 
-`data` holds what was measured, also as a file has it, and says what may be fitted. `problem` compares it with the
-stable branches and finds the best parameters, and `result` judges them and is what the user gets.
+`data` holds what was measured and says what may be fitted; `recorded` makes it of a file. `problem` compares it with
+the stable branches and finds the best parameters, and `result` judges them and is what the user gets.
 """

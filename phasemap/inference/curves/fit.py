@@ -91,7 +91,7 @@ def fit_frequency(
     """
     height = number("tip_offset", tip_offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
-    return _fit("frequency", frequencies, given, direction, scope, start, height, parameters, starts)
+    return _fit("frequency", frequencies, given, direction, (start, scope, height), parameters, starts)
 
 
 @asked_as()
@@ -166,7 +166,7 @@ def fit_distance(
     >>> fit.good, round(fit.values["offset"] * 1e9, 2)
     (True, 3.0)
     """
-    from phasemap.inference.curves.data import EVERY, begun, of_curve, under
+    from phasemap.inference.curves.recorded import EVERY, begun, of_curve, under
 
     height = number("offset", offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
@@ -177,7 +177,7 @@ def fit_distance(
         tip_offsets, given, direction, scope, height, own = found
         own |= parameters or {}
     if laws is None and not read:
-        return _fit("tip_offset", tip_offsets, given, direction, scope, start, height, own, starts)
+        return _fit("tip_offset", tip_offsets, given, direction, (start, scope, height), own, starts)
     named: Sequence[Any] = (scope.interaction,) if laws is None else EVERY if laws == "all" else laws
     if not named:
         raise InputError("laws", laws, f"one at least of {', '.join(EVERY)}, or all")
@@ -186,25 +186,28 @@ def fit_distance(
         beneath, first, more = under(law, scope, start)
         asked = {**(own if isinstance(own, Mapping) else dict.fromkeys(own)), **more} if own else own
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
-        fits.append(_fit("tip_offset", tip_offsets, given, direction, beneath, first, height, asked, starts, known))
+        fits.append(_fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known))
     best, *others = sorted(fits, key=lambda one: -one.evidence)
     return replace(best, rivals=tuple(others))
 
 
 def _fit(
-    axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any, scope: Microscope, start: Material,
-    height: float, parameters: Any, starts: int, known: Mapping[str, float] | None = None,
+    axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any,
+    begun: tuple[Material, Microscope, float], parameters: Any, starts: int, known: Mapping[str, float] | None = None,
 ) -> Fit:  # fmt: skip
-    """A fit that is tried first from the values `known` of a simpler law, if there are any."""
+    """A fit that is tried first from the values `known` of a simpler law, if there are any.
+
+    `begun`: material, microscope and height to start from, as of `Setup`.
+    """
     from phasemap.inference.curves.data import Setup, check_data, check_parameters
     from phasemap.inference.curves.problem import Problem, search
     from phasemap.inference.curves.result import make_fit
     from phasemap.solvers.continuation.path import Question
 
-    if axis == "frequency" and Question(start, scope).only_in_time:
+    if axis == "frequency" and Question(*begun[:2]).only_in_time:
         allowed = "one of a material and a law that are not marched in time"
         raise InputError("a frequency response", Word("given"), allowed, "fit_distance fits these too.")
-    data, setup = check_data(axis, values, direction, given), Setup(start, scope, height)
+    data, setup = check_data(axis, values, direction, given), Setup(*begun)
     chosen = check_parameters(parameters, setup, axis)
     if data.size <= len(chosen):
         raise InputError(

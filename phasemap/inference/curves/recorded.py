@@ -1,0 +1,147 @@
+"""Curves of `phasemap.read_curve` as data of a fit, and what contact laws add to what is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from phasemap._shared.arrays import within_half_a_turn
+from phasemap._shared.errors import InputError
+from phasemap._shared.fields import number_of
+from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Neck
+from phasemap.experiment.interaction.contact import LAWS
+from phasemap.experiment.material import Material, relaxes
+from phasemap.experiment.microscope import Microscope
+from phasemap.inference.curves.data import losses_of, numbers_of_law
+from phasemap.inference.verdict import PRIOR
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BINS, FLAT = 30, 5  # of the distances at which something acts on the tip, and of those beyond
+FINE = 100  # parts of a curve, whose means tell where something acts
+ACTS = 0.005  # of the free amplitude, that is missing where something acts
+FLOORS = {"amplitude": 5e-4, "phase": 0.1}  # least errors: of the free amplitude, and [degree]
+ONE_WAY = {"amplitude": 2e-3, "phase": 0.3}  # the same where no second direction says how well a curve repeats
+NORMAL = 1.4826  # standard deviation over the median absolute deviation
+ZERO = 0.3  # error of the phase of the free lever [degree]
+CALIBRATED, GUESSED = 1.05, 1.15  # factors within which the sensitivity of the amplitude is known
+NECK, FILM, LIQUID = 1e-9, 5e-9, 0.4e-9  # length and thicknesses to start from [m]
+LOSS = 1e-7  # loss outside contact to start from [N s/m]
+BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0), "lossy dmt": LossyDMT(2.0, LOSS)}
+"""Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
+FITTED = ("neck_length", "adhesion_ratio", "outer_loss")
+"""Of these, what is fitted unasked where it is not at its least."""
+EVERY = (*dict.fromkeys(("dmt", *LAWS)), "neck", "lossy dmt")
+
+
+class Recorded(NamedTuple):
+    """Arguments of a fit."""
+
+    distances: np.ndarray  # [m]; 0 where the tip was nearest
+    given: dict[str, tuple[Any, Any]]  # amplitude [m] and phase [degree] with their errors
+    directions: tuple[str, ...]
+    scope: Microscope  # with the free amplitude of the curve
+    offset: float  # tip offset at the distance 0, for a hard surface [m]
+    parameters: dict[str, float | None]  # what is to be fitted, and how well it is known beforehand
+
+
+def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
+    """What a curve of `phasemap.read_curve` says, for a material like `start`."""
+    if not {"distance", "amplitude"} <= set(curve.data_vars):
+        raise InputError("the curve", ", ".join(map(str, curve.data_vars)), "one of phasemap.read_curve")
+    attrs, volts = curve.attrs, curve["amplitude"].attrs.get("units") == "V"
+    sensitivity = float(attrs.get("amplitude_sensitivity", np.nan)) if volts else 1.0
+    free = sensitivity * float(attrs.get("free_amplitude_voltage" if volts else "free_amplitude", np.nan))
+    if not free > 0:
+        raise InputError("free amplitude of the curve", None, "a curve whose far end shows the free lever")
+    z = curve["distance"].values
+    values = {"amplitude": sensitivity * curve["amplitude"].values}
+    if "phase" in curve and "phase_zero" in attrs:
+        values["phase"] = within_half_a_turn(
+            attrs.get("phase_sign", 1.0) * (curve["phase"].values - attrs["phase_zero"])
+        )
+    end = float(np.nanmin(np.nanmax(z, axis=1)))
+    fine = np.linspace(0.0, end, FINE + 1)
+    means_of = [_binned(*one, fine)[0] for one in zip(z, values["amplitude"], strict=True)]
+    far = float(fine[1:][(np.array(means_of) < (1 - ACTS) * free).any(axis=0)].max(initial=fine[1]))
+    acting = np.linspace(0.0, far, BINS + 1)
+    edges = np.concatenate([acting, np.linspace(far, end, FLAT + 1)[1:]]) if end > far + acting[1] else acting
+    means, errors = {}, {}
+    for name, every in values.items():
+        binned = np.array([_binned(*one, edges) for one in zip(z, every, strict=True)])
+        means[name], scatter = binned[:, 0], binned[:, 1]
+        again = np.repeat(
+            [_repeats(part, name) for part in np.split(means[name], [BINS], axis=1)], [BINS, scatter.shape[1] - BINS]
+        )
+        errors[name] = np.hypot(scatter, again * (free if name == "amplitude" else 1.0))
+    seen = np.isfinite(sum(means.values()) + sum(errors.values())).all(axis=0)
+    middles = 0.5 * (edges[1:] + edges[:-1])[seen]
+    if len(middles) < 5:
+        raise InputError("the curve", f"{len(middles)} distances at which something acts", "5 at least, each way")
+    drive = scope.drive
+    scope = replace(scope, drive=replace(drive, free_amplitude=free * drive.free_amplitude / scope.driven_amplitude))
+    named = ("modulus", "adhesion", *losses_of(start), "offset", "radius")
+    parameters: dict[str, float | None] = dict.fromkeys(named)
+    parameters["sensitivity"] = GUESSED if volts else CALIBRATED
+    if "phase" in values:
+        parameters |= {"phase_offset": ZERO, "free_phase": None}
+    given = {name: (means[name][:, seen], errors[name][:, seen]) for name in means}
+    return Recorded(
+        middles, given, tuple(map(str, curve["direction"].values)), scope,
+        float(means["amplitude"][:, seen][:, 0].mean() - middles[0]), parameters,
+    )  # fmt: skip
+
+
+def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means of one direction between the edges, and their standard errors; NaN where there are not two."""
+    count, total, square = (
+        np.histogram(z[known := np.isfinite(z + values)], edges, weights=(values[known] ** power))[0]
+        for power in range(3)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(count > 0, total / count, np.nan)
+        error = np.sqrt(np.maximum(square / count - mean**2, 0.0) / np.maximum(count - 1, 1))
+    return mean, error
+
+
+def _repeats(means: np.ndarray, name: str) -> float:
+    """How well both directions repeat each other, where they are on one branch: for most distances."""
+    if len(means) < 2 or not np.isfinite(means[1] - means[0]).any():
+        return ONE_WAY[name]
+    apart = NORMAL * np.nanmedian(np.abs(means[1] - means[0])) / np.sqrt(2.0)
+    return float(max(FLOORS[name], apart / (np.nanmax(means) if name == "amplitude" else 1.0)))
+
+
+def begun(start: Material) -> Material:
+    """A material to start from: what it lacks of adhesion and damping is that of the prior."""
+    adhesion = start.adhesion or PRIOR.adhesion
+    if start.damping or start.viscosity or relaxes(start):
+        return replace(start, adhesion=adhesion)
+    return replace(start, adhesion=adhesion, damping=PRIOR.damping, viscosity=None)
+
+
+def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, Material, dict[str, float | None]]:
+    """Microscope and start under a law, and the parameters that it adds.
+
+    `law`: a name of `EVERY` or `BEGUN`, or an `Interaction`.
+    """
+    names = dict.fromkeys((*EVERY, *BEGUN))
+    if isinstance(law, str) and law.lower() not in names:
+        raise InputError("law", law, "one of " + ", ".join(names))
+    own = law if isinstance(law, Interaction) else Interaction(BEGUN.get(str(law).lower(), str(law)))
+    more: dict[str, float | None] = {}
+    if own.law.takes_film:
+        start, more["thickness"] = replace(start, thickness=start.thickness or FILM), None
+    if own.law.wets:
+        start, more["liquid_film"] = replace(start, liquid_film=start.liquid_film or LIQUID), None
+    for name, field in numbers_of_law(own).items():
+        if name in FITTED and getattr(own.contact, field) > number_of(type(own.contact), field).ends[0]:
+            more[name] = None
+    if isinstance(law, str) and own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
+        own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
+    if own.decay_length is not None:
+        more["decay_length"] = 2.0
+    return replace(scope, interaction=own), start, more
