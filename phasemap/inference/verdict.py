@@ -45,7 +45,7 @@ def check_prior(prior: object, factor: object) -> float:
 
 
 def check_known(known: Mapping[int, Material] | None, names: Collection[int], prior: Material) -> dict[int, Material]:
-    """Known materials by the label of their region, of which these are there; films as thick as that of the prior."""
+    """Known materials by the label of their region, of which these are there; films where the prior is one."""
     known = dict(known or {})
     for name, one in known.items():
         if name not in names:
@@ -55,9 +55,10 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int], pr
         for field in ("relaxation_time", "relaxation"):
             if (value := getattr(one, field)) is not None:
                 raise InputError(f"{field} of region {name}", value, "None of a region that is known")
-        if one.thickness != prior.thickness:
-            allowed = f"{prior.thickness}, that of the prior, whose film all regions have"
-            raise InputError(f"thickness of region {name}", one.thickness, allowed)
+        if (one.thickness is None) != (prior.thickness is None):
+            allowed = "None, as of the prior" if prior.thickness is None else "a number in m, as of the prior"
+            hint = "" if prior.thickness is None else "Of a bare one say a thickness far above the tip radius."
+            raise InputError(f"thickness of region {name}", one.thickness, allowed, hint)
     if len(known) == len(names):
         raise InputError("known", "every region", "fewer: one that is to be found, at least")
     return known

@@ -1,5 +1,6 @@
 """Series of files that leave most unsaid: order and sign are found, the truth is in the errors, doubts are said."""
 
+from dataclasses import replace
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -159,6 +160,20 @@ def test_what_no_material_explains_is_found_as_a_discrepancy_and_said_with_its_n
     assert found.discrepancy_low <= np.hypot(1.0, wrong / ERROR) < found.discrepancy_high
     assert (found.discrepancy_low > 1.5) == (wrong > 0)
     assert ("whose errors would have to be" in found.attrs["verdict"]) == (wrong > 0)
+
+
+def test_a_film_is_found_beside_a_known_region_stiffer_than_anything_sought_and_of_another_thickness():
+    mica = pm.Material(58.6e9, 0.1, 0.0, poisson_ratio=0.25, thickness=1e-6)
+    film, prior = replace(SOFT, thickness=2e-9), pm.Material(1e9, 0.05, 0.01, thickness=2e-9)
+    scope, levels = pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE), pm.Interaction("film")), (0.5, 0.7)
+    values = np.array([[pm.solve_pixel(one, scope, at, "averaging").phase for at in levels] for one in (mica, film)])
+    files = measure(values, levels, free_amplitude=AMPLITUDE)
+    found = pm.series(files, scope, sign=1, labels=labels_at(), known={0: mica}, prior=prior)
+    assert float(found.modulus[0]) == pytest.approx(58.6e9) and found.misfit < 12
+    low, high = (float(found[f"modulus_{end}"][1]) for end in ("low", "high"))
+    assert low < SOFT.modulus < high < 30e9
+    with pytest.raises(pm.InputError, match="thickness of region 0 is None; allowed: a number in m, as of the prior"):
+        pm.series(files, scope, known={0: replace(mica, thickness=None)}, prior=prior, labels=labels_at())
 
 
 def test_a_tune_that_contradicts_the_others_is_named(found):

@@ -35,15 +35,19 @@ ALL = np.newaxis
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Places of orbits over logarithms of the material, logarithm of the free amplitude [m], and setpoint."""
+    """Places of orbits over logarithms of the material, logarithm of the free amplitude [m], and setpoint.
 
-    axes: list[Array]  # five
+    Of a single material, over the last two alone.
+    """
+
+    axes: list[Array]  # five, or two
     values: Array  # shape (..., 4); of both branches, the place of the orbit, and 1 where there is one
 
     def look(self, points: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Places, and whether there may be an orbit, shape (2, k), at points, shape (k, 5)."""
         from scipy.interpolate import RegularGridInterpolator
 
+        points = points[:, -len(self.axes) :]
         ends = np.array([[axis[0], axis[-1]] for axis in self.axes]).T
         inside = np.clip(points, *ends)
         found = RegularGridInterpolator(self.axes, self.values)(inside).T
@@ -51,15 +55,16 @@ class Table:
         return np.where(there, found[:2], np.nan), there
 
 
-def make_table(model: Model, reach: Array, amplitudes: tuple[float, float], levels: Array) -> Table:
+def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float], levels: Array) -> Table:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
-    `reach` (shape (3,)): largest logarithms of the materials.
+    `reach` (shape (3,)): largest logarithms of the materials; None for the model's reference alone.
     `amplitudes`: least and largest free amplitude [m].
     `levels` (shape (k,)): setpoints, rising, two at least.
     """
-    materials = [np.linspace(-most, most, count) for most, count in zip(reach, COUNTS, strict=True)]
-    grid = np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3)
+    sought = () if reach is None else zip(reach, COUNTS, strict=True)
+    materials = [np.linspace(-most, most, count) for most, count in sought]
+    grid = np.stack(np.meshgrid(*materials, indexing="ij"), axis=-1).reshape(-1, 3) if materials else np.zeros((1, 3))
     first, last = np.log(amplitudes)
     logs = np.linspace(first, last, max(2, 1 + int(np.ceil((last - first) / OF_AMPLITUDE))))
     places = np.full((len(logs), len(levels), 2, len(grid)), np.nan)
@@ -83,8 +88,8 @@ def make_table(model: Model, reach: Array, amplitudes: tuple[float, float], leve
             before = i - step[0], j - step[1]
             if min(before) >= 0 and before[0] < len(logs) and before[1] < len(levels):
                 solve((i, j), places[before], False)
-    counts = *places.shape[:2], *COUNTS
-    whole = np.moveaxis(places.transpose(2, 0, 1, 3).reshape(2, *counts), (0, 1, 2), (-1, 3, 4))
+    counts = [len(axis) for axis in (*materials, logs, levels)]
+    whole = places.transpose(3, 0, 1, 2).reshape(*counts, 2)
     return Table([*materials, logs, levels], np.concatenate([_filled(whole), ~np.isnan(whole)], axis=-1))
 
 
@@ -128,12 +133,44 @@ class _Ways(NamedTuple):
     chosen: Indices  # shape (n, K, files); which combination of branches
 
 
+class Part(NamedTuple):
+    """Regions that have one model: all that are sought, or one whose material is known, which is its reference."""
+
+    regions: Indices
+    model: Model  # of any settings
+    table: Table
+    known: bool
+
+    def solved(self, logs: Array, amplitudes: Array, ratios: Array) -> Array:
+        """Phases [degree] of averaged orbits on both branches, shape (2, n, regions, m), NaN without an orbit.
+
+        `logs` (shape (n, r, 3)): of all regions; `amplitudes` [m] and `ratios`, shape (n, m).
+        """
+        count, regions, files = len(logs), len(self.regions), amplitudes.shape[1]
+        points = np.zeros((count, regions, files, 5))
+        if not self.known:
+            points[..., :3] = logs[:, self.regions, ALL]
+        points[..., 3], points[..., 4] = np.log(amplitudes)[:, ALL], ratios[:, ALL]
+        flat = points.reshape(-1, 5)
+        places, there = self.table.look(flat)
+        found = self.model.at_settings(np.exp(flat[:, 3]), flat[:, 4]).phases(flat[:, :3], places, there)
+        return np.degrees(found.reshape(2, count, regions, files))
+
+    def everywhere(self, logs: Array, amplitude: float, ratios: Array) -> Array:
+        """The same of one combination (shape (r, 3)) at these setpoints, shape (2, regions, k), without the table."""
+        own, points = len(self.regions), len(ratios)
+        at = np.full((2, own * points), np.nan)
+        model = self.model.at_settings(np.full(own * points, amplitude), np.tile(ratios, own))
+        logs = np.zeros((own, 3)) if self.known else logs[self.regions]
+        found = model.phases(np.repeat(logs, points, axis=0), at, search=True)
+        return np.degrees(found).reshape(2, own, points)
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Unknowns, each normal with standard deviation 1 and cut off at `REACH`, and the data."""
 
-    model: Model  # of any settings
-    table: Table
+    parts: tuple[Part, ...]  # first what is sought, then each region that is known
     settings: Settings
     # values, errors: shape (r, m); median phases as recorded and their standard errors [degree]; infinite errors
     # where there is no datum
@@ -141,6 +178,11 @@ class Problem:
     errors: Array
     known: Array  # shape (r, 3); logarithms of the materials that are given, NaN where they are sought
     widths: Array  # shape (3,); standard deviations of the logarithms by the prior
+
+    @property
+    def model(self) -> Model:
+        """The model of what is sought."""
+        return self.parts[0].model
 
     @property
     def unknown(self) -> Indices:
@@ -172,14 +214,17 @@ class Problem:
 
     def solved(self, state: State) -> Array:
         """Phases [degree] of averaged orbits on both branches, shape (2, n, r, m), NaN without an orbit."""
-        count, (regions, files) = len(state.logs), self.values.shape
-        points = np.empty((count, regions, files, 5))
-        points[..., :3] = state.logs[:, :, ALL]
-        points[..., 3], points[..., 4] = np.log(state.amplitudes)[:, ALL], state.ratios[:, ALL]
-        flat = points.reshape(-1, 5)
-        places, there = self.table.look(flat)
-        found = self.model.at_settings(np.exp(flat[:, 3]), flat[:, 4]).phases(flat[:, :3], places, there)
-        return np.degrees(found.reshape(2, count, regions, files))
+        found = np.empty((2, len(state.logs), *self.values.shape))
+        for part in self.parts:
+            found[:, :, part.regions] = part.solved(state.logs, state.amplitudes, state.ratios)
+        return found
+
+    def branches(self, logs: Array, amplitude: float, ratios: Array) -> Array:
+        """The same of one combination (shape (r, 3)) at these setpoints, shape (2, r, k), wherever orbits are."""
+        found = np.empty((2, len(self.values), len(ratios)))
+        for part in self.parts:
+            found[:, part.regions] = part.everywhere(logs, amplitude, ratios)
+        return found
 
     def likelihood(self, x: Array) -> Array:
         """Logarithm of the likelihood, shape (n,)."""

@@ -20,7 +20,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.problem import Model, make_model
 from phasemap.inference.sampling import REACH, Draws, sample
 from phasemap.inference.series.contrasts import Labels, Medians, drift_of, each_of, medians, regions_of
-from phasemap.inference.series.problem import Explained, Problem, State, make_table
+from phasemap.inference.series.problem import Explained, Part, Problem, State, make_table
 from phasemap.inference.series.recorded import read_files
 from phasemap.inference.series.settings import FREE, HELD, Settings, scope_of, settings_of
 from phasemap.inference.series.words import tell
@@ -134,9 +134,9 @@ def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, lik
     band = np.full((BAND, len(firsts), regions, points), np.nan)
     lines = np.full((len(firsts), 2, regions, points), np.nan)
     for g, first in enumerate(firsts):
-        lines[g] = _branches(problem, state, likeliest, state.amplitudes[likeliest, first])
+        lines[g] = problem.branches(state.logs[likeliest], state.amplitudes[likeliest, first], CURVE)
         for k, draw in enumerate(some):
-            both = _branches(problem, state, int(draw), state.amplitudes[draw, first])
+            both = problem.branches(state.logs[draw], state.amplitudes[draw, first], CURVE)
             band[k, g] = sign[draw] * _engaged(both)
     contrasts = band - band[:, :, :1]
     known = np.isfinite(contrasts)
@@ -154,16 +154,6 @@ def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, lik
                          ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
         put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
     ds["likeliest_sign"] = ((), int(sign[likeliest]), {"long_name": "sign of the likeliest draw"})
-
-
-def _branches(problem: Problem, state: State, draw: int, amplitude: float) -> Array:
-    """Phases of both branches [degree], shape (2, r, k), against the setpoint."""
-    regions, points = len(problem.values), len(CURVE)
-    at = np.full((2, regions * points), np.nan)
-    logs = np.repeat(state.logs[draw], points, axis=0)
-    model = problem.model.at_settings(np.full(regions * points, amplitude), np.tile(CURVE, regions))
-    found = model.phases(logs, at, search=True)
-    return np.degrees(found).reshape(2, regions, points)
 
 
 def _engaged(both: Array) -> Array:
@@ -225,7 +215,8 @@ def series(
     labels : array_like of int, or a sequence of them, one a file; optional
         Regions (2 to 5) that are known, -1 where pixels are left out.
     known : mapping of int to Material, optional
-        Materials that need not be sought, by the label of their region.
+        Materials that need not be sought, by the label of their region: beyond the prior, and of another thickness
+        than its film, if they like.
     setpoints, free_amplitudes : float or sequence of float, optional
         Of the files [1, m at the drive frequency], in their order. By default as recorded. Free amplitudes that are not
         known in metres are "shared" (one unknown scale; what is recorded in volts, or of the drive, says how they
@@ -314,11 +305,17 @@ def _problem(
 ) -> Problem:  # fmt: skip
     """What is to be explained, with this error [degree] of each median; `materials`: those known, and the prior."""
     known, prior = materials
-    fixed = _known(known, model, prior, len(seen.values))
     limits, levels = settings.ranges(REACH)
-    table, there = make_table(model, REACH * widths, limits, levels), np.isfinite(seen.values)
+    given, logs = check_known(known, range(len(seen.values)), prior), np.full((len(seen.values), 3), np.nan)
+    sought = np.setdiff1d(np.arange(len(seen.values)), list(given))
+    parts = [Part(sought, model, make_table(model, REACH * widths, limits, levels), False)]
+    for region, one in sorted(given.items()):
+        own = model.around(one)
+        parts.append(Part(np.array([region]), own, make_table(own, None, limits, levels), True))
+        logs[region] = np.log(np.maximum(own.reference, 1e-9 * model.reference) / model.reference)
+    there = np.isfinite(seen.values)
     errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
-    return Problem(model, table, settings, np.where(there, seen.values, 0.0), errors, fixed, widths)
+    return Problem(tuple(parts), settings, np.where(there, seen.values, 0.0), errors, logs, widths)
 
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:
@@ -338,13 +335,3 @@ def _widths(prior: Material, factors: Any) -> Array:
     if len(given) not in (1, 3):
         raise InputError("prior_factor", factors, allowed)
     return np.log([check_prior(prior, one) for one in given * (3 // len(given))])
-
-
-def _known(known: Mapping[int, Material] | None, model: Model, prior: Material, count: int) -> Array:
-    """Logarithms of the materials that are given over those of the prior, NaN for others, shape (count, 3)."""
-    logs = np.full((count, 3), np.nan)
-    for region, one in check_known(known, range(count), prior).items():
-        values = model.around(one).reference
-        values[0] *= (1 - prior.poisson_ratio**2) / (1 - one.poisson_ratio**2)  # what images know
-        logs[region] = np.log(np.maximum(values, 1e-9 * model.reference) / model.reference)
-    return logs
