@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import date, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -96,6 +97,8 @@ CANONICAL = {
     "drive_voltage": "V",
     "phase_sign": "1",  # -1 where lag counts positive, which is as the vendor documents it
     "phase_zero": "degree",  # recorded phase of the free lever at the drive frequency
+    "lock_in_phase": "degree",  # what the instrument adds to the phase, which tuning sets
+    "day": "d",  # of the scan, since 1970-01-01
     "setpoint_amplitude": "m",
     "free_amplitude_voltage": "V",  # volts where no sensitivity makes metres of them
     "setpoint_voltage": "V",
@@ -103,6 +106,7 @@ CANONICAL = {
 }
 """Names of attributes and their units."""
 
+DATES = ("%Y-%m-%d", "%d-%m-%Y", "%I:%M:%S %p %a %b %d %Y")  # Asylum Research, Nanosurf, NanoScope
 _PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "n": 1e-9, "p": 1e-12}
 _UNITS = ("V", "m", "Hz", "s", "m/V", "N/m", "")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)", re.IGNORECASE)
@@ -163,6 +167,16 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any])
         phase_zero=scope.free_phase,
     )
     return scan.values
+
+
+def day_of(text: str | None) -> float | None:
+    """Days from 1970-01-01 to a date as instruments write it; None where it is none."""
+    for form in DATES:
+        try:
+            return float(date.toordinal(datetime.strptime((text or "").strip(), form)) - date(1970, 1, 1).toordinal())
+        except ValueError:
+            continue
+    return None
 
 
 def quantity(text: str | None) -> float | None:

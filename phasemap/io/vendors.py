@@ -20,7 +20,7 @@ from typing import Any
 from phasemap._shared.errors import FileError
 from phasemap._shared.units import say
 from phasemap.io.gwyddion import extra
-from phasemap.io.metadata import CANONICAL, ScanData, quantity
+from phasemap.io.metadata import CANONICAL, ScanData, day_of, quantity
 
 MODE_KEYS = ("Op. mode", "ImagingMode", "MicroscopeList")  # Nanosurf, Asylum Research, Bruker
 TAPPING_MODES = ("phase contrast", "dynamic force", "dynamic afm", "ac mode", "tapping", "tapping mode")
@@ -49,6 +49,7 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
         if mark in metadata:
             vendor(scan, metadata, path)
             break
+    scan.take(day=day_of(metadata.get("Date")))
     scan.take(**{name: quantity(metadata.get(name)) for name in CANONICAL})  # of a file that phasemap wrote
     scan.warnings += metadata.get("warnings", "").splitlines()
     scan.nominal += metadata.get("nominal", "").split()
@@ -100,6 +101,7 @@ def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     scan.take(
         drive_frequency=value("Vibration freq."),
         free_amplitude_voltage=value("Vibration ampl."),
+        lock_in_phase=value("Ref. phase"),
         line_rate=1 / (2 * time) if time else None,
         proportional_gain=value("P-Gain"),
         integral_gain=value("I-Gain"),
@@ -143,7 +145,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         return number
 
     frequency, free = value("DriveFrequency"), value("FreeAirAmplitude")
-    note = _section(path, rb"(.*)", rb"[\r\n](AmplitudeSetpointVolts): *([^\r\n]+)")
+    note = _section(path, rb"(.*)", rb"[\r\n](AmplitudeSetpointVolts|PhaseOffset): *([^\r\n]+)")
     volts = note.get("AmplitudeSetpointVolts")
     sensitivity = value("AmpInvOLS")
     scan.take(
@@ -152,6 +154,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         proportional_gain=value("ProportionalGain"),
         integral_gain=value("IntegralGain"),
         phase_zero=value("FreeAirPhase"),
+        lock_in_phase=note.get("PhaseOffset"),
         phase_sign=-1.0,  # lag: above 90 degrees attractive, below repulsive (Asylum Research, AC mode manual)
         drive_voltage=value("DriveAmplitude"),
         free_amplitude_voltage=free,
@@ -189,6 +192,7 @@ def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         proportional_gain=value("TMFbPgain", "Proportional gain", "Proportional Gain"),  # the latter of version 4 and 5
         integral_gain=value("TMFbIgain", "Integral gain", "Integral Gain"),
         drive_voltage=value("CantDrive", "Drive amplitude", "Drive Amplitude"),
+        lock_in_phase=value("CantPhase"),
         setpoint_voltage=volts,
         amplitude_sensitivity=sensitivity,
         setpoint_amplitude=volts * sensitivity if volts and sensitivity else None,

@@ -15,7 +15,7 @@ import phasemap as pm
 from benchmarks.coverage import covered
 from phasemap.inference import sampling
 from phasemap.inference.series.contrasts import drift_of, medians, regions_of
-from phasemap.inference.series.settings import FREE, HELD, SHARED, scope_of, settings_of
+from phasemap.inference.series.settings import FREE, HELD, HIGHEST, SHARED, scope_of, settings_of
 from phasemap.inference.series.words import _of_magnitude, _of_tunes, _why, is_poor, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -176,6 +176,28 @@ def test_a_film_is_found_beside_a_known_region_stiffer_than_anything_sought_and_
         pm.series(files, scope, known={0: replace(mica, thickness=None)}, prior=prior, labels=labels_at())
 
 
+@pytest.mark.parametrize(
+    ("said", "tunes"),
+    [
+        ([{"phase_zero": -13.8}, {}, {"phase_zero": -31.8}], [0, 1, 2]),  # that without a zero may be of either
+        ([{"phase_zero": -13.8}, {}, {"phase_zero": -12.0}], [0, 0, 0]),
+        ([{}, {"phase_zero": 179.0}, {"phase_zero": -179.0}], [0, 0, 0]),
+        ([{}, {"day": 2.0}, {}, {"day": 1.0}], [0, 1, 0, 2]),
+        ([{"day": 1.0}, {"day": 2.0}, {"day": 1.0}], [0, 1, 0]),
+        ([{"drive_voltage": 0.1}, {"drive_voltage": 0.15}, {"drive_voltage": 0.1001}], [0, 1, 0]),
+        ([{"lock_in_phase": 20.0, "day": 1.0}, {"lock_in_phase": 25.0}, {"day": 1.0}], [0, 1, 2]),
+        ([{}, {}, {}], [0, 0, 0]),
+    ],
+)
+def test_files_are_of_one_tune_as_far_as_nothing_recorded_tells_them_apart(said, tunes):
+    files = measure(phases()[:, [0, 1, 2, 0][: len(said)]], SETPOINTS * (len(said) == 3) or (*SETPOINTS, 0.6))
+    for one, more in zip(files, said, strict=True):
+        one.attrs |= more
+    settings = settings_of(files, "abcd"[: len(said)], GIVEN)
+    assert settings.tunes.tolist() == tunes
+    assert ("told apart by " in settings.told[0]) == (max(tunes) > 0)
+
+
 def test_a_tune_that_contradicts_the_others_is_named(found):
     settings = SimpleNamespace(tunes=np.array([0, 0, 1]), tune_count=2)
     problem = SimpleNamespace(settings=settings, errors=np.ones((2, 3)))
@@ -269,7 +291,8 @@ def test_a_free_amplitude_of_one_file_serves_the_others_by_the_voltage_of_the_dr
     assert (settings.amplitude, settings.setpoint) == (HELD, HELD)
     np.testing.assert_allclose(settings.relative * settings.scale, [20e-9, 40e-9, 80e-9])
     np.testing.assert_allclose(settings.ratios, [0.6, 0.75, 0.6])
-    assert "The free amplitude of a, c is not recorded: it follows from the others by" in settings.told[0]
+    assert settings.tunes.tolist() == [0, 1, 2] and "told apart by drive voltage" in settings.told[0]
+    assert "The free amplitude of a, c is not recorded: it follows from the others by" in settings.told[1]
 
 
 def test_settings_that_contradict_each_other_are_not_used_and_that_is_said():
@@ -301,6 +324,12 @@ def test_setpoints_in_metres_tell_the_free_amplitude():
     settings = settings_of(files, ["a", "b", "c"], GIVEN)
     sizes, ratios = settings.at(np.zeros((1, 1)), np.zeros((1, 3)), np.array([[0.5]]))
     np.testing.assert_allclose(sizes * ratios, [[at * AMPLITUDE for at in SETPOINTS]], rtol=1e-12)
+    for one, volts in zip(files, (0.1, 0.2, 0.2), strict=True):
+        one.attrs["drive_voltage"] = volts  # two tunes, whose free amplitudes follow each from its own setpoints
+    settings = settings_of(files, ["a", "b", "c"], GIVEN)
+    sizes, ratios = settings.at(np.zeros((1, 2)), np.zeros((1, 3)), np.array([[0.5, 0.0]]))
+    np.testing.assert_allclose(sizes * ratios, [[at * AMPLITUDE for at in SETPOINTS]], rtol=1e-12)
+    assert sizes[0, 1] == pytest.approx(sizes[0, 2]) and ratios[0, 1] == pytest.approx(HIGHEST[0])
 
 
 def test_a_lever_that_files_do_not_say_is_assumed_aloud():

@@ -397,8 +397,11 @@ ASYLUM = {
 
 def test_an_asylum_file_tells_its_scan_in_si(tmp_path: Path) -> None:
     note = tmp_path / "scan.ibw"
-    note.write_bytes(b"\x05\x00 wave \rAmplitudeSetpointMeters: 1e-08\rAmplitudeSetpointVolts: 0.6\rScanSize: 2e-05\r")
-    scan = scan_data(note, ASYLUM)
+    note.write_bytes(
+        b"\x05\x00 wave \rAmplitudeSetpointMeters: 1e-08\rAmplitudeSetpointVolts: 0.6\rPhaseOffset:153.77\r"
+    )
+    scan = scan_data(note, ASYLUM | {"Date": "2019-10-24"})
+    assert (scan.values["lock_in_phase"], scan.values["day"]) == (153.77, 18193.0)
     assert scan.values["setpoint"] == pytest.approx(0.75)
     assert scan.values["free_amplitude"] == pytest.approx(40e-9)
     assert scan.values["setpoint_amplitude"] == pytest.approx(30e-9)
@@ -455,7 +458,8 @@ def test_a_number_outside_all_practice_is_doubted_and_left_out() -> None:
 
 def test_gains_and_drive_of_older_nanoscope_files_are_read() -> None:
     old = {"MicroscopeList": "Tapping", "Integral gain": "0.4", "Proportional gain": "0.6", "2:CantDrive": "112.6 mV"}
-    values = scan_data(NOWHERE, old).values
+    values = scan_data(NOWHERE, old | {"Date": "09:57:48 AM Tue Jan 12 2016", "2:CantPhase": "-121.8 °"}).values
+    assert (values["lock_in_phase"], values["day"]) == (-121.8, 16812.0)
     assert (values["integral_gain"], values["proportional_gain"], values["drive_voltage"]) == pytest.approx(
         (0.4, 0.6, 0.1126)
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
+from phasemap._shared.units import listed as listed_words
 from phasemap.io.metadata import of_simulation
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SAME_DRIVE, SAME_ZERO = 2e-4, 5.0  # by which drive frequencies (relative) and zeros [degree] of one tune differ
+OF_TUNE = {"drive_frequency": 2e-4, "drive_voltage": 0.02, "phase_zero": 5.0, "lock_in_phase": 1.0, "day": 0.5}
+"""By which files of one tune differ at most: relatively, or in degrees and days."""
+RELATIVE = ("drive_frequency", "drive_voltage")
 LINEAR = 1.2  # factor within which free amplitudes follow the voltage of the drive
 PAIRS = (("setpoint_voltage", "free_amplitude_voltage"), ("setpoint_amplitude", "free_amplitude"))
 FREE_AMPLITUDES = ("free_amplitude", "free_amplitude_voltage")
@@ -73,32 +76,45 @@ def recorded_of(
     `told`: gets a sentence on everything that is not as recorded.
     """
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
-    tunes = _tunes_of(known)
-    each = [np.flatnonzero(tunes == k).tolist() for k in range(1 + int(tunes.max()))]
-    if len(each) > 1:
-        listed = "; ".join(", ".join(names[i] for i in some) for some in each)
+    tunes, said = _tunes_of(known, OF_TUNE)
+    if len(said) > 1:
+        listed = "; ".join(", ".join(names[i] for i in np.flatnonzero(tunes == k).tolist()) for k in range(len(said)))
+        apart = [name for name in OF_TUNE if any(_differ(name, one, other) for one, other in combinations(said, 2))]
+        by = f", told apart by {listed_words([name.replace('_', ' ') for name in apart])}" if apart else ""
         told.append(
-            f"Drive frequencies or recorded zeros are of {len(each)} tunes ({listed}): an unknown sensitivity, "
-            "setpoint or shared zero is the same within a tune only."
+            f"The files are of {len(said)} tunes ({listed}){by}: an unknown sensitivity, setpoint or shared zero is "
+            "the same within a tune only."
         )
-    for some in each:
+    lever, _ = _tunes_of(known, [name for name in OF_TUNE if name != "drive_voltage"])
+    for k in range(1 + int(lever.max())):  # amplitudes follow the drive, if nothing else changes
+        some = np.flatnonzero(lever == k).tolist()
         _complete([known[i] for i in some], [names[i] for i in some], told)
     return known, tunes
 
 
-def _tunes_of(known: list[dict[str, Any]]) -> NDArray[np.intp]:
-    """Number of the tune of each file: the first that has its drive frequency and recorded zero, or does not say."""
-    tunes, firsts = [], list[tuple[float, float]]()
-    for one in known:
-        mine = tuple(float(one.get(name, np.nan)) for name in ("drive_frequency", "phase_zero"))
-        alike = [
-            not abs(mine[0] / first[0] - 1) > SAME_DRIVE and not abs(within_half_a_turn(mine[1] - first[1])) > SAME_ZERO
-            for first in firsts
-        ]
-        tunes.append(alike.index(True) if any(alike) else len(firsts))
-        if not any(alike):
-            firsts.append((mine[0], mine[1]))
-    return np.array(tunes)
+def _tunes_of(known: list[dict[str, Any]], names: Collection[str]) -> tuple[NDArray[np.intp], list[dict[str, float]]]:
+    """Number of the tune of each file, counted in their order, and what is said of each tune.
+
+    A file that leaves something unsaid is of the only tune that it does not contradict, else of one of its own.
+    """
+    said = [{name: float(one[name]) for name in names if one.get(name) is not None} for one in known]
+    tunes, number = list[dict[str, float]](), np.zeros(len(known), np.intp)
+    for i in sorted(range(len(said)), key=lambda i: -len(said[i])):
+        alike = [k for k, one in enumerate(tunes) if not any(_differ(name, one, said[i]) for name in names)]
+        alike = [k for k in alike if tunes[k].keys() == said[i].keys()][:1] or alike
+        number[i] = alike[0] if len(alike) == 1 else len(tunes)
+        tunes += [said[i]] * (len(alike) != 1)
+    _, first, number = np.unique(number, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return np.argsort(order)[number], [tunes[k] for k in order]
+
+
+def _differ(name: str, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """Whether two tunes, or a tune and a file, contradict each other."""
+    if name not in one or name not in other:
+        return False
+    apart = one[name] / other[name] - 1 if name in RELATIVE else one[name] - other[name]
+    return bool(abs(apart if name in RELATIVE or name == "day" else within_half_a_turn(apart)) > OF_TUNE[name])
 
 
 def _complete(known: list[dict[str, Any]], names: Sequence[str], told: list[str]) -> None:

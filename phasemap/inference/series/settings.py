@@ -59,7 +59,8 @@ class Settings:
     amplitude: str
     setpoint: str
     zero: str
-    metres: bool  # whether `ratios` are amplitudes [m], of which the free amplitude follows from the setpoint
+    # whether `ratios` are amplitudes [m] over `relative`, of which free amplitudes follow from setpoints
+    metres: bool
     # zeros, zero_errors: shape (m,) [degree]
     zeros: Array
     zero_errors: Array
@@ -114,7 +115,7 @@ class Settings:
         most = np.array([self.ratios[self.tunes == k].max() for k in self.tunes])
         ratios = highest * self.ratios / most
         if self.metres:
-            amplitudes = self.ratios / ratios * factor
+            amplitudes = self.relative * self.ratios / ratios * factor
         return amplitudes, ratios
 
     def ranges(self, reach: float) -> tuple[tuple[float, float], Array]:
@@ -304,8 +305,7 @@ def _setpoints(
         "Setpoints are recorded without the free amplitude: the highest is assumed to be between "
         f"{HIGHEST[0]:g} and {HIGHEST[1]:g} of it."
     )
-    same = bool(np.ptp(relative) == 0)
-    return SHARED, metres is not None and same and amplitude == SHARED, values / relative
+    return SHARED, metres is not None and amplitude == SHARED, values / relative
 
 
 def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str]) -> tuple[str, Any, Any]:
