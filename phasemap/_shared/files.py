@@ -121,12 +121,9 @@ def _host() -> str:
 
 
 def _is_alive(process: int) -> bool:
-    if os.name == "nt":  # where os.kill ends a process whatever the signal
-        return True
+    import psutil  # on Windows os.kill would end it
+
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # somebody else's; no number that a process has
+        return bool(psutil.pid_exists(process))
+    except OverflowError:  # no number that a process has
         return True
-    return True

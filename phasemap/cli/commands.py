@@ -6,6 +6,7 @@ Everything heavy is imported by the command that needs it, so that ``--help`` an
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -81,6 +82,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns the exit code: 0, 1 if what `check` looks at fails, 2 for input that cannot be used, 130 after an interrupt,
     143 after SIGTERM.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # where a terminal, or what a file is written in, lacks a letter
     with ending_at_once():
         parser = make_parser()
         arguments, rest = parser.parse_known_args(argv)

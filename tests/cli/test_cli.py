@@ -104,6 +104,14 @@ def test_run_says_the_regimes_and_that_materials_look_alike(tmp_path: Path, caps
     assert scale_of(load(tmp_path / "hard.nc")["height"]).offset == height.min()  # the zero of the picture
 
 
+def test_a_letter_that_a_terminal_lacks_stops_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert main(["presets", "PS"]) == 0
+    stream.seek(0)
+    assert "J/m?" in stream.read()
+
+
 def test_quiet_says_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", STEP, SMALL, "--quiet", "-o", str(tmp_path / "step.nc")]) == 0
     assert capsys.readouterr() == ("", "")

@@ -118,7 +118,7 @@ def compiled() -> Path:
     """The folder of the compiled kernels, which are made if there are none of these sources."""
     code = [
         *(bundle.PACKAGE / "_kernels").rglob("*.py"),
-        *(bundle.PACKAGE / "experiment").rglob("*.py"),
+        *(bundle.PACKAGE / "experiment" / "interaction").rglob("*.py"),  # formulas
         HERE / "kernels.py",
     ]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(code))).hexdigest()[:16]

@@ -97,7 +97,7 @@ class Table(ContactLaw):
                 with np.load(path, allow_pickle=False) as file:
                     found = {name: np.asarray(file[name], dtype=np.float64) for name in file.files if name in COLUMNS}
             else:
-                found = _columns_of(path.read_text())
+                found = _columns_of(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise FileError(f"cannot read {path}: {error}") from error
         if "gap" in found:

@@ -69,14 +69,9 @@ class Engine {
 
 let moving, patient; // what a slider waits for is not held up by what takes long
 
-/** Loads both, one after the other. */
-async function load() {
-  moving ??= new Engine();
-  await moving.ready;
-  patient ??= new Engine();
-}
+const load = () => { moving ??= new Engine(); };
 
-/** Loads them while the first answers are looked at; in another page's frame once this one is touched. */
+/** Loads the solver while the first answers are looked at; in another page's frame once this one is touched. */
 function loadSoon() {
   if (self === top) load();
   else for (const touched of ["pointerdown", "keydown"]) addEventListener(touched, load, { once: true });
