@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import re
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ NAMES = {
 }
 """How the columns of a quantity are called, and its units."""
 COLUMN = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+UNITS = {"", "-", *(unit for _, units in NAMES.values() for unit in units)}
+MARKS = ("\t", ";", ",", r"\s{2,}", r"\s+(?![\[(])")  # between names; a single space, where no unit in brackets follows
 EXAMPLE = "columns=('distance approach [m]', None, 'amplitude approach [V]', 'phase approach [degree]')"
 TEXT = (".txt", ".csv", ".tsv", ".dat", ".asc")
 FEWEST = 20  # points of a curve
@@ -53,20 +56,13 @@ def quantity_of(name: str) -> str | None:
 
 def of_text(path: Path, columns: Sequence[str | None] | None, number: int) -> Parts:
     """The columns of a text."""
-    try:
-        with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
-            lines = [line.strip() for line in file if line.strip()]
-    except (OSError, UnicodeError, EOFError) as error:
-        raise FileError(
-            f"cannot read {path}: it is no text. Curves are read from .ibw, .jpk-force, NanoScope, netCDF, or columns "
-            "of text: export the curve from the instrument's program as text (ASCII)."
-        ) from error
+    lines = [line.strip() for line in _text(path).splitlines() if line.strip()]
     first = next((i for i, line in enumerate(lines) if _numbers(line)), len(lines))
     wide = len(_numbers(lines[first])) if first < len(lines) else 0
     rows = [row for row in map(_numbers, lines[first:]) if len(row) == wide]
     if len(rows) < FEWEST:
         raise FileError(f"cannot use {path}: it has {len(rows)} rows of numbers; a curve has {FEWEST} at least.")
-    names = list(columns) if columns is not None else _heading(lines[first - 1]) if first else []
+    names = list(columns) if columns is not None else _heading(lines[:first], wide)
     if not names or wide % len(names):
         raise FileError(
             f"cannot use {path}: it has {wide} columns and names of {len(names)}; say what they are, such as {EXAMPLE}."
@@ -90,11 +86,44 @@ def _numbers(line: str) -> list[float]:
         return []
 
 
-def _heading(line: str) -> list[str]:
-    """The names that a line gives to columns."""
-    line = line.lstrip("#% ")
-    mark = next((one for one in ("\t", ";", ",") if one in line), None)
-    return [word.strip() for word in (line.split(mark) if mark else re.split(r"\s{2,}", line))]
+def _text(path: Path) -> str:
+    """The text of a file in any of the encodings that instruments write."""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            content = file.read()
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return content.decode("utf-16")
+        if b"\0" in content:
+            raise UnicodeError("bytes of no text")
+        try:
+            return content.decode("utf-8-sig")
+        except UnicodeError:
+            return content.decode("latin-1")
+    except (OSError, UnicodeError, EOFError) as error:
+        raise FileError(
+            f"cannot read {path}: it is no text. Curves are read from .ibw, .jpk-force, NanoScope, netCDF, or columns "
+            "of text: export the curve from the instrument's program as text (ASCII)."
+        ) from error
+
+
+def _heading(lines: Sequence[str], wide: int) -> list[str]:
+    """The names that the lines above the numbers give to so many columns, with their units."""
+    plain = [line.lstrip("#% ") for line in lines]
+    said = {key: line.partition(":")[2].split() for line in plain for key in ("columns", "units")
+            if line.lower().startswith(f"{key}:")}  # fmt: skip
+    if len(said) == 2:  # as JPK's program exports curves
+        return [f"{name} [{unit}]" for name, unit in zip(said["columns"], said["units"], strict=False)]
+    above = [_words(line, wide) for line in plain[-2:]]
+    units = [one.strip("[]()") for one in above[-1]] if len(above) == 2 else []
+    if any(units) and len(units) == len(above[0]) and UNITS.issuperset(units):
+        return [f"{name} [{unit}]" for name, unit in zip(above[0], units, strict=True)]
+    return above[-1] if above else []
+
+
+def _words(line: str, wide: int) -> list[str]:
+    """The names in a line, by the mark that makes names of so many columns, or of an equal part of them."""
+    ways = [[word.strip() for word in re.split(mark, line)] for mark in MARKS]
+    return next((words for words in ways if wide % len(words) == 0 and len(words) > 1), ways[0])
 
 
 def _column(name: str | None, given: bool) -> Column | None:

@@ -52,6 +52,28 @@ def test_a_decimal_comma_is_no_mark_between_columns(tmp_path: Path, mark: str) -
 
 
 @pytest.mark.filterwarnings(TOLD)
+@pytest.mark.parametrize(
+    ("heading", "encoding"),
+    [
+        ("z [nm]\tAmplitude [mV]\tPhase lag [deg]", "utf-8-sig"),
+        ("z [nm]\tAmplitude [mV]\tPhase lag [deg]", "utf-16"),
+        ("z [nm]\tAmplitude [mV]\tPhase lag [°]", "latin-1"),
+        ("z [nm] Amplitude [mV] lag [deg]", "utf-8"),
+        ("Curve 3, in air\nz\tAmplitude\tPhase lag\nnm\tmV\tdeg", "utf-8"),
+        ("z; Amplitude; Phase lag\n[nm]; [mV]; [deg]", "utf-8"),
+        ("# index: 0\n# columns: height lockInAmplitude lockInPhaselag\n# units: nm mV deg\n#", "utf-8"),
+    ],
+)
+def test_text_is_read_as_instruments_and_spreadsheets_write_it(tmp_path: Path, heading: str, encoding: str) -> None:
+    plain = text(tmp_path / "plain.txt", "z [nm]\tAmplitude [mV]\tPhase lag [deg]", 1e9 * Z, 1e3 * AMPLITUDE, LAG)
+    other = tmp_path / "other.txt"
+    rows = plain.read_text().splitlines()[1:]
+    rows.insert(40, "nan\tnan\tnan")  # a point that the instrument lost
+    other.write_text("\n".join([heading, *rows]), encoding)
+    xr.testing.assert_equal(pm.read_curve(other), pm.read_curve(plain))
+
+
+@pytest.mark.filterwarnings(TOLD)
 def test_a_file_of_several_curves_without_names_is_read_by_the_names_given(tmp_path: Path) -> None:
     half = [Z[:121], AMPLITUDE[:121], AMPLITUDE[:121] + 0.01, LAG[:121]]
     table = np.stack([*half, *(2 * one for one in half)], axis=1)
