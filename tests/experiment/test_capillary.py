@@ -14,7 +14,7 @@ import pytest
 import phasemap as pm
 from phasemap._kernels.neck import loop_energies
 from phasemap.experiment.interaction import Capillary
-from phasemap.experiment.interaction.capillary import adsorbed_film
+from phasemap.experiment.interaction.capillary import NUMBER_DENSITY, THERMAL, adsorbed_film
 from phasemap.experiment.material_rows import MORE, MORE_NUMBERS, PLAIN, column_of, rows_of
 from phasemap.solvers.problem import make_work, work_of_material
 
@@ -58,6 +58,8 @@ def test_humidity_sets_the_films_that_are_not_given() -> None:
         # The pressure of the film against its vapour: H / (6 pi h^3) = n kT ln(p0/p).
         assert 1e-20 / (6 * math.pi * h**3) == pytest.approx(3.33e28 * 4.116e-21 * math.log(1 / humidity))
         assert Capillary(humidity=humidity).necks(RADIUS, NONE) == Capillary(h).necks(RADIUS, NONE)
+    # Of the same water Kelvin's radius is 0.52 nm / ln(p0/p), as textbooks print it.
+    assert 0.072 / (NUMBER_DENSITY * THERMAL) == pytest.approx(0.52e-9, abs=0.006e-9)
     assert Capillary().necks(RADIUS, NONE) == Capillary(humidity=0.5).necks(RADIUS, NONE)  # of a room
     one = Capillary(humidity=0.8).necks(RADIUS, np.array([[0.0, np.inf]]))
     assert one.forming[0] == pytest.approx(-adsorbed_film(0.8))  # the tip keeps its own
@@ -153,6 +155,25 @@ def test_a_marched_tip_loses_the_energy_of_its_necks() -> None:
     assert lossy.dissipation > 1.1 * one_loop and abs(lossy.energy_closure) < 1e-5
 
 
+@pytest.mark.parametrize("model", ["constant volume", "constant force", "linear"])
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_a_loop_loses_the_energy_of_its_closed_form(model: str, share: float) -> None:
+    """The integral of theory, Eq. (model-24), less the van der Waals force, over the gaps of the neck."""
+    h = 0.4e-9
+    law = Capillary(h, wet_attraction=share, model=model)
+    work, necks = work_of_material(SAMPLE, scope_of(law), 0.0, marched=True), law.necks(RADIUS, NONE)
+    near, far = -float(necks.forming[0]), -float(necks.release[0])
+    width = math.sqrt(4 * h**2 + 4 / 3 * h**3 / RADIUS)  # of Zitzler's volume, the root of V / (pi R)
+    way = {
+        "constant volume": far - near - math.hypot(far, width) + math.hypot(near, width),
+        "constant force": far - near,
+        "linear": (far - near) ** 2 / (2 * far),
+    }[model]
+    dry = 2 * math.pi * RADIUS * 0.05 * 0.3e-9 * (1 / (1 + near / 0.3e-9) - 1 / (1 + far / 0.3e-9))
+    wanted = 4 * math.pi * RADIUS * 0.072 * way - (1 - share) * dry
+    assert loop_energies(work.law, work.rows)[0] == pytest.approx(wanted, rel=1e-9)
+
+
 def test_a_dry_pixel_beside_wet_ones_is_that_of_dmt() -> None:
     wet = pm.Surface(3e9, 0.05, liquid_film=[[0.0, 0.3e-9, 1e-9], [1e-9, 0.0, 0.3e-9]], pixel_size=5e-9)
     image = pm.simulate(wet, scope_of(Capillary(0.0)), 0.7)
@@ -228,6 +249,10 @@ def test_films_that_meet_where_their_neck_breaks_are_refused() -> None:
     thick = r"gap at which the films of liquid meet is 2\.4e-08; allowed: less than 1\.21e-08 m, where their neck break"
     with pytest.raises(pm.InputError, match=thick):
         pm.solve_pixel(SAMPLE, scope_of(Capillary(12e-9)), 0.7)
+    for limit, on_tip in ((0.5545, None), (0.9284, 0.0)):  # of the radius, on both solids and on the sample alone
+        for part in (0.999, 1.001):
+            necks = Capillary(part * limit * RADIUS, tip_film=on_tip).necks(RADIUS, NONE)
+            assert (necks.forming[0] > necks.release[0]) == (part < 1)
     one_third = pm.Surface(3e9, 0.05, liquid_film=[[0.0, 1e-9, 20e-9]], pixel_size=5e-9)
     with pytest.warns(pm.ResultWarning, match=r"1 of 3 pixels .* films of liquid so thick that they meet where"):
         image = pm.simulate(one_third, scope_of(Capillary(0.0)), 0.7)

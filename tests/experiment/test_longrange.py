@@ -39,6 +39,21 @@ def test_the_double_layer_is_that_of_linear_poisson_and_boltzmann() -> None:
         assert force_at(gap, law) == pytest.approx(exact, rel=3 * math.exp(-2 * gap / debye))
 
 
+def test_the_debye_length_of_the_page_is_that_of_water_with_a_mole_of_salt() -> None:
+    ions, thermal = 2 * 6.02214076e26, 1.380649e-23 * 298.15
+    length = math.sqrt(DLVO.permittivity * 8.8541878188e-12 * thermal / (ions * 1.602176634e-19**2))
+    assert round(length * 1e9, 3) == 0.304 and "0.304 nm" in str(DLVO.__doc__)  # Israelachvili (2011), chapter 14
+
+
+def test_lennard_jones_planes_pull_most_with_what_greenwood_prints() -> None:
+    # Greenwood, Proc. R. Soc. A 453, 1277 (1997): 16/(9 sqrt(3)) = 1.026 w/z0, here as the slope of the sphere's force.
+    law = Interaction("dmt", 0.3e-9, longrange="lennard-jones")
+    gaps = np.linspace(0, 0.3e-9, 601)
+    pull = np.diff([force_at(gap, law, 0.05) for gap in gaps]) / np.diff(gaps) / (2 * math.pi * RADIUS)
+    assert pull.max() * 0.3e-9 / 0.05 == pytest.approx(1.026, abs=5e-4)
+    assert gaps[pull.argmax()] == pytest.approx((3 ** (1 / 6) - 1) * 0.3e-9, abs=1e-12)
+
+
 def test_lennard_jones_separates_planes_with_the_work_of_adhesion() -> None:
     adhesion, law = 0.05, Interaction("dmt", 0.3e-9, longrange="lennard-jones")
     # The force on the sphere at contact is 2 pi R times the energy of the planes there, of which d/dD is the pressure.
