@@ -32,6 +32,7 @@ COLUMN = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 UNITS = {"", "-", *(unit for _, units in NAMES.values() for unit in units)}
 MARKS = ("\t", ";", ",", r"\s{2,}", r"\s+(?![\[(])")  # between names; a single space, where no unit in brackets follows
 EXAMPLE = "columns=('distance approach [m]', None, 'amplitude approach [V]', 'phase approach [degree]')"
+OF_IMAGES = "An image goes to `phasemap scene` (simulated alike), `explore` (beside one) or `series` (of several)."
 TEXT = (".txt", ".csv", ".tsv", ".dat", ".asc")
 FEWEST = 20  # points of a curve
 
@@ -102,7 +103,7 @@ def _text(path: Path) -> str:
     except (OSError, UnicodeError, EOFError) as error:
         raise FileError(
             f"cannot read {path}: it is no text. Curves are read from .ibw, .jpk-force, NanoScope, netCDF, or columns "
-            "of text: export the curve from the instrument's program as text (ASCII)."
+            f"of text: export the curve from the instrument's program as text (ASCII). {OF_IMAGES}"
         ) from error
 
 
@@ -168,7 +169,9 @@ def of_wave(path: Path) -> tuple[Parts, ScanData]:
     except Exception as error:  # of whatever is met in a damaged file
         raise FileError(f"cannot read {path}: it is damaged, or no wave of Igor.") from error
     if table.ndim != 2 or len(labels) != table.shape[1]:
-        raise FileError(f"cannot use {path}: it is of shape {table.shape}, not a curve with names of its columns.")
+        raise FileError(
+            f"cannot use {path}: it is of shape {table.shape}, not a curve with names of its columns. {OF_IMAGES}"
+        )
     order = sorted(range(len(labels)), key=lambda i: labels[i] != "ZSnsr")  # what was measured before what was asked
     units = ["deg" if NAMES["phase"][0].match(label) else "m" for label in labels]
     parts = _parts([_column(f"{labels[i]} [{units[i]}]", False) for i in order], table[:, order])

@@ -15,7 +15,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError
 from phasemap._shared.notices import tell
-from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, TEXT, Parts, of_text, of_wave
+from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, OF_IMAGES, TEXT, Parts, of_text, of_wave
 from phasemap.io.curve_files import ARCHIVES, is_nanoscope, of_archive, of_nanoscope
 from phasemap.io.metadata import ScanData
 from phasemap.io.read import NETCDF
@@ -97,7 +97,9 @@ def _of_sweep(path: Path) -> Parts:
 
     ds = load(path)
     if "tip_offset" not in ds.dims or "direction" not in ds.dims:
-        raise FileError(f"cannot use {path}: it is no distance sweep; it holds {', '.join(map(str, ds.data_vars))}.")
+        raise FileError(
+            f"cannot use {path}: it is no distance sweep; it holds {', '.join(map(str, ds.data_vars))}. {OF_IMAGES}"
+        )
     parts: Parts = {}
     for i, way in enumerate(DIRECTIONS):
         parts["distance", way] = ds["tip_offset"].values, "m"

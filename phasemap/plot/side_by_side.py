@@ -18,7 +18,7 @@ from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable
-from phasemap.comparison.words import apart, lines_of, names_of, verdict_of
+from phasemap.comparison.words import apart, differences_of, lines_of, names_of, verdict_of
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
 from phasemap.plot.page import LINE, Page, draw_scale_bar, shortened, side_lengths
 
@@ -81,8 +81,8 @@ def comparison(
         row = _middle(ds)
     row = whole("row", row, 0, ds.sizes["y"] - 1)
     asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
-    lines = [(word, wrapped) for word, said in lines_of(ds) for wrapped, word in _wrapped(word, said, 128)]
-    verdict = textwrap.wrap(verdict_of(ds), 105)
+    lines = [(word, wrapped) for word, said in lines_of(ds)[1:] for wrapped, word in _wrapped(word, said, 128)]
+    verdict = textwrap.wrap(f"The images differ in {differences_of(ds)}. {verdict_of(ds)}", 105)
     width, height = side_lengths(ds)
     tall = MAP * min(max(height / width, FLAT), TALL)
     below = TITLE + tall + 0.38

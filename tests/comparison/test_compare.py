@@ -574,7 +574,9 @@ def test_images_of_two_regimes_are_said_to_be_and_the_residual_shows_what_varies
     assert (
         "The measured phase is attractive in 100 % of the pixels, the simulated one repulsive in 100 % of the" in said
     )
-    residual = pm.plot.comparison(found).axes[2].images[0]
+    page = pm.plot.comparison(found)
+    assert any(one.get_text().startswith("The images differ in regime; zero, by") for one in page.texts)
+    residual = page.axes[2].images[0]
     shown = residual.norm(residual.get_array())
     assert 0.0 < np.min(shown) < 0.45 and 0.55 < np.max(shown) < 1.0  # nothing at the ends of the scale, nor one colour
     assert residual.norm.vmin + residual.norm.vmax == pytest.approx(2 * float(found["residual"].mean()))

@@ -14,8 +14,9 @@ from documented import check
 import phasemap as pm
 from benchmarks.coverage import covered
 from phasemap.inference import sampling
+from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.contrasts import drift_of, medians, regions_of
-from phasemap.inference.series.settings import FREE, HELD, HIGHEST, SHARED, scope_of, settings_of
+from phasemap.inference.series.settings import HELD, HIGHEST, scope_of, settings_of
 from phasemap.inference.series.words import _of_magnitude, _of_tunes, _why, is_poor, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)

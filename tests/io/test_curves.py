@@ -179,5 +179,7 @@ def test_what_is_no_curve_is_refused_in_a_sentence(
 
 def test_a_file_that_is_no_text_says_how_to_get_one(tmp_path: Path) -> None:
     (tmp_path / "curve.spm").write_bytes(bytes(range(256)) * 4)
-    with pytest.raises(pm.FileError, match="export the curve from the instrument's program as text"):
+    with pytest.raises(
+        pm.FileError, match=r"export the curve from the instrument's program as text.*`phasemap scene`.*`series`"
+    ):
         pm.read_curve(tmp_path / "curve.spm")

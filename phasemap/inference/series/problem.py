@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap.inference.images.problem import Model
+from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.sampling import REACH
-from phasemap.inference.series.settings import FREE, HELD, SHARED, Settings
+from phasemap.inference.series.settings import HELD, Settings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

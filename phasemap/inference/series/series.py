@@ -18,11 +18,12 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.problem import Model, make_model
+from phasemap.inference.images.stack import FREE
 from phasemap.inference.sampling import REACH, Draws, sample
 from phasemap.inference.series.contrasts import Labels, Medians, drift_of, each_of, medians, regions_of
 from phasemap.inference.series.problem import Explained, Part, Problem, State, make_table
 from phasemap.inference.series.recorded import read_files
-from phasemap.inference.series.settings import FREE, HELD, Settings, scope_of, settings_of
+from phasemap.inference.series.settings import HELD, Settings, scope_of, settings_of
 from phasemap.inference.series.words import tell
 from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, PRIOR, UNITS, check_known, check_prior, codes_of, put
 from phasemap.io.measured import one_scan

@@ -16,7 +16,7 @@ from phasemap._shared.notices import question
 from phasemap._shared.units import say
 from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers
-from phasemap.inference.images.stack import numbers_of
+from phasemap.inference.images.stack import FREE, SHARED, numbers_of
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-HELD, SHARED, FREE = "held", "shared", "free"
+HELD = "held"  # beside the words of `stack`
 RADIUS = 10e-9  # of a tip of which nothing is said [m]
 GUESS, GUESS_FACTOR = 30e-9, 2.0  # a free amplitude of which nothing is said [m]: its median, and standard deviation
 CALIBRATED = 1.05  # the same factor of one that is said

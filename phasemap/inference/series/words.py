@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.problem import Problem
-from phasemap.inference.series.settings import ANYWHERE, FREE, HELD, SHARED
+from phasemap.inference.series.settings import ANYWHERE, HELD
 from phasemap.inference.verdict import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
 
 if TYPE_CHECKING:
