@@ -119,8 +119,6 @@ def check_marched(marched: bool, scope: Microscope) -> None:
     if scope.drive.second is not None:
         allowed = "None where a surface remembers or is wet: its mode feels a static law only"
         raise InputError("second", Word("given"), allowed)
-    if scope.drive.excitation != "direct" and not scope.interaction.law.in_time:
-        raise InputError("excitation", scope.drive.excitation, "'direct' where a surface remembers")
 
 
 def make_work(

@@ -248,7 +248,8 @@ class OnlyInTime(FromFar):
     """The march for surfaces that remember or are wet, and another solver for the materials among them that are not.
 
     Where that does not march, solids are solved by the lever's response if one tap leaves the next no dent. Where it is
-    the march from far, the surface is wet or the lever has several modes, all are engaged from far.
+    the march from far, the surface is wet, the lever has several modes or the detector does not see the tip, all are
+    engaged from far.
     """
 
     rows_per_chunk = March.rows_per_chunk
@@ -265,7 +266,7 @@ class OnlyInTime(FromFar):
         self.engage(work, np.flatnonzero(engaged), answers, accuracy.periods)
         remembers = ~engaged & bool(work.law.memory) & ((rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0))
         far = np.flatnonzero(remembers)
-        one_mode = work.lever[col.MODES] < 2
+        one_mode = work.lever[col.MODES] < 2 and sees_tip(work.lever)
         if len(far) and one_mode and not isinstance(self.other, March):
             self._respond(work, far, answers)
             far = far[answers.status[far] != col.GOOD]
