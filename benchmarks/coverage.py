@@ -1,7 +1,8 @@
 """How often the truth is within the 95 % of a series of two tunes: ``python -m benchmarks.coverage [series]``.
 
-Truths are drawn from the prior, each tune with a free amplitude and a zero of its own; both are unknown to the series,
-as are the materials. Each series gives the ends of six properties and two free amplitudes.
+Truths are drawn from all that a series expects beforehand: materials, branches, by how much errors are larger than
+stated, and of each tune a free amplitude and a zero of its own. All of them are unknown to the series, which gives the
+ends of six properties and two free amplitudes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import numpy as np
 import xarray as xr
 
 import phasemap as pm
+from phasemap.inference.images.problem import make_model
 from phasemap.inference.sampling import REACH
+from phasemap.inference.series.problem import OTHER, WORSE
 from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR
 from phasemap.inference.verdict import PARAMETERS, PRIOR
@@ -33,21 +36,27 @@ def drawn(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def measured(rng: np.random.Generator) -> tuple[list[xr.Dataset], list[pm.Material], np.ndarray] | None:
-    """Files of two tunes, their materials and free amplitudes [m]; None where an oscillation does not hold."""
-    q = drawn(rng, 8)
+    """Files of two tunes, their materials and free amplitudes [m]; None where an oscillation does not hold.
+
+    Branches are drawn as `phasemap.series` expects them, and how much larger than stated the errors are.
+    """
+    q = drawn(rng, 9)
     logs = q[:6].reshape(2, 3) * np.log(FACTORS)
     materials = [pm.Material(*(getattr(PRIOR, name) * np.exp(x) for name, x in zip(PARAMETERS, one, strict=True)))
                  for one in logs]  # fmt: skip
-    amplitudes = GUESS * GUESS_FACTOR ** q[6:]
-    files = []
+    amplitudes, error = GUESS * GUESS_FACTOR ** q[6:8], ERROR * WORSE ** max(q[8], 0.0)
+    model, files = make_model((pm.Microscope(LEVER, TIP, pm.Drive(GUESS)),), (0.5,), PRIOR, np.e), []
     for tune, (drive, amplitude) in enumerate(zip(DRIVES, amplitudes, strict=True)):
-        zero = rng.uniform(-180, 180)
-        scope = pm.Microscope(LEVER, TIP, pm.Drive(amplitude))
-        for setpoint in SETPOINTS:
-            levels = np.array([pm.solve_pixel(one, scope, setpoint, "averaging").phase for one in materials])
-            if np.isnan(levels).any():
-                return None
-            phase = (levels + zero + rng.normal(0, ERROR, 2))[LABELS] + rng.normal(0, 0.01, LABELS.shape)
+        zero, held = rng.uniform(-180, 180), model.at_settings(np.full(2, amplitude), np.array(SETPOINTS))
+        both = np.degrees([held.phases(np.tile(one, (2, 1)), np.full((2, 2), np.nan), search=True) for one in logs])
+        there = ~np.isnan(both)  # of region, branch and setpoint
+        if not there.any(axis=1).all():
+            return None
+        first = np.logical_or.accumulate(~there[:, 0], axis=1) & there[:, 1]  # from there on the tip is repulsive
+        other = there.all(axis=1) & (rng.random((2, 2)) < OTHER)
+        levels = np.where(first ^ other, both[:, 1], both[:, 0])
+        for k, setpoint in enumerate(SETPOINTS):
+            phase = (levels[:, k] + zero + rng.normal(0, error, 2))[LABELS] + rng.normal(0, 0.01, LABELS.shape)
             attrs = {"setpoint": setpoint, "drive_frequency": drive, "title": f"{tune} at {setpoint}"}
             files.append(xr.Dataset({"phase": (("y", "x"), phase)}, attrs=attrs))
     return files, materials, amplitudes
