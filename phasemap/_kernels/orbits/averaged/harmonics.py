@@ -35,7 +35,14 @@ from phasemap._kernels.law import (
     longrange_force,
 )
 from phasemap._kernels.lever import distance_to_pole, reach_of, static_compliance
-from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, knows_contact
+from phasemap._kernels.orbits.averaged.known import (
+    Known,
+    attraction_integrals,
+    contact_integrals,
+    known_of,
+    knows_all,
+    knows_contact,
+)
 from phasemap._kernels.orbits.averaged.remembered import remembered_harmonics
 from phasemap._kernels.orbits.time.arms import remembers
 from phasemap._kernels.quadrature import gauss
@@ -108,7 +115,7 @@ def attraction(law: Law, p: np.ndarray, amplitude: float, c: float) -> tuple[flo
     if not has_longrange(p) or not c > -1.0:
         return 0.0, 0.0
     if law.longrange_force == 0:
-        return attraction_integrals(p, amplitude, c)
+        return attraction_integrals(known_of(p), amplitude, c)
     mean, push = 0.0, 0.0
     least = max(c - 1.0, 0.0)  # smallest gap over A
     start = math.sqrt((1.0 - c) / (1.0 + c)) if c < 1.0 else 0.0
@@ -134,7 +141,7 @@ def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: b
     damped = p[DAMPING] != 0.0
     if c < 1.0:
         if knows_contact(law, p, c):
-            mean, push, loss = contact_integrals(p, amplitude, c)
+            mean, push, loss = contact_integrals(known_of(p), amplitude, c)
         elif c <= -1.0:
             share = math.pi / len(_ALL_ROUND)
             for x in _ALL_ROUND:
@@ -167,17 +174,33 @@ def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: b
     return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
 
 
-@kernel(shared=True)
+@kernel
 def harmonics(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
     """P, S and A0 [m] of the harmonic orbit of this amplitude that touches where cos(theta) > c.
 
     A neck that is longer than the tip withdraws is never released.
     """
-    push, drag, mean = _of_one_mode(oscillator, amplitude, c)
-    return push, drag, static_compliance(oscillator.lever) * mean
+    law, p, lever = oscillator
+    if knows_all(law, p, c):  # a whole oscillator costs as much to hand over as these integrals
+        push, drag, mean = _of_known(known_of(p), 1.0 / lever[STIFFNESS], lever[OMEGA], amplitude, c)
+    else:
+        push, drag, mean = _of_one_mode(oscillator, amplitude, c)
+    return push, drag, static_compliance(lever) * mean
 
 
-@kernel
+@kernel(shared=True)
+def _of_known(known: Known, inverse_k: float, omega: float, amplitude: float, c: float) -> tuple[float, float, float]:
+    """`_without_neck` of the forces that kernels know."""
+    mean, push, loss = contact_integrals(known, amplitude, c) if c < 1.0 else (0.0, 0.0, 0.0)
+    if known.longrange != 0.0:
+        more_mean, more_push = attraction_integrals(known, amplitude, c)
+        mean, push = mean + more_mean, push + more_push
+    mean *= -inverse_k / math.pi
+    push *= 2.0 * inverse_k / math.pi
+    return push, -4.0 / math.pi * amplitude * omega * loss, mean
+
+
+@kernel(shared=True)
 def _of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
     """P, S and what A0 would be if the lever had its first mode alone [m]."""
     law, p, lever = oscillator

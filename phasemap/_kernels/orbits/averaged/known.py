@@ -8,12 +8,13 @@ elementary.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from phasemap._kernels.columns import BIAS, CONTACT, DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE, PULL
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law
+from phasemap._kernels.law import Law, has_hysteresis, has_longrange
 from phasemap._kernels.quadrature import gauss
 
 LEAST_CONTACT_COSINE = -0.6  # least c: the nearer to m = 1, the shorter intervals would have to be
@@ -41,6 +42,29 @@ def _polynomials() -> np.ndarray:
 _POLYNOMIALS = _polynomials()
 
 
+class Known(NamedTuple):
+    """What of a row of parameters the integrals have."""
+
+    contact: float
+    pull: float
+    damping: float
+    longrange: float
+    inverse_reach: float
+
+
+@kernel(inline=True)
+def known_of(p: np.ndarray) -> Known:
+    """The numbers of a row of parameters."""
+    return Known(p[CONTACT], p[PULL] + p[BIAS], p[DAMPING], p[LONGRANGE], p[INVERSE_REACH])
+
+
+@kernel(inline=True)
+def knows_all(law: Law, p: np.ndarray, c: float) -> bool:
+    """Whether a tip that first touches at cos(theta) = c feels forces of known integrals only."""
+    outside = law.longrange_force == 0 or not has_longrange(p)
+    return outside and law.memory == 0 and not has_hysteresis(p) and c > -1.0 and (c >= 1.0 or knows_contact(law, p, c))
+
+
 @kernel
 def knows_contact(law: Law, p: np.ndarray, c: float) -> bool:
     """Whether `contact_integrals` are those of this law, for a tip that first touches at cos(theta) = c."""
@@ -49,7 +73,7 @@ def knows_contact(law: Law, p: np.ndarray, c: float) -> bool:
 
 
 @kernel
-def contact_integrals(p: np.ndarray, amplitude: float, c: float) -> tuple[float, float, float]:
+def contact_integrals(known: Known, amplitude: float, c: float) -> tuple[float, float, float]:
     """Integrals of F, F cos and alpha_s sin^2 [N, N, 1] over the contact from theta = 0, c < 1."""
     m = 0.5 * (1.0 - c)
     interval = int(m / INTERVAL)
@@ -57,20 +81,20 @@ def contact_integrals(p: np.ndarray, amplitude: float, c: float) -> tuple[float,
     even, cosine, loss, arc = 0.0, 0.0, 0.0, 0.0
     for n in range(INTERVAL_TERMS):
         even, cosine, loss, arc = u * even + a[n, 0], u * cosine + a[n, 1], u * loss + a[n, 2], u * arc + a[n, 3]
-    root, pull = math.sqrt(amplitude), p[PULL] + p[BIAS]
-    elastic = 2.0**2.5 * m * m * p[CONTACT] * amplitude * root
+    root, pull = math.sqrt(amplitude), known.pull
+    elastic = 2.0**2.5 * m * m * known.contact * amplitude * root
     mean = elastic * even - 2.0 * pull * math.sqrt(m) * arc
     push = elastic * cosine - 2.0 * pull * math.sqrt(m * (1.0 - m))
-    return mean, push, 2.0**3.5 * m * m * p[DAMPING] * root * loss
+    return mean, push, 2.0**3.5 * m * m * known.damping * root * loss
 
 
 @kernel
-def attraction_integrals(p: np.ndarray, amplitude: float, c: float) -> tuple[float, float]:
+def attraction_integrals(known: Known, amplitude: float, c: float) -> tuple[float, float]:
     """Integrals of F and F cos [N] outside contact up to theta = pi, c > -1."""
-    ratio = 1.0 / (p[INVERSE_REACH] * amplitude)
+    ratio = 1.0 / (known.inverse_reach * amplitude)
     less = (c - 1.0) + ratio  # a - 1
     more = less + 2.0
-    strength = -p[LONGRANGE] * ratio * ratio
+    strength = -known.longrange * ratio * ratio
     if c >= 1.0:
         share = math.pi * strength / (less * more * math.sqrt(less * more))
         return (less + 1.0) * share, share
