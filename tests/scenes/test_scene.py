@@ -106,6 +106,7 @@ def test_every_table_is_read(tmp_path: Path) -> None:
         ("materials.soft.modulus=-1", r"\[materials.soft\] modulus is -1; allowed: a finite number of at least 0 Pa"),
         ("materials.soft.modulus=nan", r"\[materials.soft\] modulus is nan; allowed: a finite number"),
         ("materials.soft=3", r"\[materials.soft\] is 3; allowed: a table of keys modulus, "),
+        ("materials.soft=PDMS", r"\[materials.soft\] is 'PDMS'; .*A preset is materials.soft.preset=PDMS\."),
         ("scan.setpoint=1.2", r"\[scan\] setpoint is 1.2; allowed: a number above 0 and below 1 "),
         ("scan.solver=orbits", r"\[scan\] solver is 'orbits'; allowed: one of auto, .*Did you mean 'orbit'"),
         ("tip.radius=10 kHz", r"\[tip\] radius is '10 kHz'; allowed: .* at most 1 m, or a length such as '40 nm'\."),

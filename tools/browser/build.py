@@ -9,9 +9,11 @@ source of it changes, and so is Pyodide.
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -91,27 +93,21 @@ def message(subject: Subject, changes: dict[str, Any] | None = None) -> str:
     return json.dumps(asked | {"exact": False, "lag": False}, separators=(",", ":"), ensure_ascii=False)
 
 
-def answered(folder: Path, questions: list[Question]) -> set[str]:
-    """Have the page's engine answer, in node; returns the modules that it imported, as paths without an ending."""
+def answered(folder: Path, questions: list[Question]) -> dict[str, str | None]:
+    """Have the page's engine answer, in node; returns the code of the modules that it imported, by their paths."""
     node = ["node", HERE / "prepare.mjs", folder.resolve()]
     said = subprocess.run(node, input=json.dumps(questions), check=True, stdout=subprocess.PIPE, text=True).stdout
-    files: list[str] = json.loads(said.splitlines()[-1])
-    return {file.removeprefix("/page/").partition(".zip/")[2] or file.removeprefix("/page/") for file in files}
+    files: dict[str, str | None] = json.loads(said.splitlines()[-1])
+    return {re.sub(r"^/page/|^.*\.zip/", "", name): code for name, code in files.items()}
 
 
-def thin(archive: Path, used: set[str]) -> None:
-    """Leave modules of Python that are not used out of an archive."""
+def thin(archive: Path, used: dict[str, str | None]) -> None:
+    """Leave modules that are not used out of an archive; those that are used are there compiled."""
     with zipfile.ZipFile(archive) as whole:
         content = {name: whole.read(name) for name in whole.namelist()}
-    python = (".py", ".pyc")
-    pack(
-        archive,
-        {
-            name: one
-            for name, one in content.items()
-            if not name.endswith(python) or Path(name).with_suffix(".py").as_posix() in used
-        },
-    )
+    kept = {name: one for name, one in content.items() if not name.endswith((".py", "/"))}
+    code = {f"{name}c": base64.b64decode(one) for name in content if (one := used.get(name))}
+    pack(archive, kept | code)
 
 
 def compiled() -> Path:

@@ -1,7 +1,7 @@
 // Answers questions as the page would, in node, before the page is put anywhere: node prepare.mjs FOLDER < QUESTIONS
 //
 // QUESTIONS: JSON, a list of [route, message, file or null]. Answers with a file are written there, compressed. The last
-// line says, in JSON, which files of Python all that took.
+// line says, in JSON, which modules of Python all that took: their compiled code by the names of their files.
 
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
@@ -21,4 +21,21 @@ for (const [route, message, to] of JSON.parse(readFileSync(0))) {
     if (to) throw error; // of the others some are refused
   }
 }
-console.log(pyodide.runPython("import json, sys; json.dumps([m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)])"));
+console.log(pyodide.runPython(`
+import base64, json, marshal, sys
+from importlib.util import MAGIC_NUMBER
+
+def bare(code):  # without the numbers of lines, a third of it
+    parts = tuple(bare(one) if isinstance(one, type(code)) else one for one in code.co_consts)
+    full, rest = divmod(len(code.co_code) // 2, 8)  # an entry without a place is of one to eight instructions
+    return code.replace(co_linetable=b"\\xff" * full + bytes([0xF7 + rest] * (rest > 0)), co_consts=parts)
+
+def code(module):  # as files .pyc have it; Pyodide needs its docstrings
+    if module.__spec__.origin == "frozen":  # into the interpreter
+        return None
+    source = module.__loader__.get_source(module.__name__)
+    made = compile(source, module.__file__, "exec", dont_inherit=True, optimize=0 if "pyodide" in module.__file__ else 2)
+    return base64.b64encode(MAGIC_NUMBER + b"\\1\\0\\0\\0" + bytes(8) + marshal.dumps(bare(made))).decode()
+
+json.dumps({one.__file__: code(one) for one in list(sys.modules.values()) if (getattr(one, "__file__", None) or "").endswith(".py")})
+`));
