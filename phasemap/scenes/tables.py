@@ -57,8 +57,9 @@ def check_keys(name: str, table: object, allowed: Iterable[str], required: Itera
     """Refuse a table, named as the user writes it ("[drive]"), that has unknown keys or lacks required ones."""
     allowed = list(allowed)
     if not isinstance(table, dict):
-        preset = f"A preset is {name.strip('[]')}.preset={table}." if "preset" in allowed and isinstance(table, str) else ""
-        raise InputError(name, table, "a table of keys " + ", ".join(allowed), preset)
+        named = "preset" in allowed and isinstance(table, str)
+        hint = f"A preset is {name.strip('[]')}.preset={table}." if named else ""
+        raise InputError(name, table, "a table of keys " + ", ".join(allowed), hint)
     complaints, meant = Complaints(), list[str]()
     for key in table:
         if key not in allowed:
