@@ -96,7 +96,7 @@ def said_of_fit(found: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
         said.append(("sensitivity", f"{shown(value, error, '1')} nm/V"))
     for one in (found, *found.rivals) if found.rivals else ():
         chi2, apart = one.chi2 / one.degrees, one.evidence - found.evidence
-        said.append(("law", f"{one.scope.interaction.law.name}: chi2 {chi2:.3g} a datum, evidence {apart:+.1f}"))
+        said.append(("law", f"{one.law}: chi2 {chi2:.3g} a datum, evidence {apart:+.1f}"))
     return [*said, ("verdict", found.status)]
 
 

@@ -329,6 +329,8 @@ def test_laws_are_ranked_by_how_likely_they_make_the_data() -> None:
     assert fit.rivals[0].scope.interaction.law.name == "hertz" and fit.evidence > fit.rivals[0].evidence + 5
     assert fit.discrepancy < 1.3 < 3 < fit.rivals[0].discrepancy
     assert "law hertz" in str(fit)
+    slipping = pm.Interaction(pm.interaction.Film("slipping"))
+    assert replace(fit, scope=replace(fit.scope, interaction=slipping)).law == "slipping film"
 
 
 def test_a_soft_film_on_a_stiff_substrate_is_said_not_to_be_the_substrate() -> None:

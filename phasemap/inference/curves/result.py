@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, Data, Setup
@@ -94,6 +95,12 @@ class Fit:
     evaluations: int
     rivals: tuple[Fit, ...] = ()
 
+    @property
+    def law(self) -> str:
+        """The contact law, by its name in `LAWS` if it has one."""
+        law = self.scope.interaction.law
+        return next((name for name, one in LAWS.items() if one == law), law.name)
+
     def __repr__(self) -> str:
         """The values, and whether to believe them."""
         said = ", ".join(
@@ -109,8 +116,8 @@ class Fit:
             lines.append(f"  {name:<{width}}  {shown(value, self.errors[name], self.units[name])}")
         lines.append(f"  chi2 {self.chi2:.1f} for {self.degrees} degrees of freedom ({self.chi2 / self.degrees:.2f})")
         for fit in (self, *self.rivals) if self.rivals else ():
-            law, apart = fit.scope.interaction.law.name, fit.evidence - self.evidence
-            lines.append(f"  law {law:<14} chi2 over degrees {fit.chi2 / fit.degrees:<7.3g} evidence {apart:+.1f}")
+            apart = fit.evidence - self.evidence
+            lines.append(f"  law {fit.law:<14} chi2 over degrees {fit.chi2 / fit.degrees:<7.3g} evidence {apart:+.1f}")
         names = list(self.values)
         for i, one in enumerate(names):
             for j in range(i):
@@ -131,7 +138,7 @@ class Fit:
         }  # fmt: skip
         found = self.curve.assign(numbers).assign(parameter_correlation=self.correlation)
         found.attrs.update(
-            law=self.scope.interaction.law.name,
+            law=self.law,
             chi2=self.chi2, degrees_of_freedom=self.degrees, good=int(self.good), fit_status=self.status,
             starts=self.starts, evaluations=self.evaluations,
         )  # fmt: skip
