@@ -57,6 +57,7 @@ def test_what_cannot_be_is_said_in_a_sentence(files, words, message, capsys):
     assert message in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.slow
 def test_a_microscope_of_a_scene_serves_a_series(files, tmp_path, capsys):
     scene = tmp_path / "lever.toml"
     scene.write_text(

@@ -205,6 +205,7 @@ def test_trace_and_retrace_of_a_real_flake_are_brought_together() -> None:
     assert value(found, "explained") > 0.8 and value(found, "sign") == 1
 
 
+@pytest.mark.slow
 @needs_reader
 def test_trace_and_retrace_of_a_real_grating_are_left_where_they_are() -> None:
     forward, backward = (of_file("Plane_Removal/grid.nid", direction) for direction in ("forward", "backward"))

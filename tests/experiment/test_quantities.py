@@ -221,6 +221,7 @@ def test_what_is_switched_off_by_none_is_so_in_a_scene() -> None:
         pm.Tip("none")
 
 
+@pytest.mark.slow
 def test_importing_and_plain_numbers_do_without_pint() -> None:
     code = (
         "import sys, phasemap as pm; pm.load_scene('samples/step.toml'); assert 'pint' not in sys.modules;"

@@ -193,6 +193,7 @@ def test_every_answer_can_be_stopped(answer: Callable[[Setting], object], contro
         answer(Setting.of(subject, {}))
 
 
+@pytest.mark.slow
 def test_a_drive_far_from_the_resonance_is_integrated_in_few_periods_and_the_page_says_that_it_is_far() -> None:
     far, slow = step({"drive.frequency": 30e3}), step({"drive.frequency": 3e3})
     assert accuracy_of(far.scope).periods == 100_000 and accuracy_of(slow.scope).periods == 10_000

@@ -492,6 +492,7 @@ def test_what_goes_on_after_an_interrupt_is_known() -> None:
     assert run.stdout == "True\n" and run.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_signal_after_the_file_was_written_says_so(tmp_path: Path) -> None:
     output = tmp_path / "image.nc"
     command = [sys.executable, "-c", SUMMING_UP, *SMALL, str(output)]

@@ -287,6 +287,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 def test_phasemap_works_without_dask() -> None:
     said = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, check=False)
     assert (said.stdout, said.stderr) == ("done\n", "")
@@ -320,7 +321,9 @@ def peak(side: int, control: Any, store: Path) -> float:
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("control", [ENGAGE, pm.Raster(engage="line")], ids=["engage", "raster"])
+@pytest.mark.parametrize(
+    "control", [ENGAGE, pytest.param(pm.Raster(engage="line"), marks=pytest.mark.slow)], ids=["engage", "raster"]
+)
 def test_memory_does_not_grow_with_the_map(control: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "LINES", 1 << 14)
     simulate(few(), control)  # what is loaded once
@@ -355,7 +358,8 @@ def test_cluster_makes_the_same_image(name: str, client: Client, images: dict[st
     assert_same(simulate(lazily(few(), (4, 5)), *CONTROLS[name]), images[name])
 
 
-@pytest.mark.parametrize("kind", [pytest.param("zarr", marks=pytest.mark.slow), "netcdf"])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["zarr", "netcdf"])
 def test_image_is_written_from_the_cluster(
     kind: str, client: Client, tmp_path: Path, images: dict[str, xr.Dataset]
 ) -> None:

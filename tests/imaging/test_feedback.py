@@ -394,7 +394,7 @@ def wandering(solver: str, temperature: float = 0.0, detector_noise: float = 0.0
 
 # Samples a decay time apart are correlated by 1/e: (1 - 1/e^2)/(1 + 1/e^2) of 2 x 4000 count, and the variance of so
 # many normal numbers has a standard error of sqrt(2/6100) = 1.8 %; 6 % is more than three of them.
-@pytest.mark.parametrize("solver", ENGINES)
+@pytest.mark.parametrize("solver", [pytest.param("averaging", marks=pytest.mark.slow), "march"])
 def test_thermal_motion_of_the_free_lever_has_equipartition(solver: str) -> None:
     states = wandering(solver, temperature=300.0)
     # <z^2> = <|a|^2>/2, less what is driven.

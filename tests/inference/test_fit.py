@@ -247,6 +247,7 @@ def test_a_single_datum_that_jumped_early_is_named_and_does_no_harm() -> None:
     assert f"next to a jump (up) on another branch: {FREQUENCIES[last] / 1e3:.6g} kHz" in fit.status
 
 
+@pytest.mark.slow
 def test_a_model_that_does_not_fit_is_tried_from_other_starts(few_looks: None) -> None:
     data = distance(FILM, "retract", 9)
     data["amplitude"] = 1.3 * data["amplitude"]

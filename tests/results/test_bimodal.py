@@ -99,6 +99,7 @@ def test_both_drives_in_time_are_those_of_another_code(case: Case) -> None:
     assert not describe_validity(image)
 
 
+@pytest.mark.slow
 def test_with_a_fixed_second_drive_a_small_mode_answers_in_time_as_the_quadrature_says() -> None:
     case = SMALL[1]
     told = found(case, "am")

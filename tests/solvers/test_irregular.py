@@ -48,6 +48,7 @@ def test_the_mean_is_what_a_slow_lock_in_shows_after_slow_engagement(pair: tuple
     assert abs(pixel.energy_closure) < 0.08 / 40
 
 
+@pytest.mark.slow
 def test_mostly_the_same_pattern_of_taps_is_held() -> None:
     apart = []
     for case, held in IRREGULAR:

@@ -111,6 +111,7 @@ def test_a_modulus_that_is_swept_takes_the_spectrum_along() -> None:
     np.testing.assert_allclose(swept.phase, [single, single], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scan_in_time_records_the_phase_of_every_arm() -> None:
     """On ground of one material the feedback comes to rest: to 0.02 degree, of steps of 0.7 and of a settling loop."""
     surface = pm.Surface(RUBBER.instantaneous, relaxation=RUBBER, pixel_size=1e-9, shape=(1, 3))

@@ -90,6 +90,7 @@ def test_an_indentation_that_is_off_by_a_thousandth_is_found(factor: float, good
     assert failed(pm.check(one, BISTABLE)) == {REPEATED: ((0, ROW, COLUMN),)}
 
 
+@pytest.mark.slow
 def test_an_indentation_that_is_off_everywhere_is_found_and_counted(good: xr.Dataset) -> None:
     image = good.copy(deep=True)
     image["indentation"] *= 1.001
