@@ -383,6 +383,19 @@ def test_what_the_free_lever_shows_is_data_as_well() -> None:
     assert (errors[:, free].max() < 0.2) and (abs(phase / errors)[:, free] < 4).all()
 
 
+@pytest.mark.parametrize(("quality", "excitation"), [(1.5, "base"), (3.0, "direct"), (250.0, "base")])
+def test_a_drive_beside_the_resonance_has_the_phase_asked_and_leaves_what_the_free_lever_shows(
+    quality: float, excitation: str
+) -> None:
+    scope = pm.Microscope(pm.Cantilever(1.0, 50e3, quality), pm.Tip(7e-9), pm.Drive(20e-9, 51e3, excitation))
+    first = Setup(FILM, scope, 0.0)
+    for asked in (-20.0, 10.0, 89.9):
+        setup = first.with_parameter("free_phase", asked)
+        assert setup.scope.free_phase == pytest.approx(asked, abs=1e-9) or asked == 89.9
+        assert setup.scope.driven_amplitude == pytest.approx(scope.driven_amplitude)
+        assert setup.scope.free_phase + setup.phase_offset == pytest.approx(scope.free_phase)
+
+
 def test_a_law_starts_from_the_numbers_of_another_whatever_its_own_are_called() -> None:
     scope, start, more = under("neck", SCOPE, FILM)
     for one in check_parameters([*more, "modulus", "free_phase"], Setup(start, scope, 0.0), "tip_offset"):

@@ -163,16 +163,22 @@ class Setup:
 
 
 def _tuned(scope: Microscope, free_phase: float) -> Microscope:
-    """The microscope driven beside the resonance, so that the free lever has this phase [degree] and its amplitude."""
+    """The microscope driven so far beside the resonance that the free lever has this phase [degree] and its amplitude.
+
+    A phase that it has nowhere near becomes the nearest that it has.
+    """
     from scipy.optimize import brentq
 
-    lever, width = scope.cantilever, 3 * scope.cantilever.damping_ratio
+    lever, width = scope.cantilever, min(10 * scope.cantilever.damping_ratio, 0.9)
+    ends = 1 - width, 1 + width
 
     def driven(ratio: float) -> Microscope:
         return replace(scope, drive=replace(scope.drive, frequency=ratio * lever.resonance_frequency))
 
     with unquestioned():
-        at = brentq(lambda ratio: driven(ratio).free_phase - free_phase, max(1 - width, 0.05), 1 + width, xtol=1e-14)
+        least, most = sorted(driven(ratio).free_phase for ratio in ends)
+        wanted = min(max(free_phase, least), most)
+        at = brentq(lambda ratio: driven(ratio).free_phase - wanted, *ends, xtol=1e-14)
         free = scope.drive.free_amplitude * scope.driven_amplitude / driven(at).driven_amplitude
         return replace(scope, drive=replace(driven(at).drive, free_amplitude=free))
 
