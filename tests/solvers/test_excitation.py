@@ -27,6 +27,9 @@ WET = pm.Microscope(pm.Cantilever(0.5, 30e3, 3.0, participation=1), pm.Tip(10e-9
 DRY = pm.Microscope(
     pm.Cantilever(40.0, 300e3, 400.0, participation=1), pm.Tip(10e-9), pm.Drive(40e-9, excitation="base")
 )
+BEAM = replace(  # of two modes, driven itself, whose slope the detector sees
+    WET, cantilever=pm.Cantilever(0.5, 30e3, 3.0, modes=2), drive=pm.Drive(10e-9)
+)
 SOFT = pm.Material(1e9, adhesion=0.05, damping=0.01)
 SETPOINT = 0.7
 
@@ -196,7 +199,7 @@ def test_both_excitations_agree_to_order_one_over_q() -> None:
     assert slope == pytest.approx(-1.0, abs=0.02)
 
 
-@pytest.mark.parametrize("scope", [WET, DRY], ids=["liquid", "air"])
+@pytest.mark.parametrize("scope", [WET, DRY, BEAM], ids=["liquid", "air", "two modes"])
 def test_the_whole_curve_of_orbits_has_the_pixel_on_it(scope: pm.Microscope) -> None:
     pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
     found = pm.orbits(SOFT, scope, setpoint=SETPOINT)
@@ -218,7 +221,7 @@ def test_the_slope_of_the_feedback_is_that_of_the_amplitude_seen() -> None:
     assert (amplitude[1] - amplitude[0]) / (2 * step) == pytest.approx(pixel.feedback_slope, rel=1e-3)
 
 
-@pytest.mark.parametrize("scope", [WET, DRY], ids=["liquid", "air"])
+@pytest.mark.parametrize("scope", [WET, DRY, BEAM], ids=["liquid", "air", "two modes"])
 def test_sweeps_pass_the_pixel(scope: pm.Microscope) -> None:
     pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
     held = pm.sweep_setpoint(SOFT, scope, [0.9, SETPOINT, 0.6]).sel(direction="down", setpoint=SETPOINT)
@@ -239,10 +242,11 @@ def test_a_frequency_sweep_far_from_the_surface_is_the_free_lever() -> None:
     np.testing.assert_allclose(curve.phase, expected, atol=1e-6)
 
 
-def test_raster_shows_what_engage_shows() -> None:
+@pytest.mark.parametrize("scope", [WET, BEAM], ids=["one mode", "two modes"])
+def test_raster_shows_what_engage_shows(scope: pm.Microscope) -> None:
     surface = pm.Surface(modulus=[[1e9, 3e9]], adhesion=0.05, damping=0.01, pixel_size=4e-9)
-    engaged = pm.simulate(surface, WET, SETPOINT, "orbit")
-    raster = pm.simulate(surface, WET, SETPOINT, "orbit", pm.Raster())
+    engaged = pm.simulate(surface, scope, SETPOINT, "orbit")
+    raster = pm.simulate(surface, scope, SETPOINT, "orbit", pm.Raster())
     for name in ("phase", "height", "amplitude", "branch"):
         for direction in ("trace", "retrace"):
             np.testing.assert_array_equal(raster[name].sel(direction=direction), engaged[name])
@@ -258,19 +262,21 @@ def test_a_feedback_comes_to_rest_where_engage_does(scope: pm.Microscope, solver
     np.testing.assert_allclose(image.tip_offset.values, float(still.tip_offset[0, 0]), atol=5e-11)
 
 
-def test_contrast_is_the_difference_of_two_pixels() -> None:
+@pytest.mark.parametrize("scope", [WET, BEAM], ids=["one mode", "two modes"])
+def test_contrast_is_the_difference_of_two_pixels(scope: pm.Microscope) -> None:
     hard = pm.Material(3e9, adhesion=0.02)
-    found = pm.contrast(SOFT, hard, WET, [0.6, SETPOINT], solver="orbit")
+    found = pm.contrast(SOFT, hard, scope, [0.6, SETPOINT], solver="orbit")
     surface = pm.Surface.from_labels([[0, 1]], {0: SOFT, 1: hard}, pixel_size=1e-9)
-    soft, stiff = pm.simulate(surface, WET, SETPOINT, solver="orbit").phase.values[0]
+    soft, stiff = pm.simulate(surface, scope, SETPOINT, solver="orbit").phase.values[0]
     assert float(found.contrast.sel(setpoint=SETPOINT)) == pytest.approx(stiff - soft, abs=1e-9)
 
 
-def test_sensitivities_are_differences_of_pixels() -> None:
-    found, step = pm.sensitivity(one_pixel(SOFT), WET, SETPOINT), 3e-3
+@pytest.mark.parametrize("scope", [WET, BEAM], ids=["one mode", "two modes"])
+def test_sensitivities_are_differences_of_pixels(scope: pm.Microscope) -> None:
+    found, step = pm.sensitivity(one_pixel(SOFT), scope, SETPOINT), 3e-3
     for name, unit in (("modulus", SOFT.modulus), ("damping", SOFT.damping)):
         ends = [
-            pm.solve_pixel(replace(SOFT, **{name: unit * math.exp(sign * step)}), WET, SETPOINT, "orbit")
+            pm.solve_pixel(replace(SOFT, **{name: unit * math.exp(sign * step)}), scope, SETPOINT, "orbit")
             for sign in (1, -1)
         ]
         # Orbits of 1e-6 degree and 1e-15 m, over twice the step.
