@@ -7,6 +7,7 @@ ends of six properties and two free amplitudes.
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 
@@ -45,7 +46,7 @@ def measured(rng: np.random.Generator) -> tuple[list[xr.Dataset], list[pm.Materi
     materials = [pm.Material(*(getattr(PRIOR, name) * np.exp(x) for name, x in zip(PARAMETERS, one, strict=True)))
                  for one in logs]  # fmt: skip
     amplitudes, error = GUESS * GUESS_FACTOR ** q[6:8], ERROR * WORSE ** max(q[8], 0.0)
-    model, files = make_model((pm.Microscope(LEVER, TIP, pm.Drive(GUESS)),), (0.5,), PRIOR, np.e), []
+    model, files = make_model((pm.Microscope(LEVER, TIP, pm.Drive(GUESS)),), (0.5,), PRIOR, math.e), []
     for tune, (drive, amplitude) in enumerate(zip(DRIVES, amplitudes, strict=True)):
         zero, held = rng.uniform(-180, 180), model.at_settings(np.full(2, amplitude), np.array(SETPOINTS))
         both = np.degrees([held.phases(np.tile(one, (2, 1)), np.full((2, 2), np.nan), search=True) for one in logs])

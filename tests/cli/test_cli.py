@@ -447,6 +447,7 @@ except SystemExit as stopped:
         assert said in done.stdout
 
 
+@pytest.mark.slow
 def test_python_m_phasemap_is_the_command() -> None:
     command = [sys.executable, "-m", "phasemap", "validate", STEP]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -45,6 +45,7 @@ def test_an_image_of_the_benchmark_is_what_it_was(name: str) -> None:
         assert np.isfinite(image.phase).all()
 
 
+@pytest.mark.slow
 def test_two_methods_are_scored_on_every_case_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plt.switch_backend("agg")
     benchmark.main(tmp_path)

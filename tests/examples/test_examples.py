@@ -83,9 +83,10 @@ def in_this_process(path: Path, less: bool) -> None:
 SLOW = (
     "paper_fig6_laws", "fit_response", "measured_series", "large_map", "learn_segment", "many_images",
     "relaxation_spectrum", "gel_beside_glass", "loss_tangent", "forces_outside_contact", "what_a_tap_sees", "thin_film",
-    "soft_lever_in_liquid", "paper_fig5_jumps", "rubber_beside_glass",
+    "soft_lever_in_liquid", "paper_fig5_jumps", "rubber_beside_glass", "invert_stack", "scan_series",
 )  # fmt: skip
 """More laws to compile, fits of some hundred curves, processes of their own: other tests ask for what these do."""
+SLOW_PAGES = ("docs/howto/series.md", "docs/howto/channels.md")
 STARTS_PROCESSES = ("large_map", "many_images")
 FEWER = {"large_map": ["256"]}  # pixels along a side: the script's own argument
 LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
@@ -142,7 +143,7 @@ def test_every_example_is_in_the_gallery() -> None:
 @pytest.mark.parametrize(
     "code",
     [
-        pytest.param(code, id=f"{page}-{number}")
+        pytest.param(code, id=f"{page}-{number}", marks=[pytest.mark.slow] if page in SLOW_PAGES else [])
         for page in pages_with("python")
         for number, code in enumerate(blocks(page, "python"))
     ],

@@ -603,7 +603,10 @@ def test_no_touch_no_neck() -> None:
     without = p.copy()
     without[10] = 0.0
     with_neck, none = over(token, p, lever), over(token, without, lever)
-    assert harmonics.harmonics(with_neck, 1e-8, 1.001) == harmonics.harmonics(none, 1e-8, 1.001)
+    # To rounding, for the compiler may sum in another order where there is a neck.
+    assert harmonics.harmonics(with_neck, 1e-8, 1.001) == pytest.approx(
+        harmonics.harmonics(none, 1e-8, 1.001), rel=1e-14
+    )
 
 
 def test_a_viscous_tap_loses_what_kelvin_and_voigt_say() -> None:

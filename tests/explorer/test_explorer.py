@@ -420,7 +420,7 @@ def test_polymers_of_several_relaxation_times_can_be_explored_and_saved() -> Non
     assert np.isfinite(image.phase).all()
 
 
-@pytest.mark.parametrize("switch", ["exact", "quick"])
+@pytest.mark.parametrize("switch", [pytest.param("exact", marks=pytest.mark.slow), "quick"])
 def test_wet_samples_can_be_explored_and_the_march_is_exact(switch: str) -> None:
     wet = {"interaction.contact": "capillary", "materials.0.contact_angle": 110.0, "materials.0.liquid_film": 0.5e-9}
     moved = step({**wet, "drive.free_amplitude": 15e-9}, **{switch: True})

@@ -303,6 +303,7 @@ class TestSecondMode:
         # Four integrals make the answer, each within OF_ANSWER of its usual size.
         assert abs(found - true).max() < 4 * OF_ANSWER * abs(true).mean()
 
+    @pytest.mark.slow
     def test_it_takes_about_as_many_orbits_as_the_image_without_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
         asked: list[int] = []
         inner = engaged.build

@@ -475,6 +475,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.slow
 def test_an_interrupt_does_not_wait_for_the_file(tmp_path: Path) -> None:
     command = [sys.executable, "-c", SAVING, *SMALL, str(tmp_path / "image.nc")]
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

@@ -225,6 +225,7 @@ def test_the_number_of_threads_does_not_change_a_byte() -> None:
     assert all(one[name].values.tobytes() == three[name].values.tobytes() for name in one.data_vars)
 
 
+@pytest.mark.slow
 def test_on_a_shaker_a_scan_that_is_interpolated_has_the_branches_and_phases_of_exact_orbits() -> None:
     scope = replace(SCOPE, drive=pm.Drive(16e-9, excitation="base"))
     rng, shape = np.random.default_rng(3), (69, 120)

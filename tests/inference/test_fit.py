@@ -206,6 +206,7 @@ def test_data_that_never_touch_determine_nothing() -> None:
     assert "modulus and damping not identifiable" in fit.status
 
 
+@pytest.mark.slow
 def test_what_is_not_known_of_the_radius_is_in_the_errors_and_said() -> None:
     data, names = distance(FILM, "retract", 6), ("modulus", "adhesion", "damping", "radius")
     fit = pm.fit_distance(OFFSETS, **data, start=FILM, parameters=names)

@@ -252,7 +252,10 @@ def test_raster_shows_what_engage_shows(scope: pm.Microscope) -> None:
             np.testing.assert_array_equal(raster[name].sel(direction=direction), engaged[name])
 
 
-@pytest.mark.parametrize(("scope", "solver"), [(DRY, "averaging"), (WET, "march")], ids=["slow flow", "in time"])
+@pytest.mark.parametrize(
+    ("scope", "solver"),
+    [pytest.param(DRY, "averaging", id="slow flow", marks=pytest.mark.slow), pytest.param(WET, "march", id="in time")],
+)
 def test_a_feedback_comes_to_rest_where_engage_does(scope: pm.Microscope, solver: str) -> None:
     still = pm.simulate(one_pixel(SOFT), scope, SETPOINT, "orbit")
     image = pm.simulate(one_pixel(SOFT, (1, 4)), scope, SETPOINT, solver, pm.Feedback(line_rate=2.0))

@@ -95,6 +95,7 @@ def test_images_of_spectra_beside_one_time_are_those_of_their_pixels() -> None:
     np.testing.assert_allclose(image.phase.values[0], single, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_sweep_carries_the_memory_of_every_arm() -> None:
     swept = pm.sweep_setpoint(pm.Material(relaxation=RUBBER, adhesion=0.03), SCOPE, [0.8, 0.6])
     here = pm.solve_pixel(pm.Material(relaxation=RUBBER, adhesion=0.03), SCOPE, setpoint=0.6)

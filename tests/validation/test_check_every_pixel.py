@@ -70,6 +70,7 @@ def test_a_pixel_on_its_other_stable_orbit_is_found_and_judged_in_time(good: xr.
     assert bool(((found.sample.row == y) & (found.sample.column == x)).any()) and found.sample.sizes["pixel"] == 65
 
 
+@pytest.mark.slow
 def test_a_pixel_computed_with_another_modulus_is_found_and_judged_in_time(good: xr.Dataset) -> None:
     """All that the pixel says fits together: it passes every invariant."""
     image = good.copy(deep=True)
