@@ -174,14 +174,6 @@ def tip_amplitudes(lever: Array, amplitude: Any) -> tuple[Array, Array]:
     return np.abs(size - beside), size + beside
 
 
-def amplitude_at(lever: Array, amplitude: Array, phase: Array) -> Array:
-    """The larger A [m] that the detector sees with an amplitude if the phase of z is this; NaN without one."""
-    offset, factor = offset_and_factor(lever)
-    beside, size = offset / factor * np.exp(-1j * phase), amplitude / np.abs(factor)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.sqrt(size**2 - beside.imag**2) - beside.real)
-
-
 def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     """The first harmonic of z, from what the detector sees: the inverse of `show`."""
     if sees_tip(lever):

@@ -13,15 +13,16 @@ from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, S
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.lever import of_tip, sees_tip
-from phasemap.solvers.detected_setpoint import ATTRACTIVE, REPULSIVE, Found, close, hold
+from phasemap.experiment.lever import sees_tip
+from phasemap.solvers.detected_setpoint import Found, at_seen, at_tip, shown
 from phasemap.solvers.in_time import ETA
 from phasemap.solvers.problem import Work
-from phasemap.solvers.run import run
 from phasemap.solvers.solver import LENGTH, PHASE, March, Solver
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
+
+SIDES = {ATTRACTING: -1, REPELLING: 1}  # of the resonance, on which the orbits of a branch are
 
 
 class Branches(NamedTuple):
@@ -101,9 +102,7 @@ def stable_branches(
     >>> found.stable.tolist(), found.engaged.tolist()
     ([[True], [True]], [0])
     """
-    if not sees_tip(work.lever):
-        return _seen_branches(work, solver, accuracy, workers, progress, engaged)
-    found, count = Branches.unknown(work), len(work)
+    found, count, tip = Branches.unknown(work), len(work), at_tip(work)
     valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
     if len(valid) < count:
         found.put(valid, stable_branches(work.part(valid), solver, accuracy, workers, progress))
@@ -111,7 +110,7 @@ def stable_branches(
 
     def solve(first: int, last: int) -> None:
         some = slice(first, last)
-        part = work.part(some)
+        part = tip.part(some)
         own = Branches.unknown(part)
         if engaged is None:
             solver.solve(part, accuracy, own.answers.of(ENGAGED))
@@ -119,53 +118,41 @@ def stable_branches(
             own.rows[ENGAGED], own.status[ENGAGED], own.solver[ENGAGED] = (one[some] for one in engaged)
         _others(part, solver, accuracy, own.answers)
         _limit(part, accuracy.periods, own)
+        for rows in own.rows:
+            rows[:] = shown(rows, work)
+        if engaged is not None:  # as the detector sees it already
+            own.rows[ENGAGED] = own.rows[own.engaged, np.arange(len(part))] = engaged[0][some]
         found.put(some, own)
 
     spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
-    close(found.rows, work.lever)
-    return found
-
-
-def _seen_branches(
-    work: Work, solver: Solver, accuracy: Accuracy, workers: int, progress: Progress | None, engaged: Found | None
-) -> Branches:
-    """The same where the detector does not see the tip: by secants on the branch that engagement does not find."""
-    found = Branches.unknown(work)
-    valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
-
-    if engaged is None:
-        engaged = run(solver, work.part(valid), accuracy, threads=workers, progress=progress)
-    found.rows[ENGAGED, valid], found.status[ENGAGED, valid], found.solver[ENGAGED, valid] = engaged
-    answers = found.answers
-    for slot, side in ((ATTRACTING, ATTRACTIVE), (REPELLING, REPULSIVE)):
-        here, others = np.flatnonzero(found.engaged == slot), valid[found.engaged[valid] != slot]
-
-        def solve(part: Work, slot: int = slot) -> Found:
-            both = stable_branches(part, solver, accuracy, workers, progress)
-            return both.rows[slot], both.status[slot], both.solver[slot]
-
-        held = Answers(*hold(work.part(others), solve, side))
-        answers.of(slot).put(others, held)
-        answers.of(slot).put(here, answers.of(ENGAGED).of(here))
-    _limit(work, accuracy.periods, found)
     return found
 
 
 def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
     """Fill both branches, what engagement finds being there."""
-    from phasemap._kernels.rows.fast import other_rows
+    from phasemap._kernels.quadrature import TABLES
+    from phasemap._kernels.rows.exact import exact_side_rows
+    from phasemap._kernels.rows.fast import seen_side_rows, side_rows
 
     phase, height = accuracy.phase, accuracy.height
     if solver.name != "auto":
         phase, height = min(phase, PHASE), min(height, LENGTH)
     limits = np.array([math.radians(phase), height])
     allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
-    if other_rows(work.pixels, limits, allowed, 0, len(work), answers):
-        from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.exact import exact_near_rows
-
-        if exact_near_rows(work.pixels, TABLES, 0, len(work), answers):
-            _search(work, answers)
+    known, engaged = answers.of(ENGAGED), answers.status[ENGAGED] == col.GOOD
+    for slot, side in SIDES.items():
+        here = np.flatnonzero(engaged & ((known.rows[:, col.STIFFENING] > 0) == (slot == REPELLING)))
+        own, slopes = answers.of(slot), np.full((len(work), 3), np.nan)
+        own.status[:] = col.PENDING
+        own.put(here, known.of(here))
+        if sees_tip(work.lever):
+            waiting = side_rows(work.pixels, side, limits, allowed, own)
+        else:
+            waiting = seen_side_rows(work.pixels, side, limits, own, slopes)
+        if waiting and exact_side_rows(work.pixels, TABLES, side, own, slopes):
+            _search(work, side, own)
+        found = np.flatnonzero(np.isfinite(slopes[:, 0]) & (own.status == col.GOOD))
+        own.rows[found] = at_seen(own.rows[found], slopes[found], work.lever, work.amplitudes[found])
     if solver.name == "averaging":
         _average(work, answers)
     elif isinstance(solver, March):
@@ -184,45 +171,39 @@ def _limit(work: Work, most: int, found: Branches) -> None:
         from phasemap._kernels.scanning.quasi_static import reach_rows
 
         limits = rows[ENGAGED, chosen, col.TIP_OFFSET]
-        orbits, part = rows[REPELLING, chosen], work.part(chosen)
-        orbits[:, col.AMPLITUDE], orbits[:, col.PHASE] = of_tip(
-            work.lever, orbits[:, col.AMPLITUDE], orbits[:, col.PHASE]
-        )
-        reach_rows(part.law, part.rows, part.lever, ETA, most, orbits, limits)
+        part = work.part(chosen)
+        reach_rows(part.law, part.rows, part.lever, ETA, most, rows[REPELLING, chosen], limits)
         found.reach[REPELLING, chosen] = limits
 
 
-def _search(work: Work, answers: Answers) -> None:
-    """Decide what is still PENDING by all the exact orbits that there are."""
+def _search(work: Work, side: int, answers: Answers) -> None:
+    """Decide what is still PENDING on a side of the resonance by all the exact orbits that there are."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
     from phasemap.solvers.continuation.curves import orbits_of_amplitude
 
     rows, status, used = answers
-    waiting = status[:ENGAGED] == col.PENDING
-    for i in np.flatnonzero(waiting.any(axis=0)):
-        path = fixed_path(work.oscillator(int(i)))
-        found = orbits_of_amplitude(path, work.amplitudes[i])[0][:, : col.COLUMNS]
-        found = found[(found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)]
-        for slot in np.flatnonzero(waiting[:, i]):
-            on = found[(found[:, col.STIFFENING] > 0) == (slot == REPELLING)]
-            status[slot, i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT
-            if len(on):
-                rows[slot, i], used[slot, i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
+    for i in np.flatnonzero(status == col.PENDING):
+        found = orbits_of_amplitude(fixed_path(work.oscillator(int(i))), work.amplitudes[i])[0][:, : col.COLUMNS]
+        stable = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
+        on = found[stable & ((found[:, col.STIFFENING] > 0) == (side > 0))]
+        status[i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT
+        if len(on):
+            rows[i], used[i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
 
 
 def _average(work: Work, answers: Answers) -> None:
     """Averaged orbits in the place of exact ones, without what is known of their errors."""
     from phasemap._kernels.rows.fast import averaged_near_rows
 
-    for slot in (ATTRACTING, REPELLING):
-        averaged_near_rows(work.pixels, 0, len(work), answers.of(slot))
+    for slot in SIDES:
+        averaged_near_rows(work.pixels, answers.of(slot))
     answers.rows[:ENGAGED, :, [col.ERROR_PHASE, col.ERROR_HEIGHT]] = np.nan
 
 
 def _march(work: Work, solver: March, periods: int, answers: Answers) -> None:
     """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
     rows, status, _ = answers
-    for slot in (ATTRACTING, REPELLING):
+    for slot in SIDES:
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
         other = np.flatnonzero((status[slot] == col.GOOD) & ~known)
         found = answers.of(slot).of(other)

@@ -100,7 +100,7 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
         engage_seen(work, allowed, answers)
         return
     if phase > 0:
-        if not cheap_rows(work.pixels, allowed, average, 0, len(work), answers):
+        if not cheap_rows(work.pixels, allowed, average, answers):
             return
     else:
         status[:] = col.PENDING
@@ -110,7 +110,7 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
         from phasemap._kernels.quadrature import TABLES
         from phasemap._kernels.rows.exact import exact_rows
 
-        exact_rows(work.pixels, TABLES, 0, len(work), answers)
+        exact_rows(work.pixels, TABLES, answers)
 
 
 def engage_lost(work: Work, periods: int, answers: Answers) -> None:
@@ -157,7 +157,7 @@ class Averaging:
         # What is not periodic has no averaged orbit: the march's mean stands.
         kept = np.flatnonzero(col.irregular(answers.rows))
         means = answers.rows[kept]
-        averaged_near_rows(work.pixels, 0, len(work), answers)
+        averaged_near_rows(work.pixels, answers)
         answers.rows[kept], answers.status[kept], answers.solver[kept] = means, col.GOOD, col.MARCH
 
 
@@ -171,7 +171,7 @@ def engage_averaged(work: Work, periods: int, answers: Answers) -> bool:
     from phasemap._kernels.rows.fast import averaging_rows
 
     if sees_tip(work.lever):
-        averaging_rows(work.pixels, 0, len(work), answers)
+        averaging_rows(work.pixels, answers)
     if not near_resonance(work.lever) or not sees_tip(work.lever):
         answers.status[:] = col.PENDING
     doubtful = np.flatnonzero(answers.status == col.PENDING)

@@ -48,8 +48,8 @@ def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
 
 def solved(work: Work, used: tuple[int, ...] = (col.CORRECTED, col.ORBIT)) -> np.ndarray:
     answers = Answers(np.empty((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
-    cheap_rows(work.pixels, LIMITS, False, 0, 1, answers)
-    exact_rows(work.pixels, TABLES, 0, 1, answers)
+    cheap_rows(work.pixels, LIMITS, False, answers)
+    exact_rows(work.pixels, TABLES, answers)
     assert answers.status[0] == col.GOOD and answers.solver[0] in used
     return answers.rows[0]
 

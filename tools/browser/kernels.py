@@ -104,16 +104,16 @@ def solve_one_of_each_kind() -> None:
     given, pixels = (work.law, work.rows, work.lever), work.pixels
     answers = Answers(np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     solved = SolvedRows(np.zeros((1, WIDE)), np.zeros(1, bool), np.zeros((1, 0)))
-    branches = Answers(*(np.stack([one] * 3) for one in answers))
     oscillator, numbers = work.oscillator(0), np.zeros(4)
     path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
     for entry, *examples in (
-        (fast.averaging_rows, pixels, 0, 1, answers),
-        (fast.averaged_near_rows, pixels, 0, 1, answers),
+        (fast.averaging_rows, pixels, answers),
+        (fast.averaged_near_rows, pixels, answers),
         (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, np.zeros((1, 5))),
         (exact.seen_rows, pixels, TABLES, np.zeros(2), answers, np.zeros((1, SLOPES))),
-        (exact.exact_rows, pixels, TABLES, 0, 1, answers),
-        (exact.exact_near_rows, pixels, TABLES, 0, 1, branches),
+        (exact.exact_rows, pixels, TABLES, answers),
+        (fast.seen_side_rows, pixels, 1, np.zeros(2), answers, np.zeros((1, SLOPES))),
+        (exact.exact_side_rows, pixels, TABLES, 1, answers, np.zeros((1, SLOPES))),
         (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),
         (exact.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),

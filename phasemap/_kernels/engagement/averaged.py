@@ -35,7 +35,6 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
     put_averaged_orbit,
 )
-from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.records import clear
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
@@ -148,18 +147,6 @@ def settle_side(oscillator: Oscillator, amplitude: float, side: int, top: Maximu
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
     return fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess)
-
-
-@kernel
-def averaged_beside(oscillator: Oscillator, amplitude: float, row: np.ndarray, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit on the side of an exact one, if it is far from a fold and beside that."""
-    law, p, lever = oscillator
-    if not has_longrange(p) or law.attracts == 0 or not near_resonance(lever):
-        return False
-    side = REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE
-    find_mismatch_maximum(oscillator, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
-    found = fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess)
-    return found and abs(guess[col.G_Z0] - row[col.TIP_OFFSET]) < largest_branch_distance(lever, amplitude)
 
 
 @kernel

@@ -30,7 +30,7 @@ from phasemap._kernels.orbits.response.state import PassState, fill_row_from_pas
 from phasemap._kernels.orbits.result_row import averaged_row
 
 
-@kernel
+@kernel(shared=True)
 def cheap_orbit(
     oscillator: Oscillator, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray, room: Room
 ) -> int:

@@ -16,10 +16,12 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit
+from phasemap._kernels.engagement.other_branch import averaged_on
 from phasemap._kernels.engagement.response import cheap_orbit
-from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, next_amplitude, seen_rate, show
+from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, next_amplitude, seen_rate, sees_tip, show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, phase_of
+from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import refine_orbit, tolerance_of
@@ -36,7 +38,7 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
     no_drift,
 )
-from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
+from phasemap._kernels.orbits.response.orbit import LEAST_SLOPE_ALONG, Room, nodes_of_solution, refine
 from phasemap._kernels.orbits.response.state import fill_row_from_passes
 from phasemap._kernels.orbits.result_row import feedback_status
 
@@ -56,17 +58,25 @@ class SeenRoom(NamedTuple):
 
 
 @kernel
-def orbit_at(oscillator: Oscillator, amplitude: float, averaged: bool, room: SeenRoom) -> tuple[int, float]:
-    """Orbit of amplitude A [m] that engagement reaches: GOOD by passes, KNOWN if averaged, or PENDING; its phase.
+def orbit_at(
+    oscillator: Oscillator, amplitude: float, side: int, averaged: bool, room: SeenRoom
+) -> tuple[int, float]:  # fmt: skip
+    """Orbit of amplitude A [m] on a side of the resonance: GOOD by passes, KNOWN if averaged, or PENDING; its phase.
 
-    With `averaged` passes are not tried where averaging is sure.
+    On the side that engagement reaches where `side` is 0. With `averaged` passes are not tried where averaging is sure.
     """
     guess = room.guess
-    surety = engage_by_averaging(oscillator, amplitude, guess, room.room.top)
-    if averaged and surety == SURE:
-        done = col.KNOWN
+    if side != 0:
+        done = col.PENDING
+        if fill_averaged_orbit_near(oscillator, amplitude, side, guess):
+            exact = not averaged and refine(oscillator, guess, room.limits, room.room)
+            done = col.GOOD if exact else col.KNOWN
     else:
-        done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
+        surety = engage_by_averaging(oscillator, amplitude, guess, room.room.top)
+        if averaged and surety == SURE:
+            done = col.KNOWN
+        else:
+            done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
     if done == col.GOOD:
         return col.GOOD, room.room.state.phase
     if done == col.KNOWN:
@@ -100,20 +110,27 @@ def _surely_repulsive(oscillator: Oscillator, amplitude: float, room: SeenRoom) 
     return engage_by_averaging(oscillator, amplitude, room.guess, room.room.top) == SURE and room.guess[col.G_P] > 0.0
 
 
-@kernel
-def by_passes_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: np.ndarray, slopes: np.ndarray) -> int:
+@kernel(shared=True)
+def by_passes_at_seen(
+    oscillator: Oscillator, seen: float, side: int, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
+) -> int:
     """Orbit by passes that is seen with an amplitude [m], in its row, with its slopes: GOOD, KNOWN or PENDING.
 
-    KNOWN where passes do not lead from the averaged orbit, which is then the one seen with about this amplitude.
+    On a side of the resonance, from near the averaged orbit in `room.guess`, or, where `side` is 0, on that which
+    engagement reaches. KNOWN where passes do not lead from the averaged orbit, which is then the one seen with about
+    this amplitude.
     """
     lever, state = oscillator.lever, room.room.state
-    if repulsive_at_seen(oscillator, seen, room, row, slopes):
+    slopes[SEEN_BY_A] = 1.0 if sees_tip(lever) else math.nan
+    if side == 0 and repulsive_at_seen(oscillator, seen, room, row, slopes):
         return col.GOOD
-    amplitude = likely_amplitude(lever, seen, -1)
-    done, phase = orbit_at(oscillator, amplitude, False, room)
-    if done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]:
+    amplitude = likely_amplitude(lever, seen, side if side != 0 else -1)
+    done, phase = orbit_at(oscillator, amplitude, side, False, room)
+    if side == 0 and (
+        done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]
+    ):
         amplitude = likely_amplitude(lever, seen, 1)  # the attractive branch is not what is reached there
-        done, phase = orbit_at(oscillator, amplitude, done == col.KNOWN, room)
+        done, phase = orbit_at(oscillator, amplitude, side, done == col.KNOWN, room)
     before, old_phase, old_offset = (math.nan, math.nan), math.nan, math.nan
     for _ in range(MOST_SECANTS):
         if done == col.PENDING:
@@ -136,8 +153,25 @@ def by_passes_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: 
         amplitude = following
         if not amplitude > 0.0:
             break
-        done, phase = orbit_at(oscillator, amplitude, done == col.KNOWN, room)
+        done, phase = orbit_at(oscillator, amplitude, side, done == col.KNOWN, room)
     return col.PENDING
+
+
+@kernel
+def on_side_at_seen(
+    oscillator: Oscillator, seen: float, side: int, room: SeenRoom, row: np.ndarray, slopes: np.ndarray
+) -> int:
+    """Orbit by passes on a side of the resonance that is seen with an amplitude [m]: GOOD, or NO_STABLE_ORBIT.
+
+    PENDING where that is left open, `room.guess` near an averaged one if there is any. There is none where none has the
+    amplitude of a lever without losses, nor one nearer to that seen.
+    """
+    lossless, guess = likely_amplitude(oscillator.lever, seen, side), room.guess
+    none = averaged_on(oscillator, lossless, side, guess, room.room) == col.NO_STABLE_ORBIT
+    if none and averaged_on(oscillator, 0.5 * (lossless + seen), side, guess, room.room) == col.NO_STABLE_ORBIT:
+        return col.NO_STABLE_ORBIT
+    done = by_passes_at_seen(oscillator, seen, side, room, row, slopes)
+    return col.GOOD if done == col.GOOD and slopes[OFFSET_BY_A] > LEAST_SLOPE_ALONG else col.PENDING
 
 
 @kernel
@@ -155,21 +189,26 @@ def slopes_along(lever: np.ndarray, orbit: Orbit, slopes: np.ndarray) -> bool:
 
 
 @kernel
+def hold_seen(oscillator: Oscillator, seen: float, orbit: Orbit, row: np.ndarray, slopes: np.ndarray) -> int:
+    """Move an exact orbit to where it is seen with an amplitude [m]; fill in its row and slopes, return its status."""
+    done = solve_at_seen(oscillator, orbit, seen, tolerance_of(oscillator))
+    if done == col.GOOD:
+        done = refine_orbit(oscillator, orbit, row)
+    if done == col.GOOD:
+        done = feedback_status(row)
+    if done == col.GOOD and not (slopes_along(oscillator.lever, orbit, slopes) and slopes[SEEN_BY_A] > LEAST_SLOPE):
+        done = col.NOT_CONVERGED  # the amplitude that is seen turns here
+    return done
+
+
+@kernel
 def _from_averaged_or_along_curve(
     oscillator: Oscillator, seen: float, surety: int, guess: np.ndarray, rooms: Rooms,
     row: np.ndarray, slopes: np.ndarray,
 ) -> int:  # fmt: skip
     """Fill in the exact orbit, as `exact_orbit` finds it, that is seen with an amplitude [m]; returns a status."""
-    done, found = exact_orbit(oscillator, at_seen(oscillator, seen), surety, guess, rooms, row), rooms.found
-    if done == col.GOOD:
-        done = solve_at_seen(oscillator, found, seen, tolerance_of(oscillator))
-    if done == col.GOOD:
-        done = refine_orbit(oscillator, found, row)
-    if done == col.GOOD:
-        done = feedback_status(row)
-    if done == col.GOOD and not (slopes_along(oscillator.lever, found, slopes) and slopes[SEEN_BY_A] > LEAST_SLOPE):
-        done = col.NOT_CONVERGED  # the amplitude that is seen turns here
-    return done
+    done = exact_orbit(oscillator, at_seen(oscillator, seen), surety, guess, rooms, row)
+    return hold_seen(oscillator, seen, rooms.found, row, slopes) if done == col.GOOD else done
 
 
 @kernel

@@ -9,7 +9,6 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import forces_at_phase, phase_of
-from phasemap._kernels.numerics import copy
 
 SAME_ORBIT = 1e-4  # of the amplitude, and radians: nearer than this it is the same orbit
 
@@ -26,18 +25,6 @@ def averaged_row(lever: np.ndarray, guess: np.ndarray, row: np.ndarray) -> None:
     row[col.DISSIPATION] = -math.pi * stiffness * amplitude * drag
     row[col.VIRIAL] = stiffness * (mean * mean - 0.5 * amplitude * push)
     row[col.STIFFENING] = push / amplitude
-
-
-@kernel
-def nearest_averaged_orbit(candidates: np.ndarray, row: np.ndarray, guess: np.ndarray) -> int:
-    """Fill `guess` with the averaged orbit nearest to the exact one of `row`, on the same side of free stiffness."""
-    best = math.inf
-    for i in range(len(candidates)):
-        apart = abs(candidates[i, col.G_Z0] - row[col.TIP_OFFSET])
-        if (candidates[i, col.G_P] > 0.0) == (row[col.STIFFENING] > 0.0) and apart < best:
-            best = apart
-            copy(candidates[i], guess)
-    return col.GOOD if best < math.inf else col.NO_AVERAGED_ORBIT
 
 
 @kernel

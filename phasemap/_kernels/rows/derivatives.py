@@ -15,21 +15,18 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import likely_amplitude, next_amplitude, show
+from phasemap._kernels.engagement.seen import SLOPES, SeenRoom, by_passes_at_seen
+from phasemap._kernels.excitation import show
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.averaged.branch import (
-    ENOUGH_HOLD,
-    EXACT_HOLD,
     MEASURED_OFFSET,
     MEASURED_PHASE,
-    MOST_ROOT_STEPS,
     detector_signal,
     fill_signal_and_slopes,
     held_root,
-    stable_root,
 )
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import Room, refine
+from phasemap._kernels.orbits.averaged.harmonics import put_harmonic_orbit
+from phasemap._kernels.orbits.response.orbit import Room
 
 
 class Setpoints(NamedTuple):
@@ -62,7 +59,7 @@ def averaged_phases(law: Law, rows: np.ndarray, setpoints: Setpoints, search: bo
             continue
         p = parameters(rows[i])
         oscillator = Oscillator(law, p, levers[i])
-        amplitude, c, slope = held_root(oscillator, amplitudes[i], sides[i], search, places[i])
+        amplitude, c, slope = held_root(oscillator, amplitudes[i], sides[i], search, (math.nan, places[i]))
         if slope < 0.0:
             places[i] = c
             phases[i] = detector_signal(oscillator, amplitude, c).phase
@@ -87,43 +84,12 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
             if sides[i, j] == 0:
                 continue
             oscillator = Oscillator(law, p, levers[j])
-            amplitude, c, slope = held_root(oscillator, amplitudes[j], sides[i, j], search, places[i, j])
+            amplitude, c, slope = held_root(oscillator, amplitudes[j], sides[i, j], search, (math.nan, places[i, j]))
             if not slope < 0.0:
                 good[i] = False
                 break
             places[i, j] = c
             fill_signal_and_slopes(oscillator, (amplitude, c), rows, i, step, values[i, j], slopes[i, j])
-
-
-@kernel
-def orbit_at_seen(
-    oscillator: Oscillator, held: float, side: int, c: float, limits: np.ndarray, room: Room, values: np.ndarray
-) -> bool:
-    """Orbit that is seen with the amplitude held [m]: its phase and tip offset; False where the response finds none.
-
-    `c`: of the averaged orbit near by, NaN where that is to be searched for.
-    """
-    lever, guess, before = oscillator.lever, np.zeros(col.GUESS), (np.nan, np.nan)
-    amplitude = likely_amplitude(lever, held, side)
-    for step in range(MOST_ROOT_STEPS):
-        c, slope = stable_root(oscillator, amplitude, side, True, c)
-        if not slope < 0.0:
-            return False
-        push, drag, mean = harmonics(oscillator, amplitude, c)
-        put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
-        guess[col.G_SLOPE] = slope / amplitude
-        if not refine(oscillator, guess, limits, room):
-            return False
-        seen, phase = show(lever, amplitude, room.state.phase)
-        miss = seen - held
-        if abs(miss) <= (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
-            values[MEASURED_PHASE], values[MEASURED_OFFSET] = phase, room.state.tip_offset
-            return True
-        following = next_amplitude(lever, held, amplitude, room.state.phase, miss, before)
-        before, amplitude = (amplitude, miss), following
-        if not amplitude > 0.0:
-            return False
-    return False
 
 
 @kernel
@@ -136,7 +102,8 @@ def exact_block(
     offset [m]. `values` (shape (n, m, 2)) is NaN, and `good` (shape (n, m)) False, where passes do not converge, or the
     orbit is not sound.
     """
-    (levers, amplitudes, sides, places), room = setpoints, Room()
+    levers, amplitudes, sides, places = setpoints
+    room, row, slopes = SeenRoom(np.zeros(col.GUESS), Room(), limits), np.zeros(col.COLUMNS), np.zeros(SLOPES)
     for i in range(len(rows)):
         p = parameters(rows[i])
         for j in range(len(amplitudes)):
@@ -144,6 +111,10 @@ def exact_block(
             good[i, j] = False
             if sides[i, j] == 0:
                 continue
-            good[i, j] = orbit_at_seen(
-                Oscillator(law, p, levers[j]), amplitudes[j], sides[i, j], places[i, j], limits, room, values[i, j]
-            )
+            put_harmonic_orbit(room.guess, 1.0, places[i, j], 0.0, 0.0, 0.0)
+            oscillator = Oscillator(law, p, levers[j])
+            done = by_passes_at_seen(oscillator, amplitudes[j], sides[i, j], room, row, slopes)
+            good[i, j] = done == col.GOOD
+            if done == col.GOOD:
+                values[i, j, MEASURED_PHASE] = show(levers[j], row[col.AMPLITUDE], row[col.PHASE])[1]
+                values[i, j, MEASURED_OFFSET] = row[col.TIP_OFFSET]

@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ENGAGED, REPELLING, SolvedRows
+from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import at_amplitude, exact_orbit, new_rooms
 from phasemap._kernels.engagement.orbit_of_row import Again, nodes_of, room_again
-from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen
+from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen, hold_seen
+from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
@@ -53,12 +54,12 @@ class NearbyGuesses(NamedTuple):
 
 
 @kernel
-def exact_rows(pixels: Pixels, tables: np.ndarray, first: int, last: int, answers: Answers) -> None:
-    """Orbit by collocation of every row in [first, last) whose status is PENDING, near the guess it holds if any."""
+def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
+    """Orbit by collocation of every row whose status is PENDING, near the guess it holds if any."""
     out, status, solver = answers
     rooms = new_rooms(pixels.lever, tables)
     guess, top, at = np.zeros(col.GUESS), Maximum(), OrbitNodes()
-    for i in range(first, last):
+    for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
         oscillator, amplitude, row, surety = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS], SURE
@@ -122,35 +123,33 @@ def nearby_rows(
 
 
 @kernel
-def exact_near_rows(pixels: Pixels, tables: np.ndarray, first: int, last: int, answers: Answers) -> int:
-    """Exact orbits for what `fast.other_rows` left PENDING, where they are found; returns how many still wait.
+def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answers, slopes: np.ndarray) -> int:
+    """Exact orbits on a side of the resonance for rows left PENDING, where they are found; returns how many still are.
 
     A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
-    are tried too.
+    are tried too. `slopes` (shape (n, SLOPES)): as for `seen_rows`.
     """
     out, status, solver = answers
     orbit, guess, waiting = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT), 0
-    for i in range(first, last):
-        oscillator, left = oscillator_of(pixels, i), False
-        for slot in range(ENGAGED):
-            if status[slot, i] != col.PENDING:
-                continue
-            row = out[slot, i]
-            for j in range(len(guess)):
-                guess[j] = row[j]
-            for _ in range(MOST_STARTS):
-                if math.isnan(guess[col.G_Z0]):
-                    break
-                done, _ = orbit_near(oscillator, guess, orbit, row)
-                if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (slot == REPELLING):
-                    status[slot, i], solver[slot, i] = col.GOOD, col.ORBIT
-                    estimate_errors(oscillator, orbit, row)
-                    break
-                guess[col.G_Z0] += FARTHER_START * pixels.amplitudes[i]
-            if status[slot, i] == col.PENDING:
-                row[:] = math.nan
-                left = True
-        waiting += left
+    for i in range(len(out)):
+        if status[i] != col.PENDING:
+            continue
+        oscillator, row = oscillator_of(pixels, i), out[i]
+        copy(row[: col.HARMONIC_ORBIT], guess)
+        for _ in range(MOST_STARTS):
+            if math.isnan(guess[col.G_Z0]):
+                break
+            done, _ = orbit_near(oscillator, guess, orbit, row)
+            if done == col.GOOD and not sees_tip(pixels.lever):
+                done = hold_seen(oscillator, pixels.amplitudes[i], orbit, row, slopes[i])
+            if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (side > 0):
+                status[i], solver[i] = col.GOOD, col.ORBIT
+                estimate_errors(oscillator, orbit, row)
+                break
+            guess[col.G_Z0] += FARTHER_START * guess[col.G_A]
+        if status[i] == col.PENDING:
+            row[:] = math.nan
+            waiting += 1
     return waiting
 
 
@@ -169,7 +168,7 @@ def seen_rows(pixels: Pixels, tables: np.ndarray, limits: np.ndarray, answers: A
         if has_hysteresis(oscillator.p):
             status[i] = col.NOT_CONVERGED  # between far and the setpoint there may be no periodic orbit
             continue
-        status[i] = by_passes_at_seen(oscillator, seen[i], room, row, slopes[i])
+        status[i] = by_passes_at_seen(oscillator, seen[i], 0, room, row, slopes[i])
         solver[i] = col.CORRECTED
         if status[i] != col.GOOD:
             known = status[i] == col.KNOWN

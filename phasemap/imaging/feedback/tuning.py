@@ -155,7 +155,7 @@ def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
         return found
     rows = []
     for side in (-1, 1):
-        a, c, slope = held_root(Oscillator(work.law, p, work.lever), amplitude, side, True, math.nan)
+        a, c, slope = held_root(Oscillator(work.law, p, work.lever), amplitude, side, True, (math.nan, math.nan))
         if slope < 0:
             push, drag, mean = harmonics(Oscillator(work.law, p, work.lever), a, c)
             rows.append([a * c + mean, mean, a, push, drag])

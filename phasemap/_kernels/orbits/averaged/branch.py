@@ -12,7 +12,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 
 # What is measured in an image.
@@ -94,6 +94,17 @@ def stable_root(oscillator: Oscillator, amplitude: float, side: int, search: boo
 
 
 @kernel
+def fill_averaged_orbit_near(oscillator: Oscillator, amplitude: float, side: int, guess: np.ndarray) -> bool:
+    """Fill `guess` with the averaged orbit of amplitude A [m] on a side, near its own c; False without a stable one."""
+    near = (guess[col.G_Z0] - guess[col.G_MEAN]) / guess[col.G_A]
+    c, slope = stable_root(oscillator, amplitude, side, True, near)
+    push, drag, mean = harmonics(oscillator, amplitude, c)
+    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
+    guess[col.G_SLOPE] = slope / amplitude
+    return slope < 0.0
+
+
+@kernel
 def detector_signal(oscillator: Oscillator, amplitude: float, c: float) -> DetectorSignal:
     """Signal of the detector on a harmonic orbit, and the mismatch of its drive."""
     lever = oscillator.lever
@@ -104,10 +115,16 @@ def detector_signal(oscillator: Oscillator, amplitude: float, c: float) -> Detec
 
 
 @kernel
-def held_root(oscillator: Oscillator, held: float, side: int, search: bool, c: float) -> tuple[float, float, float]:
-    """Amplitude A [m] of the averaged orbit near c that is seen with the amplitude held, its c, and the slope there."""
-    lever = oscillator.lever
-    amplitude, before = likely_amplitude(lever, held, side), (math.nan, math.nan)
+def held_root(
+    oscillator: Oscillator, held: float, side: int, search: bool, near: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Amplitude A [m] of the averaged orbit near (A, c) that is seen with the amplitude held, its c, the slope there.
+
+    A is that of an orbit without losses where it is not known to begin with (NaN).
+    """
+    lever, (amplitude, c), before = oscillator.lever, near, (math.nan, math.nan)
+    if math.isnan(amplitude):
+        amplitude = likely_amplitude(lever, held, side)
     for step in range(MOST_ROOT_STEPS):
         c, slope = stable_root(oscillator, amplitude, side, search, c)
         if not slope < 0.0 or sees_tip(lever):
