@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 import phasemap as pm
-from phasemap.inference.images.problem import make_model
+from phasemap.inference.images.model import make_model
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.problem import OTHER, WORSE
 from phasemap.inference.series.series import FACTORS

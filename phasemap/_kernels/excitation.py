@@ -61,11 +61,11 @@ def seen_amplitude(lever: np.ndarray, amplitude: float, push: float, drag: float
 
 
 @kernel
-def seen_rate(lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]) -> float:
-    """Rate of the amplitude that the detector sees, from (A, P, S) of an orbit and their rates."""
+def seen_rates(
+    lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]
+) -> tuple[float, float]:
+    """Rates of amplitude and phase [rad] that the detector sees, from (A, P, S) of an orbit and their rates."""
     (amplitude, push, drag), (by_amplitude, by_push, by_drag) = orbit, by
-    if sees_tip(lever):
-        return by_amplitude
     x, y = drive_needed(lever, amplitude, push, drag)
     by_x = by_push + by_amplitude * lever[DYNAMIC_STIFFNESS]
     by_y = by_amplitude * lever[DYNAMIC_LOSS] - by_drag
@@ -75,7 +75,14 @@ def seen_rate(lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[fl
     rate_across = (by_amplitude * x + amplitude * by_x) * inverse
     to_along = lever[FACTOR_RE] * rate_along - lever[FACTOR_IM] * rate_across
     to_across = lever[FACTOR_RE] * rate_across + lever[FACTOR_IM] * rate_along
-    return (along * to_along + across * to_across) / math.hypot(along, across)
+    size = math.hypot(along, across)
+    return (along * to_along + across * to_across) / size, (along * to_across - across * to_along) / (size * size)
+
+
+@kernel
+def seen_rate(lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]) -> float:
+    """Rate of the amplitude that the detector sees, from (A, P, S) of an orbit and their rates."""
+    return by[0] if sees_tip(lever) else seen_rates(lever, orbit, by)[0]
 
 
 @kernel

@@ -6,8 +6,9 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
+from phasemap.inference.images import regions, starts
 from phasemap.inference.images.invert import FLAGS
-from phasemap.inference.images.problem import make_model
+from phasemap.inference.images.model import make_model
 from phasemap.inference.verdict import PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -16,6 +17,23 @@ SETPOINTS = (0.5, 0.6, 0.7, 0.8)
 NAMES = ("modulus", "adhesion", "damping")
 PHASE_NOISE, HEIGHT_NOISE = 0.4, 0.05e-9  # of a real instrument [degree, m]
 BITS = {name: 1 << i for i, name in enumerate(FLAGS)}
+
+
+# In liquid, where a lever of one mode and of two is far from harmonic: on a shaker, and by a force on the tip.
+WET = pm.Cantilever(0.5, 30e3, 3.0, participation=1), "base"
+BEAM = pm.Cantilever(0.3, 30e3, 2.0, modes=2), "direct"
+
+
+def in_liquid(lever, excitation):
+    """Microscopes of four images, at two free amplitudes, and their setpoints."""
+    drives = [pm.Drive(amplitude, excitation=excitation) for amplitude in (10e-9, 20e-9)]
+    return [pm.Microscope(lever, TIP, drives[i]) for i in (0, 0, 1, 1)], (0.6, 0.8, 0.6, 0.8)
+
+
+@pytest.fixture
+def few_starts(monkeypatch):
+    """Few materials to start from, which is harder, and cheaper."""
+    monkeypatch.setattr(starts, "GRID", (3, 2, 3))
 
 
 def blend(seed, shape=(16, 16)):
@@ -89,6 +107,52 @@ def test_without_noise_the_exact_material_comes_back():
         np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
 
 
+@pytest.mark.parametrize("lever", [WET, BEAM], ids=["shaken", "two modes"])
+def test_materials_come_back_from_images_in_liquid(lever, few_starts):
+    scopes, setpoints = in_liquid(*lever)
+    surface = pm.Surface([[1e7, 2e8, 1e9]], [[0.005, 0.01, 0.02]], [[0.03, 0.01, 0.02]], pixel_size=4e-9)
+    stack = [pm.simulate(surface, *at, solver="orbit") for at in zip(scopes, setpoints, strict=True)]
+    found = pm.invert(stack, scopes, phase_zero=0.0, phase_error=0.01, height_error=1e-12)
+    assert (found.flag == 0).all()
+    np.testing.assert_allclose(found.modulus, surface.modulus, rtol=1e-3)
+    for name in NAMES:  # without noise; where the prior says more than data, by less than an error
+        assert (abs(deviations(found, surface, name)) < 0.6).all(), name
+
+
+def test_errors_cover_the_truth_in_liquid(few_starts):
+    scopes, setpoints = in_liquid(*WET)
+    rng, inside = np.random.default_rng(1), []
+    surface = pm.Surface(
+        *(np.exp(rng.uniform(*np.log(ends), (1, 16))) for ends in ((3e7, 1e9), (0.005, 0.02), (0.005, 0.05))),
+        pixel_size=4e-9,
+    )
+    stack = []
+    for at in zip(scopes, setpoints, strict=True):
+        image = pm.simulate(surface, *at, solver="orbit")
+        noisy = {name: image[name] + rng.normal(0, error, (1, 16))
+                 for name, error in (("phase", PHASE_NOISE), ("height", HEIGHT_NOISE))}  # fmt: skip
+        stack.append(xr.Dataset(noisy, attrs={"setpoint": at[1]}))
+    found = invert(stack, scopes)
+    assert not (is_set(found, "poor_fit") | is_set(found, "no_orbit") | is_set(found, "modulus_not_determined")).any()
+    for name in NAMES:
+        inside.append(abs(deviations(found, surface, name)) < 1.96)
+    inside = np.concatenate(inside)
+    # Of 20 numbers that are within 1.96 errors with a chance of 0.95, 17 or more are so with a chance of 0.98.
+    assert len(inside) >= 20 and inside.mean() >= 0.85
+
+
+def test_regions_in_liquid_are_found_without_a_zero(few_starts, monkeypatch):
+    monkeypatch.setattr(regions, "DRAWS", 10)
+    scopes, setpoints = in_liquid(*WET)
+    labels, gel, glass = [[0, 1]], pm.Material(5e7, 0.01, 0.02), pm.Material(5e8, 0.02, 0.01)
+    surface = pm.Surface.from_labels(labels, {0: gel, 1: glass}, pixel_size=4e-9)
+    stack = [pm.simulate(surface, *at, solver="orbit") for at in zip(scopes, setpoints, strict=True)]
+    found = pm.fit_regions([one.assign(phase=one.phase + 40.0) for one in stack], labels, scopes, phase_zero="shared")
+    assert not (found.flag & (BITS["poor_fit"] | BITS["modulus_not_determined"])).any()
+    assert (abs(np.log(found.modulus / [5e7, 5e8])) < found.modulus_error).all()
+    assert abs(found.phase_zero - 40.0).max() < 3 * found.phase_zero_error.max() and (found.branch == 1).all()
+
+
 class Softening(pm.ContactLaw):
     """A law that is not affine in the stiffness."""
 
@@ -103,14 +167,28 @@ def test_derivatives_of_averaged_orbits_are_those_of_differences():
         scope = pm.Microscope(LEVER, TIP, pm.Drive(40e-9), pm.Interaction(contact, decay_length))
         model = make_model((scope,) * len(SETPOINTS), SETPOINTS, PRIOR, 10.0)
         sides, places = np.ones((len(q), 4), np.int8), np.full((len(q), 4), np.nan)
-        found = model.averaged(q, sides, places, search=True)
+        found = model.orbits(q, sides, places, search=True)
         assert found.good.sum() > 20
         for k, step in enumerate(1e-4 * np.eye(3)):
-            ahead, behind = (model.averaged(q + sign * step, sides, places.copy()) for sign in (1, -1))
+            ahead, behind = (model.orbits(q + sign * step, sides, places.copy()) for sign in (1, -1))
             good = found.good & ahead.good & behind.good
             slopes, central = found.slopes[good][..., k], (ahead.values - behind.values)[good] / 2e-4
             # One-sided differences by the place of contact, over 1e-4 of their scale, leave 5e-4.
             assert (np.abs(slopes - central) < 1e-3 * np.abs(central).max(axis=0) + 1e-15).all(), (contact, k)
+
+
+@pytest.mark.parametrize("lever", [WET, BEAM], ids=["shaken", "two modes"])
+def test_derivatives_of_exact_orbits_are_those_of_differences(lever):
+    model = make_model(*in_liquid(*lever), PRIOR, 10.0)
+    q = np.random.default_rng(1).normal((-2.0, -1.5, 0.0), 0.5, (4, 3))
+    sides, places = np.ones((len(q), 4), np.int8), model.nowhere(len(q), 4)
+    found = model.orbits(q, sides, places, search=True)
+    assert not model.averages and found.good.all()
+    for k, step in enumerate(1e-4 * np.eye(3)):
+        ahead, behind = (model.orbits(q + sign * step, sides, places.copy()) for sign in (1, -1))
+        central = (ahead.values - behind.values) / 2e-4
+        # Elements are laid for the orbit and not for its derivative: that leaves 2e-4 of the phase's.
+        assert (abs(found.slopes[..., k] - central) < 5e-4 * abs(central).max(axis=(0, 1))).all()
 
 
 def test_uncertain_zeros_make_errors_larger():

@@ -35,11 +35,12 @@ class Setpoints(NamedTuple):
     levers: np.ndarray  # as `phasemap._kernels.columns` has them, each in a row
     amplitudes: np.ndarray  # shape (m,); as the detector sees them [m]
     sides: np.ndarray  # int8, shape (n, m); -1 attractive, 1 repulsive, 0 where there is nothing to compare with
-    places: np.ndarray  # shape (n, m); c of the orbits: a guess, and what was found
+    # shape (n, m): c of averaged orbits, a guess, and what was found; (n, m, PLACE) of exact ones, as of `beside`
+    places: np.ndarray
 
 
 class Found(NamedTuple):
-    """Averaged orbits of n materials in m images, and their derivatives with respect to k logarithms."""
+    """Orbits of n materials in m images, and their derivatives with respect to k logarithms."""
 
     values: np.ndarray  # shape (n, m, 2); phase [rad] and tip offset [m]
     slopes: np.ndarray  # shape (n, m, 2, k)

@@ -19,11 +19,11 @@ from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, work
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.problem import (
-    Model,
     Problem,
     Solution,
-    make_model,
+    information,
     normal_equations,
     problem_of_pixels,
     refine,
@@ -51,13 +51,15 @@ SHARP = 0.05  # standard error of every logarithm below which the parabola will 
 FIRST, GROWTH, STEPS = 0.5, 1.3, 7  # steps along the valley: in its standard deviations, each longer, to either side
 DEEP = 20.0  # chi2 above the least, at which a side is done
 SHALLOW = 6.0  # the same, above which a side that ends is cut off
+APART = 3.0  # standard errors between two solutions that are not the same
 LONGEST = 1.0  # of a correction across the valley, in a logarithm
 
 ALONE = (
     "One image has fewer data than a material has properties: add images of the same place at other setpoints and, "
     "better, at another free amplitude."
 )
-BLOCKS = (512, 8192)  # least and most pixels that are solved together: small parts cost time, but threads want some
+# Least and most pixels that are solved together: small parts cost time, but threads want some, and exact orbits room.
+BLOCKS, EXACT_BLOCKS = (512, 8192), (16, 64)
 FLAGS = (
     "modulus_not_determined", "adhesion_not_determined", "damping_not_determined", "poor_fit", "no_orbit", "no_data",
     "averaged_only", "ambiguous",
@@ -118,23 +120,55 @@ def moments(problem: Problem, found: Solution, covariance: Array) -> tuple[Array
 
     `covariance`: those of the parabola.
     """
-    mean, covariance = found.q.copy(), covariance.copy()
+    mean, parabola, covariance = found.q.copy(), covariance, covariance.copy()
     wide = (np.einsum("nii->ni", covariance) > SHARP**2).any(axis=1)
     wide = np.flatnonzero(wide & found.good & (problem.sides != 0).any(axis=(1, 2)))
     if len(wide):
-        mean[wide], covariance[wide] = _integrate(problem.part(wide), found.part(wide), covariance[wide])
+        part, here = problem.part(wide), found.part(wide)
+        sizes, axes = np.linalg.eigh(covariance[wide])
+        mean[wide], covariance[wide] = _integrate(part, here, covariance[wide], sizes[:, 2], axes[:, :, ::-1])
+        if not problem.model.averages:  # far from harmonic, the second widest direction is a valley too
+            _widen(mean, covariance, wide, _integrate(part, here, parabola[wide], sizes[:, 1], axes[:, :, [1, 0, 2]]))
     return mean, covariance
 
 
-def _integrate(problem: Problem, found: Solution, covariance: Array) -> tuple[Array, Array]:
-    """Moments along the valleys of some pixels."""
-    sizes, axes = np.linalg.eigh(covariance)
-    n, k = len(sizes), 2 * STEPS + 1
-    lengths = np.sqrt(sizes[:, 2:]) * np.cumsum(FIRST * GROWTH ** np.arange(STEPS))
+def _widen(mean: Array, covariance: Array, chosen: NDArray[np.intp], other: tuple[Array, Array]) -> None:
+    """Take the mean and the error of each logarithm from where its error is larger."""
+    variances = [np.einsum("nii->ni", one) for one in (covariance[chosen], other[1])]
+    grow = np.sqrt(np.maximum(variances[1] / variances[0], 1.0))
+    mean[chosen] = np.where(grow > 1, other[0], mean[chosen])
+    covariance[chosen] *= grow[:, :, None] * grow[:, None, :]
+
+
+def moments_of_all(problem: Problem, solutions: list[Solution]) -> tuple[Array, Array]:
+    """The same of solutions, the best first: each counts by its share of the posterior."""
+    best, means, spreads, logs = solutions[0], list[Array](), list[Array](), list[Array]()
+    matrix = information(problem, problem.weigh(best.slopes))
+    for one in solutions:
+        apart = one.q - best.q
+        other = np.einsum("ni,nij,nj->n", apart, matrix, apart) > APART**2
+        some = np.flatnonzero((one is best) | (other & (one.cost < best.cost + DEEP)))
+        part, here = problem.part(some), one.part(some)
+        mean, spread, log = best.q.copy(), np.tile(np.eye(3), (len(apart), 1, 1)), np.full(len(apart), -np.inf)
+        parabola = np.asarray(np.linalg.inv(information(part, part.weigh(here.slopes))), np.float64)
+        mean[some], spread[some] = moments(part, here, parabola)
+        log[some] = 0.5 * (np.linalg.slogdet(spread[some])[1] - np.nan_to_num(here.cost - best.cost[some]))
+        means, spreads, logs = [*means, mean], [*spreads, spread], [*logs, log]
+    share = np.exp(logs - np.max(logs, axis=0))
+    share /= share.sum(axis=0)
+    middle = np.einsum("kn,kni->ni", share, means)
+    apart = np.array(means) - middle
+    return middle, np.einsum("kn,knij->nij", share, spreads + apart[..., None] * apart[..., None, :])
+
+
+def _integrate(problem: Problem, found: Solution, covariance: Array, size: Array, axes: Array) -> tuple[Array, Array]:
+    """Moments along the valleys of some pixels: along the first of the axes, (n, 3, 3), of this variance, (n,)."""
+    n, k = len(size), 2 * STEPS + 1
+    lengths = np.sqrt(size[:, None]) * np.cumsum(FIRST * GROWTH ** np.arange(STEPS))
     places = np.concatenate([-lengths[:, ::-1], np.zeros((n, 1)), lengths], axis=1)
     logs, points, spreads = np.full((n, k), -np.inf), np.zeros((n, k, 3)), np.zeros((n, k, 3, 3))
     for sign in (-1, 1):
-        _walk(problem, found, _Valleys(axes[:, :, 2], axes[:, :, :2], places, logs, points, spreads), sign)
+        _walk(problem, found, _Valleys(axes[:, :, 0], axes[:, :, 1:], places, logs, points, spreads), sign)
     lost = np.isneginf(logs).all(axis=1)
     logs[lost, STEPS], points[lost, STEPS], spreads[lost, STEPS] = 0.0, found.q[lost], covariance[lost]
     steps = np.pad(np.diff(places, axis=1), ((0, 0), (1, 1)))
@@ -305,23 +339,29 @@ def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress |
             for whole, values in zip(answer, _solve_alike(model, grid, stack.part(some)), strict=True):
                 whole[some] = values
 
-    spread(solve, bounds_of(count, max(BLOCKS[0], chunk_of(count, workers, BLOCKS[1]))), workers, progress)
+    least, most = BLOCKS if model.averages else EXACT_BLOCKS
+    spread(solve, bounds_of(count, max(least, chunk_of(count, workers, most))), workers, progress)
     return answer
 
 
 def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Found:
     """The same of pixels with the same errors."""
     problem = problem_of_pixels(model, stack)
-    found = refine(problem, descend_from_grid(problem, grid))
+    found, *others = (refine(problem, one) for one in descend_from_grid(problem, grid))
+    for one in others:  # the best first
+        better = np.flatnonzero(one.cost < found.cost)
+        worse = found.part(better)
+        found.put(better, one.part(better))
+        one.put(better, worse)
     slopes, rest = problem.weigh(found.slopes), problem.rest(found.values, found.defect)
-    covariance = np.asarray(np.linalg.inv(normal_equations(problem, slopes, rest, found.q)[0]), np.float64)
-    learnt = np.einsum("nij,naj,nai->n", covariance, slopes, slopes)  # parameters that the data determine
-    mean, covariance = moments(problem, found, covariance)
+    parabola = np.linalg.inv(information(problem, slopes))
+    learnt = np.einsum("nij,naj,nai->n", parabola, slopes, slopes)  # parameters that the data determine
+    mean, covariance = moments_of_all(problem, [found, *others])
     errors = np.sqrt(np.einsum("nii->ni", covariance))
     data, chi2 = int((problem.weights > 0).sum()), (rest**2).sum(axis=1)
     degrees = data - problem.projection.basis.shape[1] - learnt
     flags = ((errors > UNKNOWN) << np.arange(3)).sum(axis=1)
-    flags |= POOR * ((degrees > 0.5) & (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY)) | AVERAGED * ~found.exact
+    flags |= POOR * (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY) | AVERAGED * ~found.exact
     flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
     lost = np.where(found.good & (data > 0), 1.0, np.nan)
     return Found(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)

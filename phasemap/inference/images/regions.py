@@ -21,16 +21,8 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.invert import AMBIGUOUS, AVERAGED, POOR, Found, dataset_of
-from phasemap.inference.images.problem import (
-    Model,
-    Problem,
-    Solution,
-    descend,
-    make_model,
-    problem_of,
-    refine,
-    sides_of,
-)
+from phasemap.inference.images.model import Model, make_model
+from phasemap.inference.images.problem import Problem, Solution, descend, information, problem_of, refine
 from phasemap.inference.images.stack import (
     FREE,
     HEIGHT,
@@ -99,18 +91,16 @@ class Fitted(NamedTuple):
     others: list[Array]  # logarithms of other solutions that fit as well
 
 
-def fit(problem: Problem, q: Array) -> Fitted:
-    """Solve from all these materials, and draw around the best and what is as good."""
-    nowhere = np.full(problem.sides.shape, np.nan)
-    found = refine(problem, descend(problem, q, nowhere, np.zeros_like(problem.data)))
+def fit(problem: Problem, q: Array, places: Array) -> Fitted:
+    """Solve from all these materials, with orbits at these places, and draw around the best and what is as good."""
+    found = refine(problem, descend(problem, q, places, np.zeros_like(problem.data)))
     if not np.isfinite(found.cost).any():
         allowed = "those on which some material of the range searched has orbits in every image"
         raise InputError("branches", "what was given or what the phases tell", allowed)
     best = int(np.argmin(found.cost))
-    slopes = problem.weigh(found.slopes)
-    information = np.einsum("nai,naj->nij", slopes, slopes) + problem.prior
-    modes = _modes(found, information[best])
-    sizes = np.linalg.slogdet(information[modes])[1]
+    matrix = information(problem, problem.weigh(found.slopes))
+    modes = _modes(found, matrix[best])
+    sizes = np.linalg.slogdet(matrix[modes])[1]
     mass = np.exp(0.5 * (found.cost[best] - found.cost[modes] + sizes[0] - sizes))
     each = np.repeat(modes, 2 * DRAWS)
     drawn, from_here = _draw(problem.part(each), len(modes)), found.part(each)
@@ -124,12 +114,15 @@ def fit(problem: Problem, q: Array) -> Fitted:
         covariance, zeros, weights = np.diag(1 / np.diag(problem.prior)), np.full_like(zeros, np.nan), weights + 1.0
     pinned = np.abs(found.q[best]) > END * problem.model.reach
     covariance[pinned, pinned] += 1 / np.diag(problem.prior)[pinned]
-    learnt = np.trace(np.linalg.solve(information[best], information[best] - problem.prior))
+    learnt = np.trace(np.linalg.solve(matrix[best], matrix[best] - problem.prior))
     projection = problem.projection
+    sides = problem.sides[best]
+    if not problem.model.averages:
+        sides = np.where(sides == 0, 0, problem.model.branches(found.values[best, :, :, PHASE]))
     data = int((problem.weights > 0).sum() + projection.is_known.sum()) - projection.basis.shape[1]
     one = found.part(np.array([best]))
     return Fitted(
-        one, mean, covariance, information[best], problem.sides[best],
+        one, mean, covariance, matrix[best], sides,
         problem.zeros(found.values, found.defect)[best], zeros, weights, data,
         float((problem.rest(found.values, found.defect)[best] ** 2).sum()), float(data - learnt),
         list(found.q[modes[1:]]),
@@ -266,8 +259,8 @@ def fit_regions(
     names, numbers = regions_of(labels, given[0]["phase"].shape)
     stack = plan.taken_off(whole, numbers >= 0).medians(numbers, len(names))
     fixed = {names.index(name): one for name, one in check_known(known, names, prior).items()}
-    problem, q = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan)
-    found = fit(problem, q)
+    problem, *start = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan)
+    found = fit(problem, *start)
     configuration = {
         "known": {str(names[r]): describe(one) for r, one in fixed.items()}, "prior": describe(prior),
         "prior_factor": factor, "phase_zero": plan.phase or "given", "height_zero": plan.height or "given",
@@ -280,17 +273,17 @@ def fit_regions(
     return ds
 
 
-def _prepare(model: Model, stack: Stack, materials: dict[int, Material], plan: Plan) -> tuple[Problem, Array]:
-    """The problem, and the materials that it starts from; some are known."""
+def _prepare(model: Model, stack: Stack, materials: dict[int, Material], plan: Plan) -> tuple[Problem, Array, Array]:
+    """The problem, and the materials and places of their orbits that it starts from; some are known."""
     grid = make_grid(model)
     grids = [grid_of_one(model.around(materials[r])) if r in materials else grid for r in range(len(stack))]
-    sides = sides_of(stack) if plan.phase is None else None
-    q, both = make_starts(model, stack, grids, sorted(materials), plan, sides)
+    sides = model.sides_of(stack) if plan.phase is None or not model.averages else None
+    q, both, places = make_starts(model, stack, grids, sorted(materials), plan, sides)
     fixed = {}
     for r in materials:
         there = grids[r].values[(both[:, r] > 0).astype(int), 0, np.arange(both.shape[2])]
         fixed[r] = np.where((both[:, r] == 0)[..., None], 0.0, there)
-    return problem_of(model, stack, both, plan.zeros(len(stack)), fixed), q
+    return problem_of(model, stack, both, plan.zeros(len(stack)), fixed), q, places
 
 
 def of_regions(

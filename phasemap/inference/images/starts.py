@@ -6,11 +6,13 @@ What one region's material leaves of its data are the zeros; with these, every o
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap.inference.images.problem import SIDES, Model, Problem, Solution, descend, problem_of_pixels
+from phasemap.inference.images.model import SIDES, Model
+from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, problem_of_pixels
 from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Plan, Stack
 
 Array = NDArray[np.float64]
@@ -22,17 +24,20 @@ STARTS, ASTRAY = 3, 50.0  # materials that are tried, and chi2 above which the n
 MOST = 24  # starts
 OF_A_KIND = 4  # of them with the same branches
 SEPARATE = 1.5  # in a logarithm, between starts with the same branches
+WORTH = 9.0  # chi2 above the least found, at which another start is expected to end that is tried
+STRIDE = 0.5  # in a logarithm, from an exact orbit to the next
 COARSE = np.array([np.radians(2.0), 0.5e-9])  # by which a grid of materials misses the data
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Averaged orbits of materials, for each image and branch."""
+    """Orbits of materials, averaged or exact, for each image and branch."""
 
     q: Array  # shape (g, 3)
     values: Array  # shape (2, g, m, 2); on the attractive and the repulsive branch; NaN without an orbit
-    places: Array  # shape (2, g, m)
+    places: Array  # shape (2, g, m) or (2, g, m, PLACE)
     defects: Array  # shape (2, g, m, 2); how much exact orbits differ; 0 where they are not known
+    slopes: Array | None = None  # shape (g, m, 2, 3); derivatives of exact orbits by the logarithms
 
     def on(self, branches: NDArray[np.int8]) -> tuple[NDArray[np.intp], Array]:
         """Materials with orbits on these branches, shape (m,), in every image, and their values, shape (k, m, 2)."""
@@ -46,19 +51,58 @@ def make_grid(model: Model) -> Grid:
     """Orbits of materials that fill the range searched."""
     axes = [np.linspace(-1, 1, count) * SHARE_OF_GRID * model.reach for count in GRID]
     q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    if not model.averages:
+        return _grid_of_exact_orbits(model, q)
     count = len(model.amplitudes)
-    values, places = np.full((2, len(q), count, 2), np.nan), np.full((2, len(q), count), np.nan)
+    values, places = np.full((2, len(q), count, 2), np.nan), model.nowhere(2, len(q), count)
     defects = np.zeros_like(values)
     for branch, side in enumerate(SIDES):
         sides = np.repeat(side[None], len(q), axis=0)
         for j in range(count):
-            place, image = np.full((len(q), 1), np.nan), model.image(j)
-            found = image.averaged(q, sides, place, search=True)
+            place, image = model.nowhere(len(q), 1), model.image(j)
+            found = image.orbits(q, sides, place, search=True)
             good = found.good
             values[branch, good, j], places[branch, :, j] = found.values[good, 0], place[:, 0]
             exact, _ = image.exact(q[good], sides[good], place[good])
             defects[branch, good, j] = np.nan_to_num(exact - found.values[good])[:, 0]
     return Grid(q, values, places, defects)
+
+
+def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
+    """The same where averaging is no guide, on either branch alike: from a few orbits to those beside them.
+
+    Those that curves lead to at one amplitude lead to the other amplitudes, and from there to the next materials.
+    """
+    count, number = len(model.amplitudes), np.arange(len(q)).reshape(GRID)
+    values, places = np.full((len(q), count, 2), np.nan), model.nowhere(len(q), count)
+    slopes = np.zeros((*values.shape, 3))
+
+    def follow(of: tuple[NDArray[np.intp], int], to: tuple[NDArray[np.intp], int]) -> None:
+        """Go from known orbits of some materials in an image to those of others that are not known, in another."""
+        (first, i), (last, j) = of, to
+        some = np.isnan(values[last, j, 0]) & np.isfinite(places[first, i, 0])
+        take(first[some], last[some], places[first[some], i][:, None], j)
+
+    def take(first: NDArray[np.intp], last: NDArray[np.intp], there: Array, j: int, search: bool = False) -> None:
+        """Take in orbits of the last materials in an image, coming from places of the first."""
+        image, sides, way = model.image(j), np.ones((len(first), 1), np.int8), q[last] - q[first]
+        steps = max(1, int(np.ceil(np.abs(way).max(initial=0.0) / STRIDE)))
+        for step in range(1, steps + 1):
+            found = image.orbits(q[first] + step / steps * way, sides, there, search)
+            there[~found.good] = np.nan
+        here = last[found.good], j
+        values[here], slopes[here] = found.values[found.good, 0], found.slopes[found.good, 0]
+        places[last, j] = there[:, 0]
+
+    order, every = np.argsort(model.amplitudes, kind="stable"), number.reshape(-1)
+    take(every, every, model.nowhere(len(q), 1), order[0], search=True)
+    for i, j in pairwise(order):
+        follow((every, i), (every, j))
+    for j, (axis, size) in product(order, enumerate(GRID)):
+        for k in [*range(1, size), *range(-2, -size - 1, -1)]:
+            before = k - 1 if k > 0 else k + 1
+            follow((number.take(before, axis).ravel(), j), (number.take(k, axis).ravel(), j))
+    return Grid(q, np.stack([values, values]), np.stack([places, places]), np.zeros((2, *values.shape)), slopes)
 
 
 def nearest(problem: Problem, grid: Grid, count: int) -> tuple[NDArray[np.intp], Array]:
@@ -83,8 +127,13 @@ def nearest(problem: Problem, grid: Grid, count: int) -> tuple[NDArray[np.intp],
     return which, cost
 
 
-def descend_from_grid(problem: Problem, grid: Grid) -> Solution:
-    """Best material of each pixel with the defect of the grid, from where that is nearest to the data or next to it."""
+def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
+    """Best material of each pixel with the defect of the grid, from where that is nearest to the data or next to it.
+
+    By exact orbits several solutions that may be as good; their cost is infinite where none was sought.
+    """
+    if grid.slopes is not None:
+        return _descend_by_slopes(problem, grid, grid.slopes)
     starts, _ = nearest(problem, grid, STARTS)
     found = descend(problem, *_at(problem, grid, starts[:, 0]))
     for start in starts[:, 1:].T:
@@ -93,7 +142,44 @@ def descend_from_grid(problem: Problem, grid: Grid) -> Solution:
         again = descend(part, *_at(part, grid, start[astray]))
         better = again.cost < found.cost[astray]
         found.put(astray[better], again.part(better))
-    return found
+    return [found]
+
+
+def _descend_by_slopes(problem: Problem, grid: Grid, slopes: Array) -> list[Solution]:
+    """The same from materials of the grid that a step of least squares brings nearest to the data, and far apart."""
+    images, every = (problem.sides[:, 0] != 0).any(axis=0), np.arange(len(problem.data))
+    usable = np.flatnonzero(np.isfinite(grid.values[0][:, images]).all(axis=(1, 2)))
+    if not len(usable):
+        return [descend(problem, *_at(problem, grid, np.full(len(every), -1)))]
+    count = len(usable)
+    at = replace(problem.part(np.zeros(count, int)), data=np.nan_to_num(grid.values[0, usable])[:, None])
+    steep, nothing = at.weigh(slopes[usable][:, None]), np.zeros(problem.data.shape[1:])
+    rest = problem.rest(nothing, nothing)[:, None] - at.rest(nothing, nothing)
+    matrix = steep.transpose(0, 2, 1) @ steep + problem.prior
+    pull = np.einsum("gdk,ngd->ngk", steep, rest) - grid.q[usable] @ problem.prior
+    step = np.linalg.solve(matrix, pull[..., None])[..., 0]
+    share = np.minimum(1.0, LONGEST / np.abs(step).max(axis=-1))
+    cost = (rest**2).sum(axis=-1) + _prior(problem.model, grid)[usable] - (2 * share - share**2) * (step * pull).sum(-1)
+    q, solutions = grid.q[usable] + share[..., None] * step, list[Solution]()
+    for _ in range(STARTS):
+        best = cost.argmin(axis=1)
+        least = np.min([one.cost for one in solutions], axis=0, initial=np.inf)
+        worth = np.flatnonzero(cost[every, best] < least + WORTH)
+        if not len(worth):
+            break
+        part, begin = problem.part(worth), q[worth, best[worth]]
+        node, *near = _at(part, grid, usable[best[worth]])
+        again = descend(part, begin, *near)
+        lost = np.flatnonzero(~again.good)
+        again.put(lost, descend(part.part(lost), node[lost], *(one[lost] for one in near)))
+        if len(worth) < len(every):
+            every_one = solutions[0].part(every)._replace(cost=np.full(len(every), np.inf))
+            every_one.put(worth, again)
+            again = every_one
+        solutions.append(again)
+        for known in (q[every, best], again.q):
+            cost[np.abs(q - known[:, None]).max(axis=-1) < SEPARATE] = np.inf
+    return solutions
 
 
 def _at(problem: Problem, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, Array, Array]:
@@ -109,7 +195,7 @@ def _at(problem: Problem, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, A
 def grid_of_one(model: Model) -> Grid:
     """The reference of the model alone, with its exact orbits on both branches."""
     count = len(model.amplitudes)
-    places = np.full((2, count), np.nan)
+    places = model.nowhere(2, count)
     values, good = model.exact(np.zeros((2, 3)), np.repeat(SIDES, count, axis=1), places)
     values = np.where(good[..., None], values, np.nan)[:, None]
     return Grid(np.zeros((1, 3)), values, places[:, None], np.zeros_like(values))
@@ -117,8 +203,8 @@ def grid_of_one(model: Model) -> Grid:
 
 def make_starts(
     model: Model, stack: Stack, grids: list[Grid], known: list[int], plan: Plan, sides: Codes | None
-) -> tuple[Array, Codes]:
-    """Logarithms of the unknown regions, shape (n, 3 u), and branches, shape (n, r, m).
+) -> tuple[Array, Codes, Array]:
+    """Logarithms of the unknown regions, shape (n, 3 u), branches, shape (n, r, m), and places of their orbits.
 
     `stack`: regions; zeros that are known are taken off.
     `grids`: materials that each region may be of; one where it is known.
@@ -148,8 +234,12 @@ def make_starts(
         which[region], branches[region] = best[:, 0], pixels.sides[:, 0]
         cost = cost + more[:, 0]
     q = np.concatenate([grids[r].q[which[r]] for r in range(regions) if r not in known], axis=1)
-    both = np.stack([np.where(seen[r].any(axis=-1), branches[r], 0) for r in range(regions)], axis=1)
-    return _spread(q, both.astype(np.int8), cost)
+    both = np.stack([np.where(seen[r].any(axis=-1), branches[r], 0) for r in range(regions)], axis=1).astype(np.int8)
+    taken = _spread(q, both, cost)
+    places, images = model.nowhere(*both[taken].shape), np.arange(both.shape[2])
+    for r in set(range(regions)) - set(known):
+        places[:, r] = grids[r].places[(both[taken, r] > 0).astype(int), which[r][taken][:, None], images]
+    return q[taken], both[taken], places
 
 
 def _patterns(stack: Stack) -> Codes:
@@ -182,8 +272,8 @@ def _mean(values: Array) -> Array:
     return mean
 
 
-def _spread(q: Array, sides: Codes, cost: Array) -> tuple[Array, Codes]:
-    """The best few, not all alike."""
+def _spread(q: Array, sides: Codes, cost: Array) -> list[int]:
+    """Numbers of the best few, not all alike."""
     taken: list[int] = []
     alike: dict[bytes, list[int]] = {}
     for i in np.argsort(cost, kind="stable"):
@@ -193,4 +283,4 @@ def _spread(q: Array, sides: Codes, cost: Array) -> tuple[Array, Codes]:
         if len(near) < OF_A_KIND and all(np.abs(q[i] - q[j]).max() > SEPARATE for j in near):
             near.append(int(i))
             taken.append(int(i))
-    return q[taken], sides[taken]
+    return taken

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import within_half_a_turn
-from phasemap.inference.images.problem import Model
+from phasemap.inference.images.model import Model
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.settings import HELD, Settings

@@ -17,7 +17,7 @@ from phasemap._shared.errors import InputError, SolveError
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.problem import Model, make_model
+from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import FREE
 from phasemap.inference.sampling import REACH, Draws, sample
 from phasemap.inference.series.contrasts import Labels, Medians, drift_of, each_of, medians, regions_of

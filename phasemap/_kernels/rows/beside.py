@@ -1,0 +1,143 @@
+"""Exact orbits near known ones, with their derivatives by the material: what a search goes along in liquid.
+
+A known orbit is kept by its head and elements. Newton's method leads from it to the orbit of another material, and the
+equations linearised there, with a property as the parameter that moves, to the derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.averaged import engage_by_averaging
+from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit, new_rooms
+from phasemap._kernels.engagement.seen import SEEN_BY_A, SLOPES, slopes_along
+from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, seen_rates, show
+from phasemap._kernels.law import Law, Oscillator, parameters
+from phasemap._kernels.numerics import copy
+from phasemap._kernels.orbits.averaged.branch import MEASURED_OFFSET, MEASURED_PHASE
+from phasemap._kernels.orbits.averaged.sides import Maximum
+from phasemap._kernels.orbits.collocation.closing import curve_derivative
+from phasemap._kernels.orbits.collocation.elements import lay_again
+from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
+from phasemap._kernels.orbits.collocation.near import refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.newton import share_motion, solve_at_seen
+from phasemap._kernels.orbits.collocation.system import (
+    DRIFT_STEP,
+    ELEMENT_WORDS,
+    HEAD_WORDS,
+    RA,
+    RIGHT,
+    RP,
+    RS,
+    RZ,
+    Orbit,
+    head_of,
+    hold_parameter,
+    hold_seen,
+)
+from phasemap._kernels.orbits.result_row import feedback_status
+from phasemap._kernels.rows.derivatives import Found, Setpoints
+
+MOST_KEPT_ELEMENTS = 40  # of most orbits: few have more
+PLACE = HEAD_WORDS + (MOST_KEPT_ELEMENTS + 1) * ELEMENT_WORDS
+LAST_CHANGE_BESIDE = 2e-12  # [m], of an orbit; what is left is the square of it over the depth of the contact
+
+
+@kernel
+def keep_orbit(orbit: Orbit, place: np.ndarray) -> None:
+    """Keep head and elements of an orbit in a place; one with more elements than that holds is not known."""
+    place[0], last = math.nan, head_of(orbit).count + 1
+    if last > len(place[HEAD_WORDS:]) // ELEMENT_WORDS:
+        return
+    copy(orbit.head[0], place)
+    copy(orbit.elements[:last].reshape(-1), place[HEAD_WORDS:])
+
+
+@kernel
+def orbit_beside(oscillator: Oscillator, held: float, place: np.ndarray, orbit: Orbit, row: np.ndarray) -> bool:
+    """Exact orbit that is seen with the amplitude held [m], from one near by; False where none is found or held."""
+    if math.isnan(place[0]):
+        return False
+    copy(place[:HEAD_WORDS], orbit.head[0])
+    last = head_of(orbit).count + 1
+    copy(place[HEAD_WORDS : HEAD_WORDS + last * ELEMENT_WORDS], orbit.elements[:last].reshape(-1))
+    share_motion(oscillator.lever, orbit)
+    return lay_again(oscillator, orbit, 0) and hold_here(oscillator, held, orbit, row)
+
+
+@kernel
+def hold_here(oscillator: Oscillator, held: float, orbit: Orbit, row: np.ndarray) -> bool:
+    """Solve for the exact orbit seen with the amplitude held [m], from one near it; False where none can be held."""
+    lever, slopes = oscillator.lever, np.zeros(SLOPES)
+    done = solve_at_seen(oscillator, orbit, held, max(LAST_CHANGE_BESIDE, tolerance_of(oscillator)))
+    if done == col.GOOD:
+        done = refine_orbit(oscillator, orbit, row)
+    if done == col.GOOD:
+        done = feedback_status(row)
+    return done == col.GOOD and slopes_along(lever, orbit, slopes) and slopes[SEEN_BY_A] > LEAST_SLOPE
+
+
+@kernel
+def engaged_orbit(oscillator: Oscillator, held: float, rooms: Rooms, row: np.ndarray) -> bool:
+    """Exact orbit seen with the amplitude held [m] that curves lead a tip to from far; False where a tip leaps."""
+    top, guess = Maximum(), np.zeros(col.GUESS)
+    surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), guess, top)
+    done = exact_orbit(oscillator, at_seen(oscillator, held), surety, guess, rooms, row)
+    return done == col.GOOD and hold_here(oscillator, held, rooms.found, row)
+
+
+@kernel
+def fill_slopes(
+    oscillator: Oscillator, orbit: Orbit, held: float, moved: np.ndarray, step: float, slope: np.ndarray
+) -> bool:
+    """Derivative of phase and tip offset by what changes the law's parameters, to `moved`, by a step."""
+    lever, drift = oscillator.lever, np.empty((2, col.ROW + len(oscillator.lever)))
+    for i in range(col.ROW):
+        drift[0, i], drift[1, i] = moved[i], 2.0 * oscillator.p[i] - moved[i]
+    for i in range(len(lever)):
+        drift[0, col.ROW + i] = drift[1, col.ROW + i] = lever[i]
+    if not linearise_orbit(oscillator, orbit, drift):
+        return False
+    if not curve_derivative(lever, orbit, drift, (hold_seen(lever, orbit, held), hold_parameter(orbit))):
+        return False
+    head, rate = head_of(orbit), orbit.system[:, RIGHT]
+    _, turn = seen_rates(lever, (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS]))
+    slope[MEASURED_PHASE], slope[MEASURED_OFFSET] = turn * DRIFT_STEP / step, rate[RZ] * DRIFT_STEP / step
+    return True
+
+
+@kernel
+def exact_block_beside(
+    law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, tables: np.ndarray, found: Found
+) -> None:
+    """Fill in phase and tip offset of exact orbits near known ones, as `averaged_block` does of averaged ones.
+
+    They may be on either branch. With `search` those that curves lead to are tried where places lead nowhere.
+    """
+    levers, amplitudes, sides, places = setpoints
+    values, slopes, good = found
+    rooms, row = new_rooms(levers[0], tables), np.zeros(col.COLUMNS)
+    orbit = rooms.found
+    for i in range(rows.shape[1]):
+        good[i] = True
+        p = parameters(rows[0, i])
+        for j in range(len(amplitudes)):
+            values[i, j] = 0.0
+            slopes[i, j] = 0.0
+            if sides[i, j] == 0:
+                continue
+            oscillator, held = Oscillator(law, p, levers[j]), amplitudes[j]
+            good[i] = orbit_beside(oscillator, held, places[i, j], orbit, row) or (
+                search and engaged_orbit(oscillator, held, rooms, row)
+            )
+            if not good[i]:
+                break
+            keep_orbit(orbit, places[i, j])
+            for k in range(len(rows) - 1):
+                good[i] = good[i] and fill_slopes(oscillator, orbit, held, rows[1 + k, i], step, slopes[i, j, :, k])
+            _, values[i, j, MEASURED_PHASE] = show(levers[j], row[col.AMPLITUDE], row[col.PHASE])
+            values[i, j, MEASURED_OFFSET] = row[col.TIP_OFFSET]

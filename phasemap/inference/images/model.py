@@ -1,0 +1,192 @@
+"""The orbits of materials in every image, with their derivatives, and what data say of them: the branch.
+
+Near known ones orbits are averaged, and exact ones beside these are asked for where a search ends. A lever of low Q, as
+in liquid, is far from harmonic: there orbits are exact from the beginning (theory, Eq. (inversion-2)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasemap._kernels import columns as col
+from phasemap._kernels.law import Law
+from phasemap._kernels.lever import low_q
+from phasemap._kernels.rows.beside import PLACE
+from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
+from phasemap._shared.errors import InputError
+from phasemap._shared.notices import unquestioned
+from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
+from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.lever import lever_of, of_tip, virial_of
+from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import contact_stiffness, film_of, properties, rows_of
+from phasemap.experiment.microscope import Microscope
+from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
+from phasemap.inference.verdict import REACH
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int8]
+
+STEP = 1e-5  # of a logarithm, for derivatives of orbits: coarser ones end descents early in long valleys
+LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
+SIDES = np.array([[-1], [1]], np.int8)  # attractive and repulsive branch
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Materials by the logarithms of their properties over those of a reference."""
+
+    reference: Array  # shape (3,); modulus [Pa], adhesion [J/m2], damping [1]
+    width: float  # standard deviation of each logarithm by the prior, which is about 0
+    film: Array | None  # shape (1, 2); Poisson's ratio [1] and thickness [m] of films, None of half-spaces
+    poisson_ratio: float
+    scope: Microscope
+    law: Law
+    levers: Array  # shape (m, of a lever)
+    amplitudes: Array  # shape (m,); at the setpoint [m]
+
+    @property
+    def averages(self) -> bool:
+        """Whether averaged orbits are near the exact ones, with all levers."""
+        return not any(low_q(lever) for lever in self.levers)
+
+    @property
+    def reach(self) -> float:
+        """Largest logarithm that is tried."""
+        return REACH * self.width
+
+    def image(self, j: int) -> Model:
+        """The same for one image only."""
+        return replace(self, levers=self.levers[j : j + 1], amplitudes=self.amplitudes[j : j + 1])
+
+    def around(self, material: Material) -> Model:
+        """The same with this material as the reference."""
+        row, viscous = rows_of([material])
+        _, adhesion, damping = properties(row, viscous, self.scope)
+        reference = np.array([material.modulus, float(adhesion[0]), float(damping[0])])
+        return replace(self, reference=reference, film=film_of(row), poisson_ratio=material.poisson_ratio)
+
+    def at_settings(self, amplitudes: Array, ratios: Array) -> Model:
+        """The same for images at these free amplitudes at the drive frequency [m] and setpoints."""
+        drive = self.scope.drive
+        with unquestioned():
+            twice = replace(self.scope, drive=replace(drive, free_amplitude=2 * drive.free_amplitude))
+        once = lever_of(self.scope)
+        more = (amplitudes / self.scope.driven_amplitude - 1)[:, None] * (lever_of(twice) - once)
+        return replace(self, levers=once + more, amplitudes=amplitudes * ratios)
+
+    def materials(self, q: Array) -> Array:
+        """Modulus, adhesion and damping at these logarithms, shape (n, 3)."""
+        materials: Array = self.reference * np.exp(q)
+        return materials
+
+    def rows(self, q: Array) -> Array:
+        """Parameters of the kernels, shape (n, 16)."""
+        modulus, adhesion, damping = self.materials(q).T
+        stiffness = contact_stiffness(modulus, np.full(len(q), self.poisson_ratio), self.scope.tip)
+        film = None if self.film is None else np.broadcast_to(self.film, (len(q), 2))
+        return self.scope.interaction.columns(stiffness, adhesion, damping, self.scope.tip.radius, film)
+
+    def nowhere(self, *shape: int) -> Array:
+        """Places of orbits of this many materials and images, of which none is known."""
+        return np.full(shape if self.averages else (*shape, PLACE), np.nan)
+
+    def orbits(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
+        """Orbits of n materials in all images near `places`, which are moved to them, and derivatives.
+
+        Averaged ones, on the branches `sides`; exact ones, wherever those at `places` lead, of levers that averaging is
+        no guide to.
+        `search`: whether to look for orbits everywhere where `places` lead nowhere.
+        """
+        n, m = sides.shape
+        found = Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
+        rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
+        setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
+        if self.averages:
+            averaged_block(self.law, rows, STEP, setpoints, search, found)
+            return found
+        from phasemap._kernels.quadrature import TABLES
+        from phasemap._kernels.rows.beside import exact_block_beside
+
+        exact_block_beside(self.law, rows, STEP, setpoints, search, TABLES, found)
+        return found
+
+    def phases(self, q: Array, places: Array, asked: NDArray[np.bool_] | None = None, search: bool = False) -> Array:
+        """Averaged phases [rad] of one material in each image on both branches, shape (2, m); `places` are moved.
+
+        `asked` (shape (2, m)): where there may be an orbit at all; NaN elsewhere, and where there is none.
+        """
+        from phasemap._kernels.rows.derivatives import averaged_phases
+
+        rows, phases = self.rows(q), np.empty_like(places)
+        sides = SIDES * np.ones(places.shape, np.int8) if asked is None else SIDES * asked
+
+        def solve(first: int, last: int) -> None:
+            some = slice(first, last)
+            levers, held = self.levers[some], self.amplitudes[some]
+            for side, place, phase in zip(sides, places, phases, strict=True):
+                setpoints = Setpoints(levers, held, side[some], place[some])
+                averaged_phases(self.law, rows[some], setpoints, search, phase[some])
+
+        cores = workers_of(None)
+        spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)
+        return phases
+
+    def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Exact orbits, shape (n, m, 2), and where they were found, shape (n, m).
+
+        Those next to averaged ones at `places`; where averaging is no guide, those that a tip from far comes to.
+        """
+        values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
+        if self.averages:
+            from phasemap._kernels.rows.derivatives import exact_block
+
+            setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
+            exact_block(self.law, self.rows(q), setpoints, LIMITS, values, good)
+            return values, good
+        from phasemap.solvers.problem import Work
+        from phasemap.solvers.run import run
+        from phasemap.solvers.solver import Orbit
+
+        for j, (lever, held) in enumerate(zip(self.levers, self.amplitudes, strict=True)):
+            found, status, _ = run(Orbit(), Work(self.law, self.rows(q), lever, np.full(len(q), held)), Accuracy())
+            values[:, j], good[:, j] = found[:, [col.PHASE, col.TIP_OFFSET]], status == col.GOOD
+        return values, good
+
+    def sides_of(self, stack: Stack) -> Codes:
+        """Branch of each datum, shape (n, m): the sign of the tip's phase beside the free one's; 0 without a datum.
+
+        A height without a phase is taken to be on the branch of most other images. Exact orbits are sought on any: 1.
+        """
+        seen, phases = np.isfinite(stack.errors[:, :, PHASE]), stack.values[:, :, PHASE]
+        free = np.arctan2(self.levers[:, col.DYNAMIC_STIFFNESS], self.levers[:, col.DYNAMIC_LOSS])
+        above = of_tip(self.levers, self.amplitudes, phases)[1] > free
+        raised = np.where(above | (not self.averages), 1, -1)
+        most = np.where((raised * seen).sum(axis=1, keepdims=True) < 0, -1, 1)
+        sides = np.where(seen, raised, most)
+        return np.where(seen | np.isfinite(stack.errors[:, :, HEIGHT]), sides, 0).astype(np.int8)
+
+    def branches(self, phases: Array) -> Codes:
+        """Branches of orbits that the detector sees with these phases, shape (..., m): the sign of their virial."""
+        virial = virial_of(self.levers, *of_tip(self.levers, self.amplitudes, phases))
+        return np.where(virial > 0, -1, 1).astype(np.int8)
+
+
+def make_model(scopes: Sequence[Microscope], setpoints: Sequence[float], prior: Material, factor: float) -> Model:
+    """The model of images, around a prior material known within this factor."""
+    scope = scopes[0]
+    if scope.interaction.withdrawal != "linear":
+        allowed = "'linear', for images of contacts that remember are not inverted"
+        raise InputError("withdrawal", scope.interaction.withdrawal, allowed)
+    if scope.interaction.law.takes_film and prior.thickness is None:
+        raise InputError("thickness of the prior", None, "a number in m, of the film, where the contact is that of one")
+    amplitudes = [ratio * one.driven_amplitude for ratio, one in zip(setpoints, scopes, strict=True)]
+    model = Model(
+        np.ones(3), float(np.log(factor)), None, 0.0, scope, scope.interaction.token(),
+        np.array([lever_of(one) for one in scopes]), np.array(amplitudes),
+    )  # fmt: skip
+    return model.around(prior)
