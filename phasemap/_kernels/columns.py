@@ -112,7 +112,9 @@ SIDEBANDS = FULL + 5  # what the second mode finds softer, for all yield at side
 WAVES = FULL + 7  # harmonics 2 ... 6 as the detector sees them, Re(Z_n exp(i n theta)): Z_n, real, imaginary [m]
 LOSSES = WAVES + 2 * HARMONICS  # what the damping of each mode takes in a period [J]
 WIDE = LOSSES + MOST_MODES
-NOT_DRIVEN, AT_REST, IN_LOOP = 0, 1, 2  # second mode: not driven, at its free resonance, or where a loop finds it
+NOT_DRIVEN = 0  # a second mode,
+AT_REST = 1  # or at its free resonance,
+IN_LOOP = 2  # or where a loop finds that
 LOSS_HARMONICS = 80  # of the force, by which modes lose energy: the rest is below 1e-4 of what all modes lose
 
 # Entries of a harmonic orbit, averaged or to start from, shape (GUESS,): z0, mean deflection, A, P, S [m], and the

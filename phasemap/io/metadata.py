@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import date, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,7 +173,7 @@ def day_of(text: str | None) -> float | None:
     """Days from 1970-01-01 to a date as instruments write it; None where it is none."""
     for form in DATES:
         try:
-            return float(date.toordinal(datetime.strptime((text or "").strip(), form)) - date(1970, 1, 1).toordinal())
+            return float((datetime.strptime((text or "").strip(), form) - datetime(1970, 1, 1)).days)
         except ValueError:
             continue
     return None

@@ -17,7 +17,7 @@ from phasemap._kernels.scanning.pieces import (
     PIECE_NODES,
     Instant,
     PieceNodes,
-    fill_free_motion,
+    fill_free_flight_at_nodes,
     fill_response,
     lever_with_spring,
     move_freely,
@@ -139,7 +139,7 @@ def test_the_lever_at_the_nodes_is_the_free_lever(kappa: float) -> None:
     lever, m = lever_with_spring(1.1, 0.02, 1e-9, kappa, 5e-9), PieceNodes()
     at = Instant(5e-9, 2e-9, complex(0.6, 0.8))
     place_contact_nodes(2.5, m)
-    fill_free_motion(lever, at, 5e-9, m)
+    fill_free_flight_at_nodes(lever, at, 5e-9, m)
     for j in range(PIECE_NODES):
         there = move_freely(lever, at, m.time[j])
         # Taylor's series of an eighth of an angle of 5 rad: 1e-12, and eight times that.
@@ -153,7 +153,7 @@ def test_a_constant_force_moves_the_lever_by_the_formula_on_either_side_of_conta
     # begins at its far end, 2 before.
     lever, m, alpha0 = lever_with_spring(1.0, 0.05, 1e-9, 0.0, 0.0), PieceNodes(), 0.05
     place_flight_nodes(0.3, 0.0, 2.0, sign, m)
-    fill_free_motion(lever, Instant(0.0, 0.0, complex(1.0, 0.0)), 0.0, m)
+    fill_free_flight_at_nodes(lever, Instant(0.0, 0.0, complex(1.0, 0.0)), 0.0, m)
     m.force[:] = 1e-10
     fill_response(lever, sign, m)
     t = m.time + (2.0 if sign < 0 else 0.0)

@@ -38,7 +38,7 @@ def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
     return Tip(u, PeriodResult(), PeriodMap(), Periods())
 
 
-WHATS = ("hold", "hold_mean", "move_slowly", "follow_down", "fall", "rest")
+WHATS = ("hold", "hold_mean", "move_to_mean_amplitude", "follow_down", "fall", "rest")
 
 
 @kernel
@@ -50,7 +50,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
     elif what == 1:
         holding_mean.hold_mean(problem, amplitude, holding_mean.EAGER_GAIN, 0.25, most, tip, row)
     elif what == 2:
-        in_time.move_slowly(problem, amplitude, 0.0, tolerance, most, tip)
+        in_time.move_to_mean_amplitude(problem, amplitude, 0.0, tolerance, most, tip)
     elif what == 3:
         lowering.follow_down(problem, amplitude, 1e-10, 0.0, tolerance, most, tip)
     elif what == 4:

@@ -109,7 +109,7 @@ def solve_one_of_each_kind() -> None:
     for entry, *examples in (
         (fast.averaging_rows, pixels, answers),
         (fast.averaged_near_rows, pixels, answers),
-        (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, np.zeros((1, 5))),
+        (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
         (exact.seen_rows, pixels, TABLES, np.zeros(2), answers, np.zeros((1, SLOPES))),
         (exact.exact_rows, pixels, TABLES, answers),
         (fast.seen_side_rows, pixels, 1, np.zeros(2), answers, np.zeros((1, SLOPES))),

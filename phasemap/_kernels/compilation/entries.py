@@ -93,7 +93,7 @@ def kernel(
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
     if numba.config.DISABLE_JIT:
         return function
-    if not links():
+    if not compiles_by_linking():
         return _Plain(function, targetoptions=options)
     return (_Light if light else _Entry)(function, _compiler_of(shared, vectors), options)
 
@@ -360,7 +360,7 @@ def _fits() -> bool:
 
 
 @functools.cache
-def links() -> bool:
+def compiles_by_linking() -> bool:
     """Whether kernels are compiled as is said above, and not as numba does it, which takes minutes."""
     fits = _fits() and agrees_with_numba(
         lambda one: _Entry(one, _LinkedCompiler, OPTIONS),

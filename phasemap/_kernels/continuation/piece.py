@@ -41,21 +41,16 @@ from phasemap._kernels.lever import phase_of
 from phasemap._kernels.numerics import count_smaller
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.near import tolerance_of
+from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
-    NewtonLimits,
-    begin_harmonic,
     fill_observables,
     settled,
-    solve_orbit,
 )
 from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
 from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_KEPT,
-    HOLD_OFFSET,
     RIGHT,
     RP,
     RS,
@@ -63,7 +58,6 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     head_of,
     hold_amplitude,
-    hold_offset,
     hold_parameter,
     new_orbit_like,
     no_drift,
@@ -84,8 +78,6 @@ PIECE_LEFT = 0
 PIECE_CLOSED = 1
 PIECE_STUCK = 2
 PIECE_FULL = 3
-# Columns of what is found of an exact orbit.
-F_Z0, F_A, F_P, F_PHASE, F_FLOQUET, FOUND = 0, 1, 2, 3, 4, 5
 
 
 class Asked(NamedTuple):
@@ -310,30 +302,6 @@ def has_closed(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
 
 
 @kernel
-def exact_orbit_at(path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, orbit: Orbit) -> bool:
-    """Go from a harmonic orbit, guess = (z0, mean deflection, A, P, S), to the exact one at the path's parameter m.
-
-    `hold`: whether its z0 or its A is kept. False where Newton's method does not converge.
-    """
-    oscillator = standing_at(path, m)
-    for thrown in range(2 if guess[col.G_P] > 0.0 else 1):  # the second time from the motion after a kick
-        head_of(orbit).parameter = m
-        if not guess[col.G_A] > 0.0:
-            break
-        if thrown == 1:
-            begun = begin_impact(oscillator, orbit, guess[col.G_A], 0)
-        else:
-            begun = begin_harmonic(oscillator, orbit, guess, 0)
-        if not begun:
-            continue
-        held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
-        status, _ = solve_orbit(path, orbit, held, NewtonLimits(0, tolerance, MOST_NEWTON_STEPS, False, False, 0.0))
-        if status == col.GOOD and head_of(orbit).amplitude > 0.0:
-            return True
-    return False
-
-
-@kernel
 def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
     """Mark an exact orbit with the tangent along which the control rises (sense 1) or falls (-1)."""
     clear(point)
@@ -356,15 +324,21 @@ def exact_orbits_at(
     """Go from harmonic orbits, guess = (z0, mean deflection, A, P, S), to the exact ones at these m of the path.
 
     `hold`: whether their z0 or their A is kept. `tight`: last change, over that of an orbit that is converged.
-    `found`, shape (n, FOUND), is filled; the largest modulus of a Floquet multiplier is NaN where it is not known.
+    `found`, shape (n, COLUMNS): TIP_OFFSET, AMPLITUDE, PHASE, STIFFENING and, where it is known, FLOQUET are filled in.
     Returns how many were found before Newton's method did not converge; `orbit` is left the last one.
     """
     point = Point()
     for i in range(len(guesses)):
-        oscillator, head = standing_at(path, m[i]), head_of(orbit)
-        if not exact_orbit_at(path, guesses[i], m[i], hold, tight * tolerance_of(oscillator), orbit):
+        oscillator, head, row = standing_at(path, m[i]), head_of(orbit), found[i]
+        if not guesses[i, col.G_A] > 0.0:
             return i
-        phase = phase_of(oscillator.lever, head.amplitude, head.push, head.drag)
-        marked = mark_start(path, orbit, 1.0, point)
-        found[i] = head.tip_offset, head.amplitude, head.push, phase, point.floquet if marked else math.nan
+        tolerance = tight * tolerance_of(oscillator)
+        done, _, _ = solve_near(path, guesses[i], m[i], hold, tolerance, MOST_NEWTON_STEPS, orbit)
+        if done != col.GOOD or not head.amplitude > 0.0:
+            return i
+        row[col.TIP_OFFSET], row[col.AMPLITUDE] = head.tip_offset, head.amplitude
+        row[col.PHASE] = phase_of(oscillator.lever, head.amplitude, head.push, head.drag)
+        row[col.STIFFENING] = head.push / head.amplitude
+        if mark_start(path, orbit, 1.0, point):
+            row[col.FLOQUET] = point.floquet
     return len(guesses)

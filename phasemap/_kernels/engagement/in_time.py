@@ -114,7 +114,7 @@ def amplitude_after_jump(
 
 
 @kernel
-def move_slowly(
+def move_to_mean_amplitude(
     oscillator: Oscillator, amplitude: float, least: float, tolerance: Tolerance, most_periods: int, tip: Tip
 ) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached; returns how the motion ends.
@@ -195,7 +195,7 @@ def lower_to_setpoint(
                 if short and not (ends == ORBIT_HELD and sticks(p, lever, amplitude, tip)):
                     return col.NOT_SETTLED
             else:
-                ends = move_slowly(oscillator, amplitude, least, tolerance, most_periods, tip)
+                ends = move_to_mean_amplitude(oscillator, amplitude, least, tolerance, most_periods, tip)
             least *= 2.0
         if law.memory == 0 and ends in (AMPLITUDE_SEEN, ORBIT_HELD) and sticks(p, lever, amplitude, tip):
             if loose:
@@ -270,7 +270,7 @@ def engage_with_second_drive(
     if not march_tip(own, step_size, tip):
         return col.NOT_SETTLED
     pass_period(lever)
-    ends = move_slowly(own, amplitude, math.inf, coarse_tolerance(step_size, amplitude), most_periods, tip)
+    ends = move_to_mean_amplitude(own, amplitude, math.inf, coarse_tolerance(step_size, amplitude), most_periods, tip)
     if ends == AMPLITUDE_SEEN:
         return hold_mean(own, amplitude, EAGER_GAIN, step_size, most_periods, tip, row)
     return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
@@ -361,7 +361,7 @@ def move_to_amplitude(
     if not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
     tolerance = coarse_tolerance(step_size, amplitude)
-    ends = move_slowly(oscillator, amplitude, NEXT_TRY * free_amplitude(lever), tolerance, most_periods, tip)
+    ends = move_to_mean_amplitude(oscillator, amplitude, NEXT_TRY * free_amplitude(lever), tolerance, most_periods, tip)
     if ends == ORBIT_AGAIN:
         return hold(oscillator, amplitude, step_size, most_periods, tip, row)
     if ends == AMPLITUDE_SEEN:

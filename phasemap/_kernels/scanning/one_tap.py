@@ -26,7 +26,7 @@ from phasemap._kernels.scanning.pieces import (
     SprungLever,
     fill_attraction,
     fill_contact_force,
-    fill_free_motion,
+    fill_free_flight_at_nodes,
     fill_response,
     force_harmonic,
     last_coefficients,
@@ -183,7 +183,7 @@ def _solve_landing(surface: Surface, lever: SprungLever, at: Instant, time: floa
         time += more
         at = move_by_series(lever, at, more)
         _place_nodes(surface, at, 0.0, time, BEFORE_CONTACT, nodes)
-        fill_free_motion(lever, at, surface.z0, nodes)
+        fill_free_flight_at_nodes(lever, at, surface.z0, nodes)
         deepest = fill_attraction(surface.law, surface.p, surface.compliance, nodes)
         kick, change = fill_response(lever, BEFORE_CONTACT, nodes)
         more = (surface.z0 - at.z - kick.z) / (at.v + kick.v)
@@ -224,7 +224,7 @@ def _solve_flight(
         end = move_freely(lever, at, to)
         return Piece(end.z < surface.z0, far - near, end, complex(0.0, 0.0))
     _place_nodes(surface, at, near, far, side, nodes)
-    fill_free_motion(lever, at, surface.z0, nodes)
+    fill_free_flight_at_nodes(lever, at, surface.z0, nodes)
     for _ in range(MOST_PIECE_PASSES):
         deepest = fill_attraction(surface.law, surface.p, surface.compliance, nodes)
         kick, change = fill_response(lever, side, nodes)
@@ -259,7 +259,7 @@ def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps
         if not 0.0 < h < LONGEST_TAP:
             break
         place_contact_nodes(h, m)
-        fill_free_motion(lever, at, z0, m)
+        fill_free_flight_at_nodes(lever, at, z0, m)
         deepest = fill_contact_force(law, p, compliance, kappa, m)
         kick, change = fill_response(lever, AFTER_CONTACT, m)
         end = move_freely(lever, Instant(at.z + kick.z, at.v + kick.v, at.drive), h)

@@ -173,7 +173,7 @@ def place_flight_nodes(near: float, start: float, end: float, sign: float, nodes
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_free_motion(lever: SprungLever, at: Instant, z0: float, nodes: PieceNodes) -> None:
+def fill_free_flight_at_nodes(lever: SprungLever, at: Instant, z0: float, nodes: PieceNodes) -> None:
     """Fill in depth and speed at the nodes of the free lever that passes the instant `at` at t = 0."""
     omega, alpha0, _, stiffness, own, place, swing = lever
     now = swing * at.drive

@@ -121,7 +121,7 @@ def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobia
         for orbit in _orbits(work, p, amplitude):
             loop = loop_of(replace(control, proportional_gain=0.0, integral_gain=0.0), scope, amplitude)
             loop.lowest, loop.highest = -math.inf, math.inf
-            state, shift = _steady(work, p, loop, orbit)
+            state, shift = _steady(work, p, orbit)
             gains = []
             for proportional, integral in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
                 loop.proportional, loop.integral = proportional, integral
@@ -168,7 +168,7 @@ def _moving(loop: of.Loop) -> Array:
     return np.array([j for j in range(of.state_length(loop)) if j not in still])
 
 
-def _steady(work: Work, p: tuple[float, ...], loop: of.Loop, orbit: Array) -> tuple[Array, float]:
+def _steady(work: Work, p: tuple[float, ...], orbit: Array) -> tuple[Array, float]:
     """State of the loop at rest on an averaged orbit (z0, mean deflection, A, P, S), and what carries the tip there."""
     z0, mean, amplitude, push, drag = orbit[:5]
     c = (z0 - mean) / amplitude

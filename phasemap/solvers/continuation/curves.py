@@ -11,12 +11,6 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import (
-    F_A,
-    F_FLOQUET,
-    F_P,
-    F_PHASE,
-    F_Z0,
-    FOUND,
     PIECE_CLOSED,
     PIECE_FULL,
     Asked,
@@ -128,7 +122,7 @@ class Curves:
         guesses = self._guesses(rows, m)
         guesses[:, col.G_Z0] = tip_offsets
         found = self._go(guesses, m, False)[1]
-        return _exact(rows, found) if len(found) == len(rows) and (found[:, F_FLOQUET] < 1).all() else None
+        return _exact(rows, found) if len(found) == len(rows) and (found[:, col.FLOQUET] < 1).all() else None
 
     def _guesses(self, rows: np.ndarray, m: np.ndarray) -> np.ndarray:
         """The harmonic orbits of result rows."""
@@ -145,12 +139,14 @@ class Curves:
         oscillator = self.standing(0.0)
         for guess in averaged_orbits(oscillator, amplitude):
             if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
-                guess[col.G_Z0], amplitude, guess[col.G_P], oscillator.lever
+                guess[col.G_Z0], amplitude, guess[col.G_P] / amplitude, oscillator.lever
             ):
                 continue
             guess[col.G_Z0] += lift
             orbit, found = self._go(guess[None], np.zeros(1), True)
-            if len(found) and not self._near(found[0, F_Z0], found[0, F_A], found[0, F_P], oscillator.lever):
+            if len(found) and not self._near(
+                found[0, col.TIP_OFFSET], found[0, col.AMPLITUDE], found[0, col.STIFFENING], oscillator.lever
+            ):
                 self._follow(orbit, (1.0, -1.0))
 
     def after_ends(self, column: int, beside: float, close: float) -> None:
@@ -175,12 +171,11 @@ class Curves:
                 if not land_free(oscillator, z0, state, close, settling_periods(lever), row):
                     continue
                 known = len(self.pieces)
-                push = row[col.STIFFENING] * row[col.AMPLITUDE]
-                if swept or not self._near(z0, row[col.AMPLITUDE], push, lever):
+                if swept or not self._near(z0, row[col.AMPLITUDE], row[col.STIFFENING], lever):
                     self.from_orbit(row, m, False)
                 waiting += self.pieces[known:]
 
-    def _near(self, z0: float, amplitude: float, push: float, lever: np.ndarray) -> bool:
+    def _near(self, z0: float, amplitude: float, stiffening: float, lever: np.ndarray) -> bool:
         """Whether a piece passes an orbit at its amplitude, within what averaging may be off."""
         for piece in self.pieces:
             rows = piece.rows
@@ -188,7 +183,7 @@ class Curves:
             i = np.flatnonzero((a[1:] > amplitude) != (a[:-1] > amplitude))
             share = (amplitude - a[i]) / (a[i + 1] - a[i])
             at = [rows[i, c] + share * (rows[i + 1, c] - rows[i, c]) for c in (col.TIP_OFFSET, col.STIFFENING)]
-            off = np.abs(at[1] * amplitude - push) / lever[col.DRIVE]
+            off = np.abs(at[1] - stiffening) * amplitude / lever[col.DRIVE]
             if ((np.abs(at[0] - z0) < NEAR * amplitude) & (off < NEAR_PUSH)).any():
                 return True
         return False
@@ -214,7 +209,7 @@ class Curves:
     def _go(self, guesses: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
         """The last exact orbit next to harmonic ones, and what `exact_orbits_at` found of those that there are."""
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(guesses), FOUND), np.nan)
+        orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(guesses), col.COLUMNS), np.nan)
         count = exact_orbits_at(self.path, guesses, m, hold, TIGHT, orbit, found)
         return orbit, found[:count]
 
@@ -254,7 +249,8 @@ class Curves:
 def _exact(rows: np.ndarray, found: np.ndarray) -> np.ndarray:
     """Result rows with the tip offset, amplitude and phase of the exact orbits found from them."""
     exact = rows.copy()
-    exact[:, [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]] = found[:, [F_Z0, F_A, F_PHASE]]
+    known = [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]
+    exact[:, known] = found[:, known]
     return exact
 
 

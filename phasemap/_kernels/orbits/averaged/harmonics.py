@@ -132,11 +132,19 @@ def attraction(law: Law, p: np.ndarray, amplitude: float, c: float) -> tuple[flo
     return mean, push
 
 
+@kernel(inline=True)
+def _over_stiffness(
+    integrals: tuple[float, float, float], inverse_k: float, amplitude: float, omega: float
+) -> tuple[float, float, float]:
+    """P, S and A0 [m] from the integrals of F, F cos and alpha_s sin^2 over 0 ... pi."""
+    mean, push, loss = integrals
+    return 2.0 * inverse_k / math.pi * push, -4.0 / math.pi * amplitude * omega * loss, -inverse_k / math.pi * mean
+
+
 @kernel(fastmath=ANY_ORDER)
 def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: bool) -> tuple[float, float, float]:
     """P, S and A0 [m] without a neck: the same way in and out; without the long-range force unless `outside`."""
     law, p, lever = oscillator
-    inverse_k = 1.0 / lever[STIFFNESS]
     mean, push, loss = 0.0, 0.0, 0.0  # integrals of F, F cos and alpha_s sin^2 over 0 ... pi
     damped = p[DAMPING] != 0.0
     if c < 1.0:
@@ -169,9 +177,7 @@ def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: b
     if outside:
         more_mean, more_push = attraction(law, p, amplitude, c)
         mean, push = mean + more_mean, push + more_push
-    mean *= -inverse_k / math.pi
-    push *= 2.0 * inverse_k / math.pi
-    return push, -4.0 / math.pi * amplitude * lever[OMEGA] * loss, mean
+    return _over_stiffness((mean, push, loss), 1.0 / lever[STIFFNESS], amplitude, lever[OMEGA])
 
 
 @kernel
@@ -195,9 +201,7 @@ def _of_known(known: Known, inverse_k: float, omega: float, amplitude: float, c:
     if known.longrange != 0.0:
         more_mean, more_push = attraction_integrals(known, amplitude, c)
         mean, push = mean + more_mean, push + more_push
-    mean *= -inverse_k / math.pi
-    push *= 2.0 * inverse_k / math.pi
-    return push, -4.0 / math.pi * amplitude * omega * loss, mean
+    return _over_stiffness((mean, push, loss), inverse_k, amplitude, omega)
 
 
 @kernel(shared=True)

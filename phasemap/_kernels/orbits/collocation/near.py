@@ -14,11 +14,22 @@ from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
+    NewtonLimits,
     begin_harmonic,
     fill_row_of_orbit,
     solve_at_amplitude,
+    solve_orbit,
 )
-from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
+from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
+from phasemap._kernels.orbits.collocation.system import (
+    HOLD_AMPLITUDE,
+    HOLD_OFFSET,
+    Orbit,
+    element_of,
+    head_of,
+    hold_amplitude,
+    hold_offset,
+)
 from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.quadrature import NODES
 
@@ -67,6 +78,36 @@ def depth_at_nodes(orbit: Orbit) -> float:
     return deepest - head.tip_offset
 
 
+@kernel
+def solve_near(
+    path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, most_steps: int, orbit: Orbit
+) -> tuple[int, float, float]:
+    """Solve from a harmonic orbit, guess = (z0, mean deflection, A, P, S), for the exact one at a path's parameter m.
+
+    `hold`: whether its z0 or its A is kept. Returns a status, and tip offset and depth [m] of where the solver began.
+    A lever that is thrown back may swing as after a kick, which is tried last, and first at low Q; finer elements
+    change less by a step.
+    """
+    oscillator, head, done, start, deep = standing_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
+    repelled = guess[col.G_P] > 0.0
+    thrown = low_q(oscillator.lever) and repelled
+    for attempt in range(2 if thrown else FINEST_LEVEL + 1 + repelled):
+        head.parameter = m
+        kicked, level = attempt == (0 if thrown else FINEST_LEVEL + 1), 0 if thrown else attempt % (FINEST_LEVEL + 1)
+        if kicked:
+            begun = begin_impact(oscillator, orbit, guess[col.G_A], level)
+        else:
+            begun = begin_harmonic(oscillator, orbit, guess, level)
+        if not begun:
+            continue
+        start, deep = head.tip_offset, depth_at_nodes(orbit)
+        held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
+        done, _ = solve_orbit(path, orbit, held, NewtonLimits(level, tolerance, most_steps, False, False, 0.0))
+        if done == col.GOOD:
+            break
+    return done, start, deep
+
+
 @kernel(shared=True)
 def orbit_near(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.ndarray) -> tuple[int, float]:
     """Exact orbit from a harmonic one, guess = (z0, mean deflection, A, P, S): its row, and how far it is from it [m].
@@ -74,19 +115,11 @@ def orbit_near(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.
     The status is that under feedback; which orbit it is, is for the caller to see. It is as near as tip offset or depth
     are: harmonics that lift the tip do not bring it to another branch.
     """
-    tolerance, done, start, deep = tolerance_of(oscillator), col.NOT_CONVERGED, math.nan, math.nan
-    # A lever of low Q that is thrown back begins with the motion after a kick; finer elements change less by a step.
-    thrown = low_q(oscillator.lever) and guess[col.G_P] > 0.0
-    for attempt in range(2 if thrown else FINEST_LEVEL + 1):
-        level = 0 if thrown else attempt
-        if not (thrown and attempt == 0 and begin_impact(oscillator, orbit, guess[col.G_A], level)):
-            if not begin_harmonic(oscillator, orbit, guess, level):
-                break
-        start, deep = head_of(orbit).tip_offset, depth_at_nodes(orbit)
-        done = solve_at_amplitude(oscillator, orbit, level, tolerance, MOST_STEPS_NEARBY)
-        if done == col.GOOD:
-            done = refine_orbit(oscillator, orbit, row)
-            break
+    done, start, deep = solve_near(
+        fixed_path(oscillator), guess, 0.0, HOLD_AMPLITUDE, tolerance_of(oscillator), MOST_STEPS_NEARBY, orbit
+    )
+    if done == col.GOOD:
+        done = refine_orbit(oscillator, orbit, row)
     harmonic = guess[col.G_A] - guess[col.G_Z0] + guess[col.G_MEAN]
     deeper = min(abs(row[col.INDENTATION] - deep), abs(row[col.INDENTATION] - harmonic))
     away = min(abs(row[col.TIP_OFFSET] - start), deeper)

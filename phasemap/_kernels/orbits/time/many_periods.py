@@ -26,7 +26,7 @@ from phasemap._kernels.orbits.time.linear_map import fill_way_to_rest, length_of
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
     Tolerance,
-    fill_change,
+    fill_change_by_period,
     linearise_period,
     march_tip,
     pass_from,
@@ -200,7 +200,7 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
         if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
             return False
         copy_memory(y, u)
-        fill_change(lever, u, y, tip.acc, now)
+        fill_change_by_period(lever, u, y, tip.acc, now)
         fill_way_to_rest(linear, now, target, ahead)
         if max(length_of(ahead) / y_limit, abs(ahead.z0) / z0_limit) <= 1 - share * share:
             return True

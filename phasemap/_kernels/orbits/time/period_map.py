@@ -125,7 +125,7 @@ def neighbour_distance(lever: np.ndarray, tip: Tip) -> float:
 
 
 @kernel
-def fill_change(lever: np.ndarray, start: np.ndarray, y: np.ndarray, acc: PeriodResult, to: Change) -> None:
+def fill_change_by_period(lever: np.ndarray, start: np.ndarray, y: np.ndarray, acc: PeriodResult, to: Change) -> None:
     """Fill in what a period changed, that ended in y."""
     for i in range(coordinate_count(lever)):
         to.motion[i] = y[entry_of(i)] - start[entry_of(i)]
@@ -141,20 +141,20 @@ def linearise_period(oscillator: Oscillator, step_size: float, tip: Tip) -> bool
     linear.count = count
     if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
         return False
-    fill_change(lever, u, y, acc, linear.now)
+    fill_change_by_period(lever, u, y, acc, linear.now)
     for i in range(count):
         copy_state(u, start)
         start[entry_of(i)] += size
         if not pass_from(oscillator, step_size, tip, start, u[Z0], y):
             return False
-        fill_change(lever, start, y, acc, beside)
+        fill_change_by_period(lever, start, y, acc, beside)
         differentiate(beside, linear.now, size)
         linear.amplitude[i] = beside.amplitude
         for j in range(count):
             linear.motion[count * i + j] = beside.motion[j]
     if not pass_from(oscillator, step_size, tip, u, u[Z0] + size, y):
         return False
-    fill_change(lever, u, y, acc, linear.by_z0)
+    fill_change_by_period(lever, u, y, acc, linear.by_z0)
     differentiate(linear.by_z0, linear.now, size)
     return True
 
@@ -177,7 +177,7 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
         if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
             return math.inf
         copy_memory(y, u)
-        fill_change(lever, u, y, tip.acc, now)
+        fill_change_by_period(lever, u, y, tip.acc, now)
         fill_way_to_rest(tip.linear, now, target, way)
         left = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
         if share > 0 and not max(length_of(way), abs(way.z0)) <= farthest:
@@ -215,7 +215,7 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
             move_state(lever, way, 1.0, trial)
             if not pass_from(oscillator, step_size, tip, trial, trial[Z0], y):
                 return False
-            fill_change(lever, trial, y, tip.acc, now)
+            fill_change_by_period(lever, trial, y, tip.acc, now)
             fill_way_to_rest(linear, now, target, way)
             left = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
             if not (left <= 1 or left <= 0.25 * before):
