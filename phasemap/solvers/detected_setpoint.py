@@ -28,8 +28,6 @@ Array = NDArray[np.float64]
 Found = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
 """Result rows, status and solver codes."""
 
-LEAST_SLOPE = 0.05  # of the amplitude seen with A, that of a branch that can be held
-
 
 def engage(work: Work, limits: Array, answers: Answers) -> None:
     """Orbits of the tip that curves of orbits give after engagement.
@@ -97,8 +95,7 @@ def at_seen(rows: Array, slopes: Array, lever: Array, size: Array) -> Array:
     part = factor * a * np.exp(1j * phase)
     share = part / (offset + part)
     turn, grow = share.real, -size * share.imag
-    by_size, by_phase, by_offset = np.nan_to_num(slopes, nan=0.0).T
-    by_size = np.where(by_size > LEAST_SLOPE, by_size, 1.0)
+    by_size, by_phase, by_offset = slopes.T
     # As the amplitude seen changes by one: phase seen, and tip offset.
     phase_rate, offset_rate = (share.imag / a + turn * by_phase) / by_size, by_offset / by_size
     missed = np.abs(show(lever, a, phase)[0] - size)

@@ -23,7 +23,6 @@ from phasemap._kernels.continuation.point import (
 )
 from phasemap._kernels.continuation.step import (
     FIRST_ARC_STEP,
-    LARGEST_ARC_STEP,
     MOST_EXACT_STEPS,
     SMALLEST_ARC_STEP,
     STEP_AFTER_FAILURE,
@@ -141,7 +140,7 @@ def next_exact_point(
     before = Point()
     assign(before, point)
     while step > SMALLEST_ARC_STEP:
-        status, following = next_point(path, point, step, LARGEST_ARC_STEP, orbit, saved)
+        status, following = next_point(path, point, step, orbit, saved)
         if status != col.GOOD:
             break
         step = point.length
@@ -182,7 +181,7 @@ def turn_between(
         step = low + (high - low) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
         copy_orbit(base, orbit)
         assign(point, begun)
-        status, _ = next_point(path, point, step, LARGEST_ARC_STEP, orbit, room)
+        status, _ = next_point(path, point, step, orbit, room)
         if status != col.GOOD:
             return False
         reached = point.length

@@ -181,10 +181,10 @@ def same_piece(path: Path, reach: float, before: Point, point: Point) -> bool:
 
 
 @kernel(shared=True)
-def next_point(path: Path, point: Point, step: float, longest: float, orbit: Orbit, saved: Orbit) -> tuple[int, float]:
+def next_point(path: Path, point: Point, step: float, orbit: Orbit, saved: Orbit) -> tuple[int, float]:
     """Go to the next point of the curve; returns a status, and the step to try next.
 
-    `saved` and `point` receive the orbit and the point that were left. The step to try next is `longest` at most.
+    `saved` and `point` receive the orbit and the point that were left.
     """
     copy_orbit(orbit, saved)
     before = Point()
@@ -209,7 +209,7 @@ def next_point(path: Path, point: Point, step: float, longest: float, orbit: Orb
                 if good:
                     easy = steps <= EASY_STEPS and turn > EASY_ALIGNMENT
                     growth = EASY_GROWTH if easy else 1.0 if steps <= HARD_STEPS else HARD_GROWTH
-                    return col.GOOD, min(step * growth, longest)
+                    return col.GOOD, min(step * growth, LARGEST_ARC_STEP)
         copy_orbit(saved, orbit)
         step *= STEP_AFTER_FAILURE
     assign(point, before)
@@ -321,7 +321,7 @@ def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: 
         assign(between, low)
         share = (value - low.value[index]) / (high.value[index] - low.value[index])
         step = high.length * min(max(share, LEAST_PART), MOST_PART)
-        status, _ = next_point(path, between, step, LARGEST_ARC_STEP, orbit, room)
+        status, _ = next_point(path, between, step, orbit, room)
         if status != col.GOOD:
             return False
         if (between.value[index] > value) == (high.value[index] > value):

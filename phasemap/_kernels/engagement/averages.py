@@ -19,7 +19,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import Z0, PeriodResult, Tip, add_period, ring_down_periods
-from phasemap._kernels.records import clear, record
+from phasemap._kernels.records import clear, numbers_of, record
 
 if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
@@ -74,21 +74,12 @@ class Series(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors of a mean, and what its lag is too large by.
+    """Errors of a mean, and what its lag is too large by."""
 
-    Attributes
-    ----------
-    lag, offset : float
-        What is stated of lag [rad] and tip offset [m].
-    lag_off : float
-        What the lag is too large by [rad].
-    lag_scatter, offset_scatter : float
-        By how much averages scatter about them, with a share of what the amplitude misses: until when to average.
-    """
-
-    lag: float
-    offset: float
-    lag_off: float
+    lag: float  # that is stated [rad]
+    offset: float  # that is stated of the tip offset [m]
+    lag_off: float  # what the lag is too large by [rad]
+    # By how much averages scatter about them, with a share of what the amplitude misses: until when to average.
     lag_scatter: float
     offset_scatter: float
 
@@ -105,16 +96,10 @@ def begin_lock_in(lever: np.ndarray, acc: PeriodResult, lock_in: LockIn) -> None
 @kernel
 def add_total(total: Total, more: Total) -> None:
     """Add sums over other periods."""
-    add_period(total.period, more.period)
-    total.count += more.count
-    total.amplitude += more.amplitude
-    total.amplitude2 += more.amplitude2
-    total.angle += more.angle
-    total.angle2 += more.angle2
-    total.offset += more.offset
-    total.averages += more.averages
-    total.felt_re += more.felt_re
-    total.felt_im += more.felt_im
+    deepest, to, of = max(total.period.deepest, more.period.deepest), numbers_of(total), numbers_of(more)
+    for j in range(len(to)):
+        to[j] += of[j]
+    total.period.deepest = deepest
 
 
 @kernel

@@ -20,7 +20,6 @@ from phasemap._kernels.continuation.piece import turn_between
 from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point, start_far
 from phasemap._kernels.continuation.step import (
     FIRST_ARC_STEP,
-    LARGEST_ARC_STEP,
     Place,
     Wanted,
     copy_orbit,
@@ -154,7 +153,7 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) ->
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
-        status, step = next_point(path, point, step, LARGEST_ARC_STEP, orbit, saved)
+        status, step = next_point(path, point, step, orbit, saved)
         if status == col.GOOD:
             status = descend_by_turn(path, wanted, Place(before, saved), point, orbit, way, found)
         if status != col.PENDING:

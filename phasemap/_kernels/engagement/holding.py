@@ -40,7 +40,7 @@ def hold(
     status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
     if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and lingering(oscillator) == 0:
         again = row.copy()
-        if settle_near(oscillator, amplitude, step_size, most_periods, again):
+        if settle_near(oscillator, amplitude, step_size, most_periods, False, again):
             copy(again, row)
     if status != col.NOT_SETTLED:
         return status
@@ -60,44 +60,21 @@ def settle(oscillator: Oscillator, amplitude: float, step_size: float, most_peri
 
 
 @kernel
-def settle_near(oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray) -> bool:
-    """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, as `hold_near` does."""
-    law, lever = oscillator.law, oscillator.lever
-    tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
-    return hold_near(oscillator, amplitude, step_size, most_periods, row[col.PHASE] > 0.0, tip, row)
-
-
-@kernel
-def hold_near(
-    oscillator: Oscillator,
-    amplitude: float,
-    step_size: float,
-    most_periods: int,
-    repelled: bool,
-    tip: Tip,
-    row: np.ndarray,
+def settle_near(
+    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, forms: bool, row: np.ndarray
 ) -> bool:
-    """Hold an amplitude [m] by a periodic orbit that time leads to from the state of the tip; fill a result row.
+    """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, which is filled anew.
 
-    False where time leads to none within so many periods, or to one on the other side of the resonance than `repelled`.
+    Over dents that last, where they form under the tip first. False where time leads to none within so many periods, or
+    to one on the other side of the resonance.
     """
-    p = oscillator.p
-    tolerance = fine_tolerance(p, step_size, amplitude)
-    status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
-    return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
-
-
-@kernel
-def settle_dents(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
-) -> bool:
-    """Hold an amplitude [m] as `hold_near` does, over dents that last: they form under the orbit in `row` first."""
     law, p, lever = oscillator
     tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
     repelled, tolerance = row[col.PHASE] > 0.0, fine_tolerance(p, step_size, amplitude)
-    if not form_dents(oscillator, tolerance, amplitude, most_periods, tip):
+    if forms and not form_dents(oscillator, tolerance, amplitude, most_periods, tip):
         return False
-    return hold_near(oscillator, amplitude, step_size, most_periods, repelled, tip, row)
+    status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
+    return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
 
 
 @kernel
@@ -123,10 +100,10 @@ def settle_remembering(
     near = min(most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for finer in (1.0, SECOND_TRY):
         averaged_row(lever, guess, row)
-        if settle_near(oscillator, amplitude, finer * step_size, near, row):
+        if settle_near(oscillator, amplitude, finer * step_size, near, False, row):
             return col.GOOD
     averaged_row(lever, guess, row)
-    return col.GOOD if settle_dents(oscillator, amplitude, step_size, most_periods, row) else col.PENDING
+    return col.GOOD if settle_near(oscillator, amplitude, step_size, most_periods, True, row) else col.PENDING
 
 
 @kernel

@@ -84,30 +84,17 @@ def coarse_tolerance(step_size: float, amplitude: float) -> Tolerance:
 
 
 class Controller(NamedTuple):
-    """A controller that holds a mean amplitude, and how averages are taken meanwhile.
+    """A controller that holds a mean amplitude, and how averages are taken meanwhile."""
 
-    Attributes
-    ----------
-    amplitude : float
-        That is held [m]; 0 where the tip offset is left alone.
-    gain : float
-        Tip offset over the error of an average's amplitude.
-    sticky : bool
-        Whether the contact has hysteresis. Then the tip offset follows little by little, in every period, which keeps
-        the motion to its pattern of taps.
-    step_size : float
-        As for `march_period`.
-    block, size, fewest : int
-        Periods of an average, averages of a group, groups that are needed.
-    """
-
-    amplitude: float
-    gain: float
+    amplitude: float  # that is held [m]; 0 where the tip offset is left alone
+    gain: float  # tip offset over the error of an average's amplitude
+    # Whether the contact has hysteresis. Then the tip offset follows little by little, in every period, which keeps the
+    # motion to its pattern of taps.
     sticky: bool
-    step_size: float
-    block: int
-    size: int
-    fewest: int
+    step_size: float  # as for `march_period`
+    block: int  # periods of an average
+    size: int  # averages of a group
+    fewest: int  # groups that are needed
 
 
 @record

@@ -176,7 +176,7 @@ def lower_to_setpoint(
     oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
     tip: Tip, row: np.ndarray,
 ) -> int:  # fmt: skip
-    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
+    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
     tolerance = coarse_tolerance(step_size, amplitude)
@@ -247,60 +247,13 @@ def share_before_ringing(oscillator: Oscillator, most_periods: int) -> float:
 def engage_by_march(
     oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
 ) -> int:
-    """Engage from so far that the surface hardly matters, as `approach_by_march`."""
-    free = free_amplitude(oscillator.lever)
-    z0 = free * far_start(oscillator, amplitude)
-    return approach_by_march(
-        oscillator, amplitude, z0, 0.1 * scale_of(oscillator) + 1e-3 * free, step_size, most_periods, row
-    )
+    """Engage from far: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
 
-
-@kernel
-def engage_with_second_drive(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
-) -> int:
-    """Engage from far a lever whose second mode is driven too, as `engage_by_march`: no period is like the next."""
-    law, p, shared = oscillator
-    lever = np.empty(len(shared))
-    copy(shared, lever)
-    own = Oscillator(law, p, lever)
-    u = free_state(law, lever, free_amplitude(lever) * far_start(oscillator, amplitude))
-    begin_second_drive(lever, u)
-    tip, row[:] = Tip(u, PeriodResult(), PeriodMap(), Periods()), math.nan
-    if not march_tip(own, step_size, tip):
-        return col.NOT_SETTLED
-    pass_period(lever)
-    ends = move_to_mean_amplitude(own, amplitude, math.inf, coarse_tolerance(step_size, amplitude), most_periods, tip)
-    if ends == AMPLITUDE_SEEN:
-        return hold_mean(own, amplitude, EAGER_GAIN, step_size, most_periods, tip, row)
-    return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
-
-
-@kernel
-def approach_by_march(
-    oscillator: Oscillator,
-    amplitude: float,
-    z0: float,
-    step: float,
-    step_size: float,
-    most_periods: int,
-    row: np.ndarray,
-) -> int:
-    """Engage from z0 [m]: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
-
-    Parameters
-    ----------
-    step : float
-        Length on which orbits change as the tip comes near [m].
-    step_size : float
-        As for `march_period`.
-    most_periods : int
-        Periods that may be marched.
-
-    Returns GOOD; NOT_SETTLED after `most_periods`; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
-    amplitude jumps across the setpoint.
+    `step_size` is as for `march_period`. Returns GOOD; NOT_SETTLED after `most_periods` periods; NO_STABLE_ORBIT where
+    it was lowered as far as a tip is, or the amplitude jumps across the setpoint.
     """
-    law, lever = oscillator.law, oscillator.lever
+    law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
+    z0, step = free * far_start(oscillator, amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
     share = share_before_ringing(oscillator, most_periods)
     row[:] = math.nan
@@ -315,13 +268,27 @@ def approach_by_march(
     if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most_periods:
         return status
     # Several patterns may hold the setpoint: what another start does not lead to is found by chance.
-    start, other = free_state(law, lever, z0 + NEXT_TRY * free_amplitude(lever)), np.empty(col.COLUMNS)
+    start, other = free_state(law, lever, z0 + NEXT_TRY * free), np.empty(col.COLUMNS)
     tip = Tip(start, PeriodResult(), PeriodMap(), Periods())
     tip.periods.marched = spent
     if engage_ringing(oscillator, amplitude, step, step_size, most_periods, tip, other) != col.GOOD:
         return col.GOOD
     allowed = SAME_PHASE + row[col.ERROR_PHASE] + (other[col.ERROR_PHASE] if other[col.SPREAD_AMPLITUDE] > 0.0 else 0.0)
     return col.GOOD if abs(other[col.PHASE] - row[col.PHASE]) < allowed else col.NOT_SETTLED
+
+
+@kernel
+def engage_with_second_drive(
+    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
+) -> int:
+    """Engage from far a lever whose second mode is driven too, as `engage_by_march`."""
+    law, p, shared = oscillator
+    lever = np.empty(len(shared))
+    copy(shared, lever)
+    u = free_state(law, lever, free_amplitude(lever) * far_start(oscillator, amplitude))
+    begin_second_drive(lever, u)
+    row[:] = math.nan
+    return move_to_amplitude(Oscillator(law, p, lever), amplitude, step_size, most_periods, u, row)
 
 
 @kernel
@@ -355,13 +322,19 @@ def move_to_tip_offset(
 def move_to_amplitude(
     oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, u: np.ndarray, row: np.ndarray
 ) -> int:
-    """Move a tip in state u slowly to the amplitude [m], hold it, and fill a result row; as `approach_by_march`."""
+    """Move a tip in state u slowly to the amplitude [m], hold it, and fill a result row; as `engage_by_march`.
+
+    Under a second drive no period is like the next.
+    """
     lever = oscillator.lever
+    driven = lever[col.SECOND_FORCE] > 0.0
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
     if not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
-    tolerance = coarse_tolerance(step_size, amplitude)
-    ends = move_to_mean_amplitude(oscillator, amplitude, NEXT_TRY * free_amplitude(lever), tolerance, most_periods, tip)
+    if driven:
+        pass_period(lever)
+    tolerance, least = coarse_tolerance(step_size, amplitude), math.inf if driven else NEXT_TRY * free_amplitude(lever)
+    ends = move_to_mean_amplitude(oscillator, amplitude, least, tolerance, most_periods, tip)
     if ends == ORBIT_AGAIN:
         return hold(oscillator, amplitude, step_size, most_periods, tip, row)
     if ends == AMPLITUDE_SEEN:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,14 +9,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.exact_orbit import Rooms, at_amplitude, new_rooms, orbit_along_curve
-from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain
-from phasemap._kernels.law import Oscillator, has_longrange
-from phasemap._kernels.orbits.averaged.sides import (
-    ATTRACTIVE,
-    REPULSIVE,
-    fill_averaged_orbit_on_side,
-    find_mismatch_maximum,
-)
+from phasemap._kernels.law import Oscillator
+from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
 from phasemap._kernels.orbits.collocation.near import orbit_near
 from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
@@ -89,14 +83,8 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
 @kernel
 def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
     """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
-    if not forces_are_plain(oscillator):
-        return False
     amplitude, room, guess = row[col.AMPLITUDE], again.room, again.guess
-    if has_longrange(oscillator.p):
-        find_mismatch_maximum(oscillator, amplitude, 0.0 if side == ATTRACTIVE else math.inf, room.top)
-    else:
-        decide(oscillator, amplitude, 1.0, room.top)
-    if not fill_averaged_orbit_on_side(oscillator, amplitude, side, room.top, guess):
+    if not fill_averaged_orbit_near(oscillator, amplitude, side, guess):
         return False
     found = refine(oscillator, guess, again.limits, room)
     if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:

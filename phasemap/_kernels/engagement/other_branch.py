@@ -19,9 +19,9 @@ from phasemap._kernels.engagement.end_of_attractive_branch import (
     decide_exactly,
     maximum_of_exact_mismatch,
 )
-from phasemap._kernels.engagement.side_from_far import CLEAR_MISMATCH, DETUNED, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
-from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
 from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
@@ -37,7 +37,6 @@ from phasemap._kernels.orbits.response.orbit import Room, refine, slope_is_clear
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 EXACTLY_DAMPED = 2e-3  # the same of exact orbits
 NO_FORCE, APART, MOST_SECANTS = 0.02, 0.02, 6  # net force over the base amplitude that is none, and how it is come to
-HALF_PULL = 0.75  # mismatch where attraction is half of what the setpoint wants, over that of the free lever
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
 BESIDE = 0.5  # a step outside of the strongest pull, over its depth and the reach
 MOST_STEPS = 60
@@ -57,26 +56,23 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
     if not has_longrange(p):
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
-    free, top = free_amplitude(lever), room.top
-    find_mismatch_maximum(oscillator, amplitude, math.inf, top)
+    top = room.top
     if side == ATTRACTIVE:
-        wanted = 1.0 - (amplitude / free) ** 2
-        detuned = 1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS])
-        plain = min((CLEAR_MISMATCH * wanted + 0.03) * low_q_margin_factor(lever) * detuned, HALF_PULL * wanted)
-        if top.mismatch <= -plain:
-            return col.NO_STABLE_ORBIT
-        if top.mismatch < plain:
+        decided = decide(oscillator, amplitude, low_q_margin_factor(lever), top)
+        if decided == UNCLEAR:
             room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-            exact = decide_exactly(oscillator, amplitude, top, room.nodes, room.state, room.fit)
-            if exact == UNCLEAR:
-                highest = maximum_of_exact_mismatch(oscillator, amplitude, room)
-                if abs(highest) >= CLOSEST:
-                    exact = ATTRACTIVE if highest > 0.0 else REPULSIVE
-            if exact == REPULSIVE:
-                return col.NO_STABLE_ORBIT
-            if exact == UNCLEAR or not top.mismatch > 0.0:
-                beside(oscillator, amplitude, top, guess)
-                return col.PENDING
+            decided = decide_exactly(oscillator, amplitude, top, room.nodes, room.state, room.fit)
+        if decided == UNCLEAR:
+            highest = maximum_of_exact_mismatch(oscillator, amplitude, room)
+            if abs(highest) >= CLOSEST:
+                decided = ATTRACTIVE if highest > 0.0 else REPULSIVE
+        if decided == REPULSIVE:
+            return col.NO_STABLE_ORBIT
+        if decided == UNCLEAR or not top.mismatch > 0.0:
+            beside(oscillator, amplitude, top, guess)
+            return col.PENDING
+    else:
+        find_mismatch_maximum(oscillator, amplitude, math.inf, top)
     if fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess):
         return col.GOOD
     if side == ATTRACTIVE:

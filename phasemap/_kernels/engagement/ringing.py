@@ -195,7 +195,7 @@ def engage_ringing(
     oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
     tip: Tip, row: np.ndarray,
 ) -> int:  # fmt: skip
-    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `approach_by_march`."""
+    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
     law, p, lever = oscillator
     slow, periods, acc = with_ring_down(lever, LONG_RINGING), tip.periods, tip.acc
     coarse = coarse_tolerance(step_size, amplitude)

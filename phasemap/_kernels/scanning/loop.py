@@ -157,26 +157,11 @@ def scanner_command(loop: Loop, y: np.ndarray) -> tuple[float, float, bool]:
 
 
 @kernel
-def filter_constant(loop: Loop, y: np.ndarray, time: float) -> None:
-    """Filters of the lock-in after a time during which a stays: a cascade of equal filters has a closed form."""
-    s = loop.rate * time
-    decay = math.exp(-s)
-    for part in range(2):
-        a = y[A_REAL + part]
-        for j in range(loop.order - 1, -1, -1):
-            away, weight = 0.0, 1.0
-            for i in range(j, -1, -1):
-                away += weight * (y[FILTERS + 2 * i + part] - a)
-                weight *= s / (j - i + 1)
-            y[FILTERS + 2 * j + part] = a + decay * away
-
-
-@kernel
 def filter_cubic(loop: Loop, y: np.ndarray, path: CubicPath, time: float, out: np.ndarray) -> None:
     """Filters of the lock-in after a time during which a moves along a cubic: theory, Eq. (slow-flow-7).
 
-    One filter answers a polynomial with a polynomial. What it differs from that as the time begins decays as in
-    `filter_constant`.
+    One filter answers a polynomial with a polynomial. What it differs from that as the time begins decays as a cascade
+    of equal filters does, in closed form. `out` may be y.
     """
     s, order = loop.rate * time, loop.order
     a, a1, a2, a3 = path

@@ -23,11 +23,12 @@ from phasemap._kernels.scanning.loop import (
     INTEGRAL,
     LOOP_STATE,
     SCANNER,
+    CubicPath,
     Loop,
     Setup,
     Stretch,
     Tally,
-    filter_constant,
+    filter_cubic,
     lock_in_output,
     move_scanner,
     scanner_command,
@@ -101,7 +102,7 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
     oscillator, y, memory = Oscillator(law, parameters(row), lever), state.y, state.memory
     period = 2.0 * math.pi / lever[col.OMEGA]
     noisy = loop.thermal_noise > 0.0 or loop.detector_noise > 0.0
-    at = memory.ahead
+    at, still = memory.ahead, complex(0.0, 0.0)
     if at > 0.0:
         _add_time(memory, min(at, span), tally)
     while at + 0.5 * period < span:
@@ -112,7 +113,7 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
         if noisy:
             _add_noise(lever, loop, period, noise, state)
         amplitude, phase = lock_in_output(loop, y)
-        filter_constant(loop, y, period)
+        filter_cubic(loop, y, CubicPath(complex(y[A_REAL], y[A_IMAG]), still, still, still), period, y)
         amplitude_after, phase_after = lock_in_output(loop, y)
         memory.scanner = y[SCANNER]
         memory.amplitude = 0.5 * (amplitude + amplitude_after)

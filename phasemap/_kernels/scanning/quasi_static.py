@@ -10,10 +10,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, UNKNOWN_ORBIT, StableOrbits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
+from phasemap._kernels.engagement.holding import state_on
 from phasemap._kernels.engagement.holding_mean import COARSER_STEPS
 from phasemap._kernels.engagement.in_time import slow_pace
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state
+from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip
 
 
 @kernel
@@ -76,10 +77,7 @@ def reach_rows(
     """
     block, up = block_of(lever), (-slow_pace(lever), 0.0, 0.0)
     for i in range(len(rows)):
-        orbit, lag = orbits[i], 0.5 * math.pi - orbits[i, col.PHASE]
-        z = orbit[col.MEAN] + orbit[col.AMPLITUDE] * math.cos(lag)
-        v = lever[col.OMEGA] * orbit[col.AMPLITUDE] * math.sin(lag)
-        u = new_state(law, lever, orbit[col.MEAN], z, v, orbit[col.TIP_OFFSET])
+        u = state_on(law, lever, orbits[i, col.AMPLITUDE], orbits[i])
         tip, lock_in, top = Tip(u, PeriodResult(), PeriodMap(), Periods()), LockIn(), reach[i]
         begin_lock_in(lever, tip.acc, lock_in)
         reach[i] = math.inf

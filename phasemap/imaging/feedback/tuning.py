@@ -18,7 +18,6 @@ from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.scanning import loop as of
 from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, slow_flow_rhs
 from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift
@@ -26,7 +25,6 @@ from phasemap._kernels.scanning.line import engage_in_time
 from phasemap._kernels.scanning.loop import Setup
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
-from phasemap.experiment.lever import sees_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.feedback.lines import ENGAGED, TipState, lifts_of, loop_of, tau_per_second
 from phasemap.imaging.imperfections import generator
@@ -149,10 +147,7 @@ def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobia
 
 
 def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
-    """Averaged orbits (z0, mean deflection, A, P, S) that the detector sees with this amplitude, shape (n, 5)."""
-    if sees_tip(work.lever):
-        found: Array = averaged_orbits(Oscillator(work.law, p, work.lever), amplitude)
-        return found
+    """Stable averaged orbits (z0, mean deflection, A, P, S) that are seen with this amplitude, shape (n, 5)."""
     rows = []
     for side in (-1, 1):
         a, c, slope = held_root(Oscillator(work.law, p, work.lever), amplitude, side, True, (math.nan, math.nan))

@@ -275,7 +275,7 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
     state = state_in_row(lever, start)
     most = settling_periods(lever)
     free = float(free_amplitude(lever))
-    which, _ = land_on(oscillator, z0, state, targets, NEAR * free, most)
+    which = land_on(oscillator, z0, state, targets, NEAR * free, most)
     if which >= 0:
         return reached[int(which)][0]
     return OffOrbit(start) if hysteretic else None

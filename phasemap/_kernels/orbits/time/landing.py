@@ -29,17 +29,17 @@ def state_in_row(lever: np.ndarray, row: np.ndarray) -> np.ndarray:
 @kernel
 def land_on(
     oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most_periods: int
-) -> tuple[int, int]:
-    """Index of the orbit that a tip settles on, -1 if none within `most_periods` periods, and the periods that it took.
+) -> int:
+    """Index of the orbit that a tip settles on, -1 if none within `most_periods` periods.
 
     `targets` (shape (n, 2)): in-phase and quadrature amplitude [m] of the stable orbits at this tip offset; one counts
     as reached as `close` [m] in this plane. `y`: state at drive phase 0, advanced in place.
     """
     acc = PeriodResult()
     streak, last = 0, -1
-    for period in range(most_periods):
+    for _ in range(most_periods):
         if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
-            return -1, period
+            return -1
         near, best = -1, math.inf
         for i in range(len(targets)):
             apart = math.hypot(acc.cos - targets[i, 0], acc.sin - targets[i, 1])
@@ -48,8 +48,8 @@ def land_on(
         streak = streak + 1 if best < close and near == last else 0
         last = near
         if streak >= LANDED_PERIODS:
-            return near, period + 1
-    return -1, most_periods
+            return near
+    return -1
 
 
 @kernel
