@@ -63,7 +63,8 @@ def test_lock_in_filters_as_a_cascade_of_low_passes(order: int, time: float) -> 
     loop, y = of.Loop(), np.zeros(of.LOOP_STATE)
     loop.order, loop.rate = order, 1.0
     y[of.A_REAL], y[of.A_IMAG] = 2.0, -1.0
-    of.filter_constant(loop, y, time)
+    still = complex(0.0, 0.0)
+    of.filter_cubic(loop, y, of.CubicPath(2.0 - 1.0j, still, still, still), time, y)
     cascade = signal.StateSpace(
         np.diag([-1.0] * order) + np.diag([1.0] * (order - 1), -1),
         np.eye(order, 1),

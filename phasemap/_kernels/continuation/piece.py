@@ -332,7 +332,7 @@ def exact_orbits_at(
         if not guesses[i, col.G_A] > 0.0:
             return i
         tolerance = tight * tolerance_of(oscillator)
-        done, _, _ = solve_near(path, guesses[i], m[i], hold, tolerance, MOST_NEWTON_STEPS, orbit)
+        done, _, _ = solve_near(path, guesses[i], m[i], hold, False, tolerance, MOST_NEWTON_STEPS, orbit)
         if done != col.GOOD or not head.amplitude > 0.0:
             return i
         row[col.TIP_OFFSET], row[col.AMPLITUDE] = head.tip_offset, head.amplitude

@@ -80,20 +80,21 @@ def depth_at_nodes(orbit: Orbit) -> float:
 
 @kernel
 def solve_near(
-    path: Path, guess: np.ndarray, m: float, hold: int, tolerance: float, most_steps: int, orbit: Orbit
+    path: Path, guess: np.ndarray, m: float, hold: int, fine: bool, tolerance: float, most_steps: int, orbit: Orbit
 ) -> tuple[int, float, float]:
     """Solve from a harmonic orbit, guess = (z0, mean deflection, A, P, S), for the exact one at a path's parameter m.
 
     `hold`: whether its z0 or its A is kept. Returns a status, and tip offset and depth [m] of where the solver began.
-    A lever that is thrown back may swing as after a kick, which is tried last, and first at low Q; finer elements
-    change less by a step.
+    A lever of low Q that is thrown back begins with the motion after a kick. Others try finer elements, which change
+    less by a step, where they are to be `fine`, and else that motion last.
     """
     oscillator, head, done, start, deep = standing_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
     repelled = guess[col.G_P] > 0.0
-    thrown = low_q(oscillator.lever) and repelled
-    for attempt in range(2 if thrown else FINEST_LEVEL + 1 + repelled):
+    thrown, finest = low_q(oscillator.lever) and repelled, FINEST_LEVEL if fine else 0
+    for attempt in range(2 if thrown or (repelled and not fine) else finest + 1):
         head.parameter = m
-        kicked, level = attempt == (0 if thrown else FINEST_LEVEL + 1), 0 if thrown else attempt % (FINEST_LEVEL + 1)
+        kicked = attempt == 0 if thrown else attempt > finest
+        level = 0 if thrown or kicked else attempt
         if kicked:
             begun = begin_impact(oscillator, orbit, guess[col.G_A], level)
         else:
@@ -116,7 +117,7 @@ def orbit_near(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.
     are: harmonics that lift the tip do not bring it to another branch.
     """
     done, start, deep = solve_near(
-        fixed_path(oscillator), guess, 0.0, HOLD_AMPLITUDE, tolerance_of(oscillator), MOST_STEPS_NEARBY, orbit
+        fixed_path(oscillator), guess, 0.0, HOLD_AMPLITUDE, True, tolerance_of(oscillator), MOST_STEPS_NEARBY, orbit
     )
     if done == col.GOOD:
         done = refine_orbit(oscillator, orbit, row)
