@@ -190,7 +190,7 @@ def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> No
     some, q, roots = np.arange(len(along)), found.q.copy(), found.places.copy()
     for k in range(STEPS + 1):
         at, there = STEPS + sign * k, roots[some]
-        orbits = problem.part(some).orbits(q[some], there)
+        orbits = problem.part(some).orbits(q[some], there) if k > 0 else found
         inside = orbits.good & (np.abs(q[some]) < problem.model.reach).all(axis=1)
         some = some[inside]
         if not len(some):

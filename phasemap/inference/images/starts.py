@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap.inference.images.model import SIDES, Model
-from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, problem_of_pixels
+from phasemap.inference.images.problem import (
+    LONGEST,
+    Problem,
+    Solution,
+    descend,
+    information,
+    problem_of_pixels,
+)
 from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Plan, Stack
 
 Array = NDArray[np.float64]
@@ -20,11 +27,13 @@ Codes = NDArray[np.int8]
 
 GRID = (7, 4, 7)  # materials, over SHARE_OF_GRID
 SHARE_OF_GRID = 0.43  # of the largest logarithm that is tried
-STARTS, ASTRAY = 3, 50.0  # materials that are tried, and chi2 above which the next one is
+STARTS = 3  # materials that are tried
+ASTRAY, DOUBTFUL = 50.0, 15.0  # chi2 above which the next one is, of averaged and of exact orbits
 MOST = 24  # starts
 OF_A_KIND = 4  # of them with the same branches
 SEPARATE = 1.5  # in a logarithm, between starts with the same branches
 WORTH = 9.0  # chi2 above the least found, at which another start is expected to end that is tried
+BEYOND = 5.0  # standard errors from a solution, within which no start leads elsewhere
 STRIDE = 0.5  # in a logarithm, from an exact orbit to the next
 COARSE = np.array([np.radians(2.0), 0.5e-9])  # by which a grid of materials misses the data
 
@@ -164,7 +173,7 @@ def _descend_by_slopes(problem: Problem, grid: Grid, slopes: Array) -> list[Solu
     for _ in range(STARTS):
         best = cost.argmin(axis=1)
         least = np.min([one.cost for one in solutions], axis=0, initial=np.inf)
-        worth = np.flatnonzero(cost[every, best] < least + WORTH)
+        worth = np.flatnonzero((cost[every, best] < least + WORTH) | (least > DOUBTFUL) & (cost.min(axis=1) < np.inf))
         if not len(worth):
             break
         part, begin = problem.part(worth), q[worth, best[worth]]
@@ -177,8 +186,10 @@ def _descend_by_slopes(problem: Problem, grid: Grid, slopes: Array) -> list[Solu
             every_one.put(worth, again)
             again = every_one
         solutions.append(again)
-        for known in (q[every, best], again.q):
-            cost[np.abs(q - known[:, None]).max(axis=-1) < SEPARATE] = np.inf
+        cost[np.abs(q - q[every, best][:, None]).max(axis=-1) < SEPARATE] = np.inf
+        apart = q - again.q[:, None]
+        matrix = information(problem, problem.weigh(again.slopes))
+        cost[np.einsum("ngi,nij,ngj->ng", apart, matrix, apart) < BEYOND**2] = np.inf
     return solutions
 
 
