@@ -104,9 +104,10 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
         places[last, j] = there[:, 0]
 
     order, every = np.argsort(model.amplitudes, kind="stable"), number.reshape(-1)
-    take(every, every, model.nowhere(len(q), 1), order[0], search=True)
-    for i, j in pairwise(order):
+    for i, j in pairwise([order[0], *order]):
         follow((every, i), (every, j))
+        if np.isnan(values[:, j, 0]).all():  # the first, and one whose drive is too different
+            take(every, every, model.nowhere(len(q), 1), j, search=True)
     for j, (axis, size) in product(order, enumerate(GRID)):
         for k in [*range(1, size), *range(-2, -size - 1, -1)]:
             before = k - 1 if k > 0 else k + 1
