@@ -122,7 +122,7 @@ def solve_one_of_each_kind() -> None:
         (far_start, oscillator, 1.0),
         (free_state, work.law, numbers, 1.0),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
-        (land_free, oscillator, 1.0, numbers, 1.0, 1, numbers),
+        (land_free, oscillator, numbers, 1.0, 1, numbers),
         (land_on, oscillator, 1.0, numbers, np.zeros((1, 2)), 1.0, 1),
         (move_to_tip_offset, oscillator, 1.0, 1.0, 1, numbers, numbers),
         (move_to_amplitude, oscillator, 1.0, 1.0, 1, numbers, numbers),

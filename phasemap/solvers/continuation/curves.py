@@ -28,6 +28,7 @@ from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, held_value, standing_at
 from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, head_of, new_orbit, new_orbit_like
 from phasemap._kernels.orbits.time.landing import land_free, state_in_row
+from phasemap._kernels.orbits.time.tip import Z0
 from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
@@ -168,7 +169,8 @@ class Curves:
                 lever = oscillator.lever
                 check_stopped()
                 row, state = np.zeros(col.COLUMNS), state_in_row(lever, rows[last])
-                if not land_free(oscillator, z0, state, close, settling_periods(lever), row):
+                state[Z0] = z0
+                if not land_free(oscillator, state, close, settling_periods(lever), row):
                     continue
                 known = len(self.pieces)
                 if swept or not self._near(z0, row[col.AMPLITUDE], row[col.STIFFENING], lever):

@@ -9,9 +9,20 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import forces_at_phase, slowest_decay
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import TOUCHES, Z0, PeriodResult, V, Z, fill_higher_modes, motion_size
+from phasemap._kernels.orbits.time.period_map import Tolerance, come_to_rest, fill_row_at_rest
+from phasemap._kernels.orbits.time.tip import (
+    TOUCHES,
+    Z0,
+    PeriodMap,
+    PeriodResult,
+    Periods,
+    Tip,
+    V,
+    Z,
+    fill_higher_modes,
+    motion_size,
+)
 
 LANDING_ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
 LANDED_PERIODS = 3  # periods so close
@@ -53,32 +64,13 @@ def land_on(
 
 
 @kernel
-def land_free(
-    oscillator: Oscillator, z0: float, y: np.ndarray, close: float, most_periods: int, row: np.ndarray
-) -> bool:
-    """Fill a result row with the motion on which a tip settles that is let go in state y; False if it does not.
+def land_free(oscillator: Oscillator, u: np.ndarray, close: float, most_periods: int, row: np.ndarray) -> bool:
+    """Fill a result row with the orbit on which a tip comes to rest, to `close` [m], that is let go in state u.
 
-    It has settled when the lock-in's outputs change by less than `close` [m] from one ring-down time to the next.
+    False if it comes to none within so many periods.
     """
-    lever = oscillator.lever
-    acc = PeriodResult()
-    ring, streak = int(1.0 / (2.0 * math.pi * slowest_decay(lever))) + 1, 0
-    cosine, sine = math.inf, math.inf
-    for period in range(most_periods):
-        if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
-            return False
-        if period % ring != ring - 1:
-            continue
-        streak = streak + 1 if math.hypot(acc.cos - cosine, acc.sin - sine) < close else 0
-        cosine, sine = acc.cos, acc.sin
-        if streak >= LANDED_PERIODS:
-            break
-    if streak < LANDED_PERIODS:
+    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    if not come_to_rest(oscillator, Tolerance(LANDING_ETA, close, close), most_periods, tip):
         return False
-    amplitude, phase = math.hypot(cosine, sine), math.atan2(cosine, sine)
-    row[:] = math.nan
-    row[col.TIP_OFFSET], row[col.MEAN], row[col.AMPLITUDE], row[col.PHASE] = z0, acc.mean_z, amplitude, phase
-    push, drag = forces_at_phase(lever, amplitude, phase)
-    row[col.STIFFENING] = push / amplitude
-    row[col.DISSIPATION] = -math.pi * lever[col.STIFFNESS] * amplitude * drag
+    fill_row_at_rest(oscillator.lever, tip, row)
     return True
