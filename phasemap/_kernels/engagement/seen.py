@@ -189,9 +189,14 @@ def slopes_along(lever: np.ndarray, orbit: Orbit, slopes: np.ndarray) -> bool:
 
 
 @kernel
-def hold_seen(oscillator: Oscillator, seen: float, orbit: Orbit, row: np.ndarray, slopes: np.ndarray) -> int:
-    """Move an exact orbit to where it is seen with an amplitude [m]; fill in its row and slopes, return its status."""
-    done = solve_at_seen(oscillator, orbit, seen, tolerance_of(oscillator))
+def move_to_seen(
+    oscillator: Oscillator, seen: float, tolerance: float, orbit: Orbit, row: np.ndarray, slopes: np.ndarray
+) -> int:
+    """Move an exact orbit to where it is seen with an amplitude [m]; fill in its row and slopes, return its status.
+
+    `tolerance`: its last change [m].
+    """
+    done = solve_at_seen(oscillator, orbit, seen, tolerance)
     if done == col.GOOD:
         done = refine_orbit(oscillator, orbit, row)
     if done == col.GOOD:
@@ -208,7 +213,9 @@ def _from_averaged_or_along_curve(
 ) -> int:  # fmt: skip
     """Fill in the exact orbit, as `exact_orbit` finds it, that is seen with an amplitude [m]; returns a status."""
     done = exact_orbit(oscillator, at_seen(oscillator, seen), surety, guess, rooms, row)
-    return hold_seen(oscillator, seen, rooms.found, row, slopes) if done == col.GOOD else done
+    if done != col.GOOD:
+        return done
+    return move_to_seen(oscillator, seen, tolerance_of(oscillator), rooms.found, row, slopes)
 
 
 @kernel

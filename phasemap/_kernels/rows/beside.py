@@ -14,8 +14,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit, new_rooms
-from phasemap._kernels.engagement.seen import SEEN_BY_A, SLOPES, slopes_along
-from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, seen_rates, show
+from phasemap._kernels.engagement.seen import SLOPES, move_to_seen
+from phasemap._kernels.excitation import likely_amplitude, seen_rates, show
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.branch import MEASURED_OFFSET, MEASURED_PHASE
@@ -23,8 +23,8 @@ from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
-from phasemap._kernels.orbits.collocation.near import refine_orbit, tolerance_of
-from phasemap._kernels.orbits.collocation.newton import share_motion, solve_at_seen
+from phasemap._kernels.orbits.collocation.near import tolerance_of
+from phasemap._kernels.orbits.collocation.newton import share_motion
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     ELEMENT_WORDS,
@@ -39,7 +39,6 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
     hold_seen,
 )
-from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.rows.derivatives import Found, Setpoints
 
 MOST_KEPT_ELEMENTS = 40  # of most orbits: few have more
@@ -72,13 +71,8 @@ def orbit_beside(oscillator: Oscillator, held: float, place: np.ndarray, orbit: 
 @kernel
 def hold_here(oscillator: Oscillator, held: float, orbit: Orbit, row: np.ndarray) -> bool:
     """Solve for the exact orbit seen with the amplitude held [m], from one near it; False where none can be held."""
-    lever, slopes = oscillator.lever, np.zeros(SLOPES)
-    done = solve_at_seen(oscillator, orbit, held, max(LAST_CHANGE_BESIDE, tolerance_of(oscillator)))
-    if done == col.GOOD:
-        done = refine_orbit(oscillator, orbit, row)
-    if done == col.GOOD:
-        done = feedback_status(row)
-    return done == col.GOOD and slopes_along(lever, orbit, slopes) and slopes[SEEN_BY_A] > LEAST_SLOPE
+    tolerance = max(LAST_CHANGE_BESIDE, tolerance_of(oscillator))
+    return move_to_seen(oscillator, held, tolerance, orbit, row, np.zeros(SLOPES)) == col.GOOD
 
 
 @kernel

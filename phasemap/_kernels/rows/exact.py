@@ -8,7 +8,6 @@ already is integrated along its nodes.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,13 +17,13 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import at_amplitude, exact_orbit, new_rooms
 from phasemap._kernels.engagement.orbit_of_row import Again, nodes_of, room_again
-from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen, hold_seen
+from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen, move_to_seen
 from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.near import orbit_from, orbit_near
+from phasemap._kernels.orbits.collocation.near import orbit_from, orbit_near, tolerance_of
 from phasemap._kernels.orbits.collocation.system import new_orbit
 from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, room_for_loads
 from phasemap._kernels.orbits.orbit_nodes import (
@@ -41,16 +40,6 @@ from phasemap._kernels.orbits.result_row import guess_of_row, has_periodic_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
-
-
-class NearbyGuesses(NamedTuple):
-    """Where orbits of n materials are expected, shape (n,) each."""
-
-    amplitudes: np.ndarray  # that are held [m]
-    offsets: np.ndarray  # of the tip [m]
-    means: np.ndarray  # deflection [m]
-    phases: np.ndarray  # [rad]
-    away: np.ndarray  # how far off the tip offset may be [m]
 
 
 @kernel
@@ -96,25 +85,23 @@ def rows_beside(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.nd
 
 @kernel
 def nearby_rows(
-    pixels: Pixels, tables: np.ndarray, guesses: NearbyGuesses, group: int, out: np.ndarray, status: np.ndarray
+    pixels: Pixels, tables: np.ndarray, away: np.ndarray, group: int, out: np.ndarray, status: np.ndarray
 ) -> None:
-    """Fill in the orbit of every row next to its guess.
+    """Fill in the orbit of every row next to the harmonic one there: amplitude, phase, tip offset, mean deflection.
 
-    An orbit farther away, or one that is not stable, gets the status NOT_CONVERGED. So many rows as are a `group`, one
-    after another, are close to each other: each may start from the one before.
+    One whose tip offset is farther `away` [m], or that is not stable, gets the status NOT_CONVERGED. So many rows as
+    are a `group`, one after another, are close to each other: each may start from the one before.
     """
     orbit, guess = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT)
     for i in range(len(out)):
-        oscillator, row, z0 = oscillator_of(pixels, i), out[i], guesses.offsets[i]
-        row[col.AMPLITUDE], row[col.TIP_OFFSET] = guesses.amplitudes[i], z0
-        row[col.MEAN], row[col.PHASE] = guesses.means[i], guesses.phases[i]
+        oscillator, row, z0 = oscillator_of(pixels, i), out[i], out[i, col.TIP_OFFSET]
         guess_of_row(pixels.lever, row, guess)
         done = col.NOT_CONVERGED
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
             done = orbit_from(oscillator, guess, orbit, row) if warm else orbit_near(oscillator, guess, orbit, row)[0]
-            if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < guesses.away[i]:
+            if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < away[i]:
                 break
             done = col.NOT_CONVERGED
         if done != col.GOOD:
@@ -141,7 +128,8 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
                 break
             done, _ = orbit_near(oscillator, guess, orbit, row)
             if done == col.GOOD and not sees_tip(pixels.lever):
-                done = hold_seen(oscillator, pixels.amplitudes[i], orbit, row, slopes[i])
+                tolerance = tolerance_of(oscillator)
+                done = move_to_seen(oscillator, pixels.amplitudes[i], tolerance, orbit, row, slopes[i])
             if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (side > 0):
                 status[i], solver[i] = col.GOOD, col.ORBIT
                 estimate_errors(oscillator, orbit, row)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ADHESION_LOSS
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.rows.exact import NearbyGuesses, nearby_rows
+from phasemap._kernels.rows.exact import nearby_rows
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
@@ -146,14 +146,12 @@ class ExactOrbits:
             return self(points, amplitude)
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
-        offsets, means, phases = guesses[:, [HEIGHT, MEAN, PHASE]].T.copy()
-        amplitudes, phases = of_tip(work.lever, work.amplitudes, phases)
-        starts = NearbyGuesses(amplitudes, offsets, means, phases, away)
+        rows[:, [col.TIP_OFFSET, col.MEAN]] = guesses[:, [HEIGHT, MEAN]]
+        rows[:, col.AMPLITUDE], rows[:, col.PHASE] = of_tip(work.lever, work.amplitudes, guesses[:, PHASE])
 
         def solve(first: int, last: int) -> None:
             some = slice(first, last)
-            guesses = NearbyGuesses(*(one[some] for one in starts))
-            nearby_rows(work.part(some).pixels, TABLES, guesses, group, rows[some], status[some])
+            nearby_rows(work.part(some).pixels, TABLES, away[some], group, rows[some], status[some])
 
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)

@@ -10,7 +10,7 @@ from phasemap._kernels.columns import RELEASE
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import has_hysteresis
 from phasemap._kernels.numerics import newton_in_bracket
-from phasemap._kernels.orbits.collocation.system import MOST_CONTACTS, Head, Orbit, element_of, head_of
+from phasemap._kernels.orbits.collocation.system import MOST_CONTACTS, Head, Orbit, element_of, head_of, motion_of_mode
 from phasemap._kernels.quadrature import NODES, T_BARY, T_BARY_FIRST, T_BARY_LAST, T_FIRST, T_LAST, T_NUMBERS, T_S
 from phasemap._kernels.records import column, record
 
@@ -21,50 +21,46 @@ SAME_ANGLE = 1e-15 * TWO_PI  # [rad], last of these steps: rounding
 EXTREME_HALVINGS = 40  # of the bracket of an extreme, to 1e-12 of it
 
 
-@kernel(fastmath=ANY_ORDER)
-def interpolate(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
-    """Return w and w' at an angle inside element e (barycentric interpolation)."""
-    one, following = element_of(orbit, e), element_of(orbit, e + 1)
-    table = orbit.tables[one.table]
-    x = (theta - one.origin) / one.scale
+@kernel(fastmath=ANY_ORDER, inline=True)
+def _between_nodes(
+    table: np.ndarray, x: float, w: np.ndarray, u: np.ndarray, first: tuple[float, float], last: tuple[float, float]
+) -> tuple[float, float]:
+    """Return w and w' at a place in an element, from those at its nodes and ends (barycentric interpolation)."""
     before, after = x - table[T_NUMBERS, T_FIRST], x - table[T_NUMBERS, T_LAST]
     if before == 0.0:
-        return one.edge_w, one.edge_u
+        return first
     if after == 0.0:
-        return following.edge_w, following.edge_u
+        return last
     share, other = table[T_NUMBERS, T_BARY_FIRST] / before, table[T_NUMBERS, T_BARY_LAST] / after
     below = share + other
-    w = share * one.edge_w + other * following.edge_w
-    u = share * one.edge_u + other * following.edge_u
+    w_sum = share * first[0] + other * last[0]
+    u_sum = share * first[1] + other * last[1]
     for k in range(NODES):
         share = table[T_BARY, k] / (x - table[T_S, k])
         below += share
-        w += share * one.w[k]
-        u += share * one.u[k]
+        w_sum += share * w[k]
+        u_sum += share * u[k]
     if not abs(below) < math.inf:  # at a node
         for k in range(NODES):
             if x == table[T_S, k]:
-                return one.w[k], one.u[k]
-    return w / below, u / below
+                return w[k], u[k]
+    return w_sum / below, u_sum / below
 
 
 @kernel(fastmath=ANY_ORDER)
-def interpolation_shares(orbit: Orbit, e: int, theta: float, shares: np.ndarray) -> None:
-    """Fill the weights of barycentric interpolation at an angle in element e: of its nodes, its start and its end."""
-    one, table = element_of(orbit, e), orbit.tables[element_of(orbit, e).table]
-    x = (theta - one.origin) / one.scale
-    total = 0.0
-    for k in range(NODES + 2):
-        at = table[T_S, k] if k < NODES else table[T_NUMBERS, T_FIRST if k == NODES else T_LAST]
-        weight = table[T_BARY, k] if k < NODES else table[T_NUMBERS, T_BARY_FIRST if k == NODES else T_BARY_LAST]
-        if x == at:
-            for j in range(NODES + 2):
-                shares[j] = 1.0 if j == k else 0.0
-            return
-        shares[k] = weight / (x - at)
-        total += shares[k]
-    for k in range(NODES + 2):
-        shares[k] /= total
+def interpolate(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+    """Return w and w' at an angle inside element e."""
+    one, following = element_of(orbit, e), element_of(orbit, e + 1)
+    first, last = (one.edge_w, one.edge_u), (following.edge_w, following.edge_u)
+    return _between_nodes(orbit.tables[one.table], (theta - one.origin) / one.scale, one.w, one.u, first, last)
+
+
+@kernel(fastmath=ANY_ORDER)
+def interpolate_mode(orbit: Orbit, e: int, theta: float, i: int) -> tuple[float, float]:
+    """Return w and w' of mode i at an angle inside element e."""
+    one, own, following = element_of(orbit, e), motion_of_mode(orbit, e, i), motion_of_mode(orbit, e + 1, i)
+    first, last = (own.w[NODES], own.u[NODES]), (following.w[NODES], following.u[NODES])
+    return _between_nodes(orbit.tables[one.table], (theta - one.origin) / one.scale, own.w, own.u, first, last)
 
 
 @kernel

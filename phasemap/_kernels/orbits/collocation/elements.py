@@ -16,7 +16,7 @@ from phasemap._kernels.orbits.collocation.contacts import (
     TWO_PI,
     find_contacts,
     interpolate,
-    interpolation_shares,
+    interpolate_mode,
 )
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
@@ -228,7 +228,6 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
     last, count = head_of(source).count, head_of(orbit).count
     several = mode_count(orbit) > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
     begin, at = element_of(source, 0).edge, 0
-    shares = np.empty(PLACES + 1)
     for e in range(count):
         one, own = element_of(orbit, e), motion_of_mode(orbit, e, 0)
         for k in range(PLACES):
@@ -244,15 +243,9 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
             else:
                 one.w[k], one.u[k] = w, u
             if several:
-                interpolation_shares(source, at, theta, shares)
                 for i in range(mode_count(orbit)):
-                    of, following = motion_of_mode(source, at, i), motion_of_mode(source, at + 1, i)
                     to = motion_of_mode(orbit, e, i)
-                    w, u = shares[PLACES] * following.w[NODES], shares[PLACES] * following.u[NODES]
-                    for j in range(PLACES):
-                        w += shares[j] * of.w[j]
-                        u += shares[j] * of.u[j]
-                    to.w[k], to.u[k] = w, u
+                    to.w[k], to.u[k] = interpolate_mode(source, at, theta, i)
             else:
                 own.w[k], own.u[k] = w, u
     close_ring(orbit)
