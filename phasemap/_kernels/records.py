@@ -218,7 +218,8 @@ def _declare(cls: Any, kind: RecordType) -> None:
 
     @lower_builtin(cls)
     def make(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        address = cgutils.alloca_once(builder, context.get_value_type(kind).pointee)
+        with builder.goto_entry_block():  # numba's own `alloca_once` has LLVM zero one word after the other, for seconds
+            address = builder.alloca(context.get_value_type(kind).pointee)
         _zero(builder, address, kind)
         return address
 

@@ -192,6 +192,7 @@ def of_file(name: str, direction: str) -> xr.Dataset:
     return read_image(path, phase=f"Phase {direction}", height="Z-Axis")  # what the scanner was told
 
 
+@pytest.mark.slow
 @needs_reader
 def test_trace_and_retrace_of_a_real_flake_are_brought_together() -> None:
     forward, backward = (of_file("Plotting_Data/MoS2.nid", direction) for direction in ("forward", "backward"))

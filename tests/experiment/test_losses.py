@@ -71,6 +71,7 @@ def test_without_losses_the_law_is_dmt() -> None:
     assert found.phase == pytest.approx(wanted.phase, abs=1e-5) and found.solver == wanted.solver
 
 
+@pytest.mark.slow
 def test_images_and_scans_have_the_losses() -> None:
     surface = pm.Surface(np.array([[1e9, 2e9]]), adhesion=0.02, pixel_size=2e-9)
     scope = under(LossyDMT(2.0, 1e-7, 1e-9))

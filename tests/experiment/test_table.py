@@ -48,6 +48,7 @@ def test_cubics_are_monotone_between_points_and_keep_a_kink_and_a_jump_at_contac
     assert (jump.attraction.force(0.0, None), jump.force(0.0, None)) == (-1e-9, -5e-9)
 
 
+@pytest.mark.slow
 def test_damping_of_a_table_is_that_of_a_sphere_where_it_says_so() -> None:
     depths = np.concatenate([[-1e-9, 0.0], np.geomspace(1e-12, 20e-9, 400)])
     sphere = 4 / 3 * 1e9 / (1 - 0.35**2) * np.sqrt(TIP.radius) * np.maximum(depths, 0.0) ** 1.5

@@ -422,6 +422,7 @@ def test_a_real_browser_draws_the_page(explorer: Explorer, tmp_path: Path) -> No
         assert f'id="{key}"' in page, key
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 def test_a_link_holds_everything_that_was_set(explorer: Explorer, tmp_path: Path) -> None:
     link = "#sample=step&interaction.contact=hertz&drive.free_amplitude=3e-6&materials.0.damping=0&names=PDMS,glass"
@@ -430,6 +431,7 @@ def test_a_link_holds_everything_that_was_set(explorer: Explorer, tmp_path: Path
     assert "free_amplitude = 3e-06 m; usual 50 pm … 1 µm." in page  # which is one of the warnings
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 def test_a_link_to_a_sample_that_is_not_here_says_so(explorer: Explorer, tmp_path: Path) -> None:
     page = in_browser(f"{explorer.url}#sample=mine&tip.radius=2e-8", tmp_path)

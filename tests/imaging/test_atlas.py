@@ -117,7 +117,13 @@ def assert_within(image: xr.Dataset, exact: xr.Dataset, phase: float, height: fl
         assert np.count_nonzero(interpolated & ~bounded) <= 1 + 1e-3 * interpolated.sum()
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+LONG = ("from repulsive to attractive on a shaker", "from repulsive to attractive, 1.01 of the resonance")
+
+
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, id=case.name, marks=[pytest.mark.slow] if case.name in LONG else []) for case in CASES],
+)
 def test_an_interpolated_image_is_within_the_accuracy_and_its_own_estimates(case: Case) -> None:
     surface, some = case.surface(), slice(None, None, case.every)
     image = pm.simulate(surface, case.scope, case.setpoint)
@@ -204,6 +210,7 @@ def test_no_film_is_on_a_wrong_branch_where_orbits_jump(monkeypatch: pytest.Monk
     assert (abs(image.phase - single.phase) <= image.error_phase).all()
 
 
+@pytest.mark.slow
 def test_the_numbers_do_not_depend_on_threads_nor_on_what_is_asked_for() -> None:
     surface = CROSSING.surface(seed=3)
     one, many = pm.simulate(surface, AIR, 0.7, threads=1), pm.simulate(surface, AIR, 0.7, threads=3)

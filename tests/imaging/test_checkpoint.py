@@ -402,7 +402,9 @@ def heeding() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "stop", [pytest.param(one, marks=pytest.mark.slow) for one in (signal.SIGKILL, signal.SIGTERM)] + [signal.SIGINT]
+)
 def test_a_command_that_was_stopped_goes_on(
     stop: signal.Signals, undisturbed: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -428,6 +430,7 @@ def test_a_command_that_was_stopped_goes_on(
         assert same_data(image, undisturbed)
 
 
+@pytest.mark.slow
 def test_a_warning_of_the_command_is_one_sentence(tmp_path: Path) -> None:
     output, parts = tmp_path / "image.nc", tmp_path / "image.nc.parts"
     parts.symlink_to(tmp_path / "nowhere")

@@ -321,9 +321,8 @@ def peak(side: int, control: Any, store: Path) -> float:
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize(
-    "control", [ENGAGE, pytest.param(pm.Raster(engage="line"), marks=pytest.mark.slow)], ids=["engage", "raster"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("control", [ENGAGE, pm.Raster(engage="line")], ids=["engage", "raster"])
 def test_memory_does_not_grow_with_the_map(control: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "LINES", 1 << 14)
     simulate(few(), control)  # what is loaded once

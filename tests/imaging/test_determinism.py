@@ -62,6 +62,7 @@ def test_the_number_of_threads_changes_no_bit(name: str) -> None:
         assert digest(image) == digest(alone) and said(image) == said(alone)
 
 
+@pytest.mark.slow
 def test_another_process_with_another_seed_of_hashes_gives_the_same_bytes() -> None:
     code = (
         "import phasemap as pm, test_determinism as t\n"

@@ -395,14 +395,15 @@ def wandering(solver: str, temperature: float = 0.0, detector_noise: float = 0.0
 
 # Samples a decay time apart are correlated by 1/e: (1 - 1/e^2)/(1 + 1/e^2) of 2 x 4000 count, and the variance of so
 # many normal numbers has a standard error of sqrt(2/6100) = 1.8 %; 6 % is more than three of them.
-@pytest.mark.parametrize("solver", [pytest.param("averaging", marks=pytest.mark.slow), "march"])
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ENGINES)
 def test_thermal_motion_of_the_free_lever_has_equipartition(solver: str) -> None:
     states = wandering(solver, temperature=300.0)
     # <z^2> = <|a|^2>/2, less what is driven.
     assert states[:, :2].var(axis=0).sum() / 2 == pytest.approx(1.380649e-23 * 300.0 / 0.1, rel=0.06)
 
 
-@pytest.mark.parametrize("solver", ENGINES)
+@pytest.mark.parametrize("solver", [pytest.param("averaging", marks=pytest.mark.slow), "march"])
 def test_detector_noise_passes_the_lock_in_within_its_bandwidth(solver: str) -> None:
     density = 1e-12  # m/sqrt(Hz)
     states = wandering(solver, detector_noise=density)

@@ -187,6 +187,7 @@ def test_a_fit_prints_its_units_and_goes_into_a_file(both: pm.Fit, tmp_path: Pat
         assert float((apart**2 + turned**2).sum()) == pytest.approx(both.chi2)
 
 
+@pytest.mark.slow
 def test_an_unknown_offset_and_viscosity_are_found() -> None:
     viscous = pm.Material(0.89e9, 0.37, viscosity=50.0)
     data = distance(viscous, "retract", 3)
@@ -219,6 +220,7 @@ def test_what_is_not_known_of_the_radius_is_in_the_errors_and_said() -> None:
     assert known.errors["modulus"] < 0.3 * fit.errors["modulus"]
 
 
+@pytest.mark.slow
 def test_a_damping_that_is_not_there_has_no_error_bar() -> None:
     data = distance(pm.Material(0.89e9, 0.37), "retract", 8)
     fit = pm.fit_distance(OFFSETS, **data, start=FILM)
@@ -313,7 +315,8 @@ def test_as_many_parameters_as_data_are_refused() -> None:
         pm.fit_distance(OFFSETS[:3], scope=SCOPE, start=FILM, phase=np.zeros(3), phase_error=1.0)
 
 
-@pytest.mark.parametrize("law", ["jkr", pytest.param(pm.interaction.Neck(2e-9), id="neck", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["jkr", pytest.param(pm.interaction.Neck(2e-9), id="neck")])
 def test_a_curve_of_a_law_with_a_neck_gives_back_what_made_it(law: Any) -> None:
     # Without an attraction from afar the orbits that touch lie on a piece apart from the curve from far.
     scope = replace(SCOPE, interaction=pm.Interaction(law, decay_length=None))
@@ -335,6 +338,7 @@ def test_laws_are_ranked_by_how_likely_they_make_the_data() -> None:
     assert replace(fit, scope=replace(fit.scope, interaction=slipping)).law == "slipping film"
 
 
+@pytest.mark.slow
 def test_a_soft_film_on_a_stiff_substrate_is_said_not_to_be_the_substrate() -> None:
     offsets = np.linspace(158e-9, 120e-9, 15)
     data = noisy(pm.sweep_distance(FILM, SCOPE, offsets), "approach", 14)

@@ -105,6 +105,7 @@ def test_the_page_on_files_lists_the_variables_of_a_fit_by_regions(doubtful):
     check("Variables of a fit by regions", doubtful, absent=("y", "x"))
 
 
+@pytest.mark.slow
 def test_errors_cover_the_truth_whatever_the_zeros():
     values = exact([SOFT, FIRM], TWO_AMPLITUDES)
     apart, zeros = [], []

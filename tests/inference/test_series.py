@@ -73,6 +73,7 @@ def found():
     return pm.series(measure(phases(), sign=-1), pm.Microscope(LEVER, TIP, pm.Drive(1e-9)), sign=-1)
 
 
+@pytest.mark.slow
 def test_order_sign_and_turn_of_the_contrast_are_found_from_files_that_say_little(found):
     true = phases((0.9, 0.7, 0.5))
     contrast = -(true[1] - true[0])  # region 0 is the larger one, and this instrument counts the other way
@@ -130,6 +131,7 @@ def test_a_shared_zero_is_one_in_each_tune_wherever_it_is_on_the_circle():
     assert found.misfit < 20.5  # chi2 of 10 data, once in 40 series
 
 
+@pytest.mark.slow
 def test_what_repeats_at_one_setting_differ_by_is_an_error_of_all():
     seen = np.array([[10.0, 13.0, 40.0], [30.0, 36.0, 90.0]])  # contrasts of 20 and 23 degrees at one setting
     same = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 1]], bool)
@@ -163,6 +165,7 @@ def test_what_no_material_explains_is_found_as_a_discrepancy_and_said_with_its_n
     assert ("whose errors would have to be" in found.attrs["verdict"]) == (wrong > 0)
 
 
+@pytest.mark.slow
 def test_a_film_is_found_beside_a_known_region_stiffer_than_anything_sought_and_of_another_thickness():
     mica = pm.Material(58.6e9, 0.1, 0.0, poisson_ratio=0.25, thickness=1e-6)
     film, prior = replace(SOFT, thickness=2e-9), pm.Material(1e9, 0.05, 0.01, thickness=2e-9)

@@ -155,6 +155,7 @@ def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_writes_is_n
     assert {*tmp_path.iterdir()} == {alive, elsewhere, other, tmp_path / "image.nc"}
 
 
+@pytest.mark.slow
 def test_a_damaged_file_that_the_library_never_finishes_is_given_up(tmp_path: Path) -> None:
     # Found by tests/fuzz: HDF5 1.14 searches this file for ever; another version may refuse it at once.
     code = (

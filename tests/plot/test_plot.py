@@ -256,6 +256,7 @@ def test_flags_and_failures_are_said_in_words() -> None:
     assert describe_failures(image().drop_vars("status")) == []
 
 
+@pytest.mark.slow
 def test_drawing_does_not_import_pyplot() -> None:
     code = "import sys, phasemap.plot, matplotlib.figure; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -106,6 +106,7 @@ def test_two_materials_are_seen_without_being_asked_for(tmp_path: Path) -> None:
     assert np.array_equal(load(tmp_path / "scene_maps.nc")["labels"].values, truth()[0])
 
 
+@pytest.mark.slow
 @needs_reader
 @pytest.mark.filterwarnings("ignore::phasemap.ResultWarning")
 def test_sapphire_is_one_material_and_a_flake_on_its_substrate_two(tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
         period_map.come_to_rest(problem, tolerance, most, tip)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scope", [SCOPE, SLOW], ids=["Q 200", "Q 1e6"])
 @pytest.mark.parametrize("most", [1, 300, 5000])
 @pytest.mark.parametrize("what", WHATS)

@@ -237,6 +237,7 @@ def test_where_dents_are_gone_the_lever_s_response_finds_what_the_march_does(
     assert quick[0, col.DISSIPATION] == pytest.approx(slow[0, col.DISSIPATION], abs=1e-5 * given)
 
 
+@pytest.mark.slow
 def test_an_orbit_on_which_taps_take_less_the_farther_the_tip_swings_is_left_to_time() -> None:
     # Both of its multipliers are 1.0035 in size: what disturbs it grows, until the tip moves in beats.
     scope = pm.Microscope(

@@ -79,6 +79,7 @@ def test_a_pixel_computed_with_another_modulus_is_found_and_judged_in_time(good:
     assert {REPEATED, *BY_ANOTHER} <= set(found) and set(found.values()) == {((0, ROW, COLUMN),)}
 
 
+@pytest.mark.slow
 def test_a_pixel_whose_modulus_is_changed_in_the_map_is_found_and_judged_in_time(good: xr.Dataset) -> None:
     found = failed(pm.check(good, with_modulus(BISTABLE, 1.5)))
     assert {REPEATED, *BY_ANOTHER} <= set(found) and set(found.values()) == {((0, ROW, COLUMN),)}
@@ -106,6 +107,7 @@ def test_so_is_one_of_exact_orbits_of_few_materials() -> None:
     assert failed(pm.check(image, surface, pixels=4)) == {REPEATED: ((0, ROW, COLUMN),)}
 
 
+@pytest.mark.slow
 def test_what_was_asked_for_beside_the_usual_is_solved_again_too() -> None:
     surface = random_map(8, (1e9, 3e9), 0.05, (0.005, 0.02))
     names = ("phase", "contact_storage", "amplitude_3", "loss_tangent_corrected")

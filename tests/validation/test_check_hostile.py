@@ -120,6 +120,7 @@ def places(table: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
             yield from places(table[key], (*path, key))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unsolved")
 @settings(max_examples=150, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
