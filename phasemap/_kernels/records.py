@@ -218,7 +218,7 @@ def _declare(cls: Any, kind: RecordType) -> None:
 
     @lower_builtin(cls)
     def make(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        with builder.goto_entry_block():  # numba's own `alloca_once` has LLVM zero one word after the other, for seconds
+        with builder.goto_entry_block():  # `alloca_once` has LLVM zero one word after the other, for seconds
             address = builder.alloca(context.get_value_type(kind).pointee)
         _zero(builder, address, kind)
         return address
