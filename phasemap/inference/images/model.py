@@ -136,25 +136,30 @@ class Model:
         spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)
         return phases
 
-    def exact(self, q: Array, sides: Codes, places: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def exact(self, q: Array, sides: Codes, places: Array, engage: bool = True) -> tuple[Array, NDArray[np.bool_]]:
         """Exact orbits, shape (n, m, 2), and where they were found, shape (n, m).
 
-        Those next to averaged ones at `places`; where averaging is no guide, those that a tip from far comes to.
+        Those next to averaged ones at `places`; with `engage`, where there are none, those that a tip from far comes to
+        if they are on the same branch, and where averaging is no guide on any.
         """
         values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
+        rows = self.rows(q)
         if self.averages:
             from phasemap._kernels.rows.derivatives import exact_block
 
             setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
-            exact_block(self.law, self.rows(q), setpoints, LIMITS, values, good)
-            return values, good
-        from phasemap.solvers.problem import Work
-        from phasemap.solvers.run import run
-        from phasemap.solvers.solver import Orbit
+            exact_block(self.law, rows, setpoints, LIMITS, values, good)
+        for j in np.flatnonzero((~good & (sides != 0)).any(axis=0) & engage):
+            from phasemap.solvers.problem import Work
+            from phasemap.solvers.run import run
+            from phasemap.solvers.solver import Orbit
 
-        for j, (lever, held) in enumerate(zip(self.levers, self.amplitudes, strict=True)):
-            found, status, _ = run(Orbit(), Work(self.law, self.rows(q), lever, np.full(len(q), held)), Accuracy())
-            values[:, j], good[:, j] = found[:, [col.PHASE, col.TIP_OFFSET]], status == col.GOOD
+            some = np.flatnonzero(~good[:, j] & (sides[:, j] != 0))
+            work = Work(self.law, rows[some], self.levers[j], np.full(len(some), self.amplitudes[j]))
+            found, status, _ = run(Orbit(in_time=not self.averages), work, Accuracy(), threads=1)
+            here = (found[:, col.STIFFENING] > 0) == (sides[some, j] > 0)
+            good[some, j] = (status == col.GOOD) & (here | (not self.averages))
+            values[some, j] = found[:, [col.PHASE, col.TIP_OFFSET]]
         return values, good
 
     def sides_of(self, stack: Stack) -> Codes:

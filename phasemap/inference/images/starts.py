@@ -28,7 +28,8 @@ Codes = NDArray[np.int8]
 GRID = (7, 4, 7)  # materials, over SHARE_OF_GRID
 SHARE_OF_GRID = 0.43  # of the largest logarithm that is tried
 STARTS = 3  # materials that are tried
-ASTRAY, DOUBTFUL = 50.0, 15.0  # chi2 above which the next one is, of averaged and of exact orbits
+ASTRAY = 50.0  # chi2 above which the next one is
+DOUBTFUL = 2.0  # the same of exact orbits: above its mean, in standard deviations
 MOST = 24  # starts
 OF_A_KIND = 4  # of them with the same branches
 SEPARATE = 1.5  # in a logarithm, between starts with the same branches
@@ -72,7 +73,7 @@ def make_grid(model: Model) -> Grid:
             found = image.orbits(q, sides, place, search=True)
             good = found.good
             values[branch, good, j], places[branch, :, j] = found.values[good, 0], place[:, 0]
-            exact, _ = image.exact(q[good], sides[good], place[good])
+            exact, _ = image.exact(q[good], sides[good], place[good], engage=False)
             defects[branch, good, j] = np.nan_to_num(exact - found.values[good])[:, 0]
     return Grid(q, values, places, defects)
 
@@ -170,11 +171,14 @@ def _descend_by_slopes(problem: Problem, grid: Grid, slopes: Array) -> list[Solu
     step = np.linalg.solve(matrix, pull[..., None])[..., 0]
     share = np.minimum(1.0, LONGEST / np.abs(step).max(axis=-1))
     cost = (rest**2).sum(axis=-1) + _prior(problem.model, grid)[usable] - (2 * share - share**2) * (step * pull).sum(-1)
+    data = int((problem.weights > 0).sum())
+    doubtful = data + DOUBTFUL * np.sqrt(2 * data)
     q, solutions = grid.q[usable] + share[..., None] * step, list[Solution]()
     for _ in range(STARTS):
         best = cost.argmin(axis=1)
         least = np.min([one.cost for one in solutions], axis=0, initial=np.inf)
-        worth = np.flatnonzero((cost[every, best] < least + WORTH) | (least > DOUBTFUL) & (cost.min(axis=1) < np.inf))
+        expected = cost[every, best]
+        worth = np.flatnonzero((expected < least + WORTH) | (least > doubtful) & (expected < np.inf))
         if not len(worth):
             break
         part, begin = problem.part(worth), q[worth, best[worth]]
