@@ -130,8 +130,6 @@ def stable_branches(
 
 def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
     """Fill both branches, what engagement finds being there."""
-    from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.exact import exact_side_rows
     from phasemap._kernels.rows.fast import seen_side_rows, side_rows
 
     phase, height = accuracy.phase, accuracy.height
@@ -149,10 +147,15 @@ def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) ->
             waiting = side_rows(work.pixels, side, limits, allowed, own)
         else:
             waiting = seen_side_rows(work.pixels, side, limits, own, slopes)
-        if waiting and exact_side_rows(work.pixels, TABLES, side, own, slopes):
-            _search(work, side, own)
+        if waiting:
+            from phasemap._kernels.quadrature import TABLES
+            from phasemap._kernels.rows.exact import exact_side_rows
+
+            if exact_side_rows(work.pixels, TABLES, side, own, slopes):
+                _search(work, side, own)
         found = np.flatnonzero(np.isfinite(slopes[:, 0]) & (own.status == col.GOOD))
-        own.rows[found] = at_seen(own.rows[found], slopes[found], work.lever, work.amplitudes[found])
+        if len(found):  # where the detector does not see the tip
+            own.rows[found] = at_seen(own.rows[found], slopes[found], work.lever, work.amplitudes[found])
     if solver.name == "averaging":
         _average(work, answers)
     elif isinstance(solver, March):
