@@ -36,9 +36,9 @@ BESIDE: Case = {
     "lever": (0.525, 70e3, 14.6), "radius": 8.74e-9, "amplitude": 30.3e-9, "material": (3.08e6, 0.0266, 0.000391),
     "setpoint": 0.481,
 }  # fmt: skip
-GENTLE: Case = {
-    "lever": (39.6, 70e3, 11.4), "radius": 35.4e-9, "amplitude": 6.6e-9, "material": (1.36e6, 0.00229, 0.0025),
-    "setpoint": 0.654, "solver": "averaging",
+NO_AVERAGED: Case = {
+    "lever": (1.07, 70e3, 144.0), "radius": 25.3e-9, "amplitude": 25.3e-9, "material": (15.4e9, 0.00726, 0.0377),
+    "setpoint": 0.851, "solver": "averaging",
 }  # fmt: skip
 HURRIED: Case = {
     "lever": (3.0, 300e3, 100.0), "radius": 10e-9, "amplitude": 40e-9, "material": (30e6, 0.05, 0.01), "setpoint": 0.6,
@@ -56,7 +56,7 @@ NECK: Case = {
         (STUCK, pm.Status.no_stable_orbit, "Raise the free amplitude", {"amplitude": 5 * 11.3e-9}),
         (BESIDE, pm.Status.no_stable_orbit, "Raise the free amplitude", {"amplitude": 5 * 30.3e-9}),
         (BESIDE, pm.Status.no_stable_orbit, "another setpoint", {"setpoint": 0.65}),
-        (GENTLE, pm.Status.no_averaged_orbit, "Use solver='orbit'", {"solver": "orbit"}),
+        (NO_AVERAGED, pm.Status.no_averaged_orbit, "Use solver='orbit'", {"solver": "orbit"}),
         (HURRIED, pm.Status.not_settled, "Allow more with Accuracy(periods=...)", {"periods": 20_000}),
         (NECK, pm.Status.creates_energy, "'dmt'", {"contact": "dmt"}),
         (NECK, pm.Status.creates_energy, "a shorter decay_length", {"decay_length": 0.02e-9}),

@@ -18,7 +18,9 @@ from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment.lever import lever_of, of_tip, offset_and_factor, sees_tip, show
 from phasemap.scenes.scene import load_scene
+from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import work_of_material
+from phasemap.solvers.solver import by_name
 
 CASES = load("excitation")
 IN_LIQUID = [case for case in CASES if case["quality_factor"] < 20]
@@ -389,3 +391,20 @@ def test_the_lever_of_a_force_on_the_tip_hides_nothing() -> None:
     offset, factor = offset_and_factor(work_of_material(SOFT, WET, 1e-9).lever)
     assert abs(offset) == pytest.approx(10e-9 / 3)
     assert abs(factor) == pytest.approx(1)
+
+
+def test_with_a_neck_the_other_branch_on_a_shaker_is_one_of_the_orbits_of_the_whole_curve() -> None:
+    # Passes know nothing of the energy that a neck takes: they were 5 degrees off.
+    lever = pm.Cantilever(2.0, 300e3, 100.0, participation=1)
+    scope = replace(
+        DRY,
+        cantilever=lever,
+        drive=pm.Drive(20e-9, excitation="base"),
+        interaction=pm.Interaction("jkr", decay_length=None),
+    )
+    material = pm.Material(321e6, 0.0346, 0.0169)
+    work = work_of_material(material, scope, 0.8 * scope.driven_amplitude)
+    found = stable_branches(work, by_name("auto"), pm.Accuracy())
+    assert found.engaged.tolist() == [col.ATTRACTING] and found.status[col.REPELLING, 0] == col.GOOD
+    row, orbits = found.rows[col.REPELLING, 0], pm.orbits(material, scope, 0.8)
+    assert float(abs(orbits.phase - math.degrees(row[col.PHASE])).min()) < 1e-3

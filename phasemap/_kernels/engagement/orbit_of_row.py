@@ -9,6 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.exact_orbit import Rooms, at_amplitude, new_rooms, orbit_along_curve
+from phasemap._kernels.engagement.side_from_far import forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
@@ -84,7 +85,7 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
 def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
     """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
     amplitude, room, guess = row[col.AMPLITUDE], again.room, again.guess
-    if not fill_averaged_orbit_near(oscillator, amplitude, side, guess):
+    if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, guess)):
         return False
     found = refine(oscillator, guess, again.limits, room)
     if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:

@@ -18,6 +18,7 @@ from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, SURE, engage_b
 from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit
 from phasemap._kernels.engagement.other_branch import averaged_on
 from phasemap._kernels.engagement.response import cheap_orbit
+from phasemap._kernels.engagement.side_from_far import forces_are_plain
 from phasemap._kernels.excitation import LEAST_SLOPE, likely_amplitude, next_amplitude, seen_rate, sees_tip, show
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, phase_of
@@ -68,7 +69,7 @@ def orbit_at(
     guess = room.guess
     if side != 0:
         done = col.PENDING
-        if fill_averaged_orbit_near(oscillator, amplitude, side, guess):
+        if forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, guess):
             exact = not averaged and refine(oscillator, guess, room.limits, room.room)
             done = col.GOOD if exact else col.KNOWN
     else:
