@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Pixels = slice | NDArray[np.intp]
+Values = dict[str, Any]
+"""An array for each variable."""
 
 COUNTS = ("ringing_lines",)  # notes that add up
 PENDING = -1  # status of a pixel that is not filled yet
@@ -29,7 +31,7 @@ PENDING = -1  # status of a pixel that is not filled yet
 
 def values_of(
     names: tuple[str, ...], rows: Array, status: Array, used: Array, scope: Microscope | None = None
-) -> dict[str, Any]:
+) -> Values:
     """Variables of result rows, shape (..., COLUMNS or WIDE), with their codes, on a flat surface.
 
     `scope`: that made the rows, for channels, which are derived from them.

@@ -13,7 +13,6 @@ import uuid
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,8 +25,7 @@ from phasemap._shared.files import replacing
 from phasemap.experiment.interaction import ContactLaw
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
-from phasemap.imaging.canvas import Canvas, joined_notes
-from phasemap.imaging.job import Job, Stretch, Values, fill_part, simulator_of
+from phasemap.imaging.canvas import Values
 from phasemap.results.variables import provenance
 
 EVERY = 2.0  # seconds of work that may be lost
@@ -44,7 +42,7 @@ class Lines(NamedTuple):
     last: int
     arrays: Values  # their variables
     notes: dict[str, float]
-    state: Values  # in which the tip left them, as `Simulator.freeze` gives it
+    state: Values  # in which the tip left them, as `job.Simulator.freeze` gives it
 
 
 class Checkpoint:
@@ -65,7 +63,10 @@ class Checkpoint:
         self._writes, self._last = True, time.monotonic()
 
     def portions(self, first: int, last: int, least: int, most: int) -> Iterator[slice]:
-        """See `phasemap.imaging.job.Memo`: as many as take the time between two files, by what the last ones took."""
+        """Slices from `first` to `last`, each of which takes the time between two files, by what the last one took.
+
+        They have multiples of `least`, and mostly no more than `most`.
+        """
         size = GROWTH * least
         while first < last:
             began = time.monotonic()
@@ -83,7 +84,7 @@ class Checkpoint:
         return time.monotonic() - self._last >= EVERY
 
     def remember(self, name: str, values: Values) -> None:
-        """Keep it."""
+        """Keep it, in place of what was kept under this name."""
         self._write(f"{self._name}-{name}.npz", values)
 
     def lines(self) -> Iterator[Lines]:
@@ -184,37 +185,3 @@ def _read(file: Path) -> Values:
 def _under(kind: str, arrays: Values) -> Values:
     """Those whose names begin with the kind, without it."""
     return {name.removeprefix(f"{kind}."): one for name, one in arrays.items() if name.startswith(f"{kind}.")}
-
-
-def fill_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: Checkpoint) -> None:
-    """Fill the canvas some lines at a time, keep them every few seconds, and go on after those that were kept.
-
-    How many lines are filled at a time depends on how long they take; the numbers do not depend on it.
-    """
-    simulator, surface, lines = simulator_of(job.control), job.surface, job.surface.shape[0]
-    first, state = _restored(job, canvas, checkpoint)
-    waiting, since = Lines(first, first, {}, {}, {}), time.monotonic()
-    at_once = 1 if job.control.carried else job.workers  # lines that threads may share
-    for rows in checkpoint.portions(first, lines, at_once, lines):
-        mine = replace(job, surface=surface.rows(rows), place=job.place._replace(row=rows.start))
-        part = canvas.part(mine.surface, rows)
-        state = fill_part(mine, stretches, part, state)
-        canvas.note(part.notes)
-        waiting = waiting._replace(last=rows.stop, notes=joined_notes(waiting.notes, part.notes))
-        if time.monotonic() - since >= EVERY:
-            done = slice(waiting.first, waiting.last)
-            arrays = canvas.part(surface.rows(done), done).arrays()
-            checkpoint.keep(waiting._replace(arrays=arrays, state=simulator.freeze(state)))
-            waiting, since = Lines(rows.stop, rows.stop, {}, {}, {}), time.monotonic()
-
-
-def _restored(job: Job, canvas: Canvas, checkpoint: Checkpoint) -> tuple[int, Any]:
-    """Fill in the lines that were kept; returns the first that is not, and the state in which the tip comes to it."""
-    first, state, thaw = 0, None, simulator_of(job.control).thaw
-    with suppress(KeyError, TypeError, ValueError):  # of what does not fit, which is made again
-        for kept in checkpoint.lines():
-            left, rows = thaw(kept.state), slice(kept.first, kept.last)
-            canvas.part(job.surface.rows(rows), rows).restore(kept.arrays)
-            canvas.note(kept.notes)
-            first, state = kept.last, left
-    return first, state

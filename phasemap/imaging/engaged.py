@@ -18,10 +18,10 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of, of_tip
 from phasemap.experiment.material_rows import film_of, liquid_of
 from phasemap.experiment.microscope import Microscope
-from phasemap.imaging.canvas import PENDING, Canvas, values_of
+from phasemap.imaging.canvas import PENDING, Canvas, Values, values_of
 from phasemap.imaging.interpolation.atlas import Atlas, build
 from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, PHASE, Axes, ExactOrbits, functions_of
-from phasemap.imaging.job import Job, Simulator, Values
+from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.quantities import OF_SECOND, motion_seen
 from phasemap.results.variables import OF_ORBITS

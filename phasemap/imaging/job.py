@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from phasemap.experiment.material_rows import film_of, liquid_of, properties, re
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
-from phasemap.imaging.canvas import Canvas, values_of
+from phasemap.imaging.canvas import Canvas, Values, joined_notes, values_of
+from phasemap.imaging.checkpoint import Checkpoint, Lines
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.imaging.materials import Place, Survey
 from phasemap.results.quantities import needs_of
@@ -32,35 +34,8 @@ from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
-Values = dict[str, Any]
-"""An array for each variable."""
-
 CHUNK = 1 << 15  # distinct materials that are solved together
 FEWEST = 1 << 4  # for each thread, where what is solved is kept on disk
-
-
-class Memo(Protocol):
-    """Where results of a long run are kept, so that it can go on after an end that was not expected."""
-
-    @property
-    def due(self) -> bool:
-        """Whether it is time to keep something."""
-        ...
-
-    def portions(self, first: int, last: int, least: int, most: int) -> Iterator[slice]:
-        """Slices from `first` to `last`, to be worked on one after the other, so long that it is due after each.
-
-        They have multiples of `least`, and mostly no more than `most`.
-        """
-        ...
-
-    def recall(self, name: str) -> Values:
-        """What was kept under this name, empty if nothing was."""
-        ...
-
-    def remember(self, name: str, values: Values) -> None:
-        """Keep it, in place of what was kept under this name."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -78,7 +53,7 @@ class Job:
     names: tuple[str, ...]  # image variables, `status` among them, and channels
     workers: int  # threads
     progress: Progress | None = None
-    memo: Memo | None = None
+    memo: Checkpoint | None = None  # of what is solved
 
     @property
     def only_in_time(self) -> bool:
@@ -245,3 +220,37 @@ def fill_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = N
         state = simulator.fill(part, stretch.plan, mine, state)
         canvas.note(mine.notes)
     return state
+
+
+def fill_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: Checkpoint) -> None:
+    """Fill the canvas some lines at a time, keep them every few seconds, and go on after those that were kept.
+
+    How many lines are filled at a time depends on how long they take; the numbers do not depend on it.
+    """
+    simulator, surface, lines = simulator_of(job.control), job.surface, job.surface.shape[0]
+    first, state = _restored(job, canvas, checkpoint)
+    waiting = Lines(first, first, {}, {}, {})
+    at_once = 1 if job.control.carried else job.workers  # lines that threads may share
+    for rows in checkpoint.portions(first, lines, at_once, lines):
+        mine = replace(job, surface=surface.rows(rows), place=job.place._replace(row=rows.start))
+        part = canvas.part(mine.surface, rows)
+        state = fill_part(mine, stretches, part, state)
+        canvas.note(part.notes)
+        waiting = waiting._replace(last=rows.stop, notes=joined_notes(waiting.notes, part.notes))
+        if checkpoint.due:
+            done = slice(waiting.first, waiting.last)
+            arrays = canvas.part(surface.rows(done), done).arrays()
+            checkpoint.keep(waiting._replace(arrays=arrays, state=simulator.freeze(state)))
+            waiting = Lines(rows.stop, rows.stop, {}, {}, {})
+
+
+def _restored(job: Job, canvas: Canvas, checkpoint: Checkpoint) -> tuple[int, Any]:
+    """Fill in the lines that were kept; returns the first that is not, and the state in which the tip comes to it."""
+    first, state, thaw = 0, None, simulator_of(job.control).thaw
+    with suppress(KeyError, TypeError, ValueError):  # of what does not fit, which is made again
+        for kept in checkpoint.lines():
+            left, rows = thaw(kept.state), slice(kept.first, kept.last)
+            canvas.part(job.surface.rows(rows), rows).restore(kept.arrays)
+            canvas.note(kept.notes)
+            first, state = kept.last, left
+    return first, state

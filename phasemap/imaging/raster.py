@@ -17,7 +17,7 @@ from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS, UNKNOWN_ORBIT, St
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
-from phasemap.imaging.canvas import Canvas, values_of
+from phasemap.imaging.canvas import Canvas, Values, values_of
 from phasemap.imaging.engaged import (
     FEW,
     Interpolants,
@@ -27,7 +27,7 @@ from phasemap.imaging.engaged import (
     numbers_in,
     numbers_of,
 )
-from phasemap.imaging.job import Job, Simulator, Values
+from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.both_branches import Branches, stable_branches

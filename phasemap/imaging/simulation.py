@@ -27,10 +27,10 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism, check_realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, check_image
-from phasemap.imaging.checkpoint import Checkpoint, fill_kept
+from phasemap.imaging.checkpoint import Checkpoint
 from phasemap.imaging.dask import check_lazy, simulate_lazily
 from phasemap.imaging.imperfections import changes, drifted, finish
-from phasemap.imaging.job import Job, fill_part, plan_image, simulator_of
+from phasemap.imaging.job import Job, fill_kept, fill_part, plan_image, simulator_of
 from phasemap.imaging.materials import Place, survey
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.quantities import needs_of

@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 import phasemap as pm
 from phasemap.cli import main
 from phasemap.experiment.interaction import ContactLaw, Interaction
-from phasemap.imaging import checkpoint
+from phasemap.imaging import checkpoint, job
 from phasemap.imaging.checkpoint import Checkpoint, discard
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -144,8 +144,8 @@ def test_lines_that_were_kept_are_not_made_again(tmp_path: Path, monkeypatch: py
     surface, options = CASES["raster, engaged once"]
     pm.simulate(surface, SCOPE, 0.7, **options, checkpoint=tmp_path / "parts")
     filled: list[int] = []
-    real = checkpoint.fill_part
-    monkeypatch.setattr(checkpoint, "fill_part", lambda job, *rest: filled.append(job.place.row) or real(job, *rest))
+    real = job.fill_part
+    monkeypatch.setattr(job, "fill_part", lambda part, *rest: filled.append(part.place.row) or real(part, *rest))
     removed = sorted((tmp_path / "parts").glob("*-lines-*"))[-3:]
     for file in removed:
         file.unlink()
