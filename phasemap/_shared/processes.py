@@ -40,7 +40,7 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
     try:
         with _ignoring_interrupts():
             for item in _first(workers, waiting):
-                connection, process = _start(task)
+                connection, process = _start(task, quiet=bool(running))
                 running[connection] = process
                 connection.send(item)
         busy = set(running)
@@ -65,21 +65,22 @@ def _first(count: int, items: Iterator[T]) -> Iterator[T]:
         yield item
 
 
-def _start(task: Callable[[T], R]) -> tuple[Connection, SpawnProcess]:
+def _start(task: Callable[[T], R], quiet: bool) -> tuple[Connection, SpawnProcess]:
     """Start a process that serves the task, and return our end of the line to it."""
     from multiprocessing import get_context
 
     context = get_context("spawn")  # a fork would copy numba's and HDF5's locks in whatever state they are
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, task), daemon=True)
+    process = context.Process(target=_serve, args=(theirs, task, quiet), daemon=True)
     process.start()
     theirs.close()  # or its end would not be ours to notice
     return ours, process
 
 
-def _serve(line: Connection, task: Callable[[T], R]) -> None:
+def _serve(line: Connection, task: Callable[[T], R], quiet: bool) -> None:
     """Answer what comes over the line until there is nobody at the other end."""
-    os.environ["PHASEMAP_QUIET"] = "1"  # the process that waits says what there is to say
+    if quiet:  # one of them says that kernels are compiled
+        os.environ["PHASEMAP_QUIET"] = "1"
     try:
         while True:
             item = line.recv()

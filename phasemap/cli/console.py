@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import textwrap
-import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -16,21 +15,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WIDTH = 100  # letters on a line of a summary, beside its words
-PATIENCE = 3.0  # seconds without a first result after which a word is due
-STILL_COMPILING = "phasemap: no result yet; kernels are compiled for their first use, later runs load them."
-
-
-@contextmanager
-def patience(quiet: bool = False) -> Iterator[Callable[[], None]]:
-    """Say on stderr why nothing has come yet, unless the function that it gives is called in time."""
-    timer = threading.Timer(PATIENCE, print, [STILL_COMPILING], {"file": sys.stderr})
-    timer.daemon = True
-    if not quiet:
-        timer.start()
-    try:
-        yield timer.cancel
-    finally:
-        timer.cancel()
 
 
 def bar_of(unit: str) -> Any:

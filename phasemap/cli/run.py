@@ -16,7 +16,7 @@ from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import unquestioned, untold
 from phasemap._shared.units import ELECTRONVOLT, counted, image_size, say
 from phasemap.cli.arguments import add_files, add_options, add_scene, whole
-from phasemap.cli.console import bar_of, patience, progress_bar, remarks
+from phasemap.cli.console import bar_of, progress_bar, remarks
 from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def print_ensemble(ensemble: Ensemble) -> None:
 def _counting_samples(output: Path, quiet: bool) -> Iterator[Callable[[int, int], None]]:
     """Give a function of progress, which draws a bar on stderr unless that is not wanted; Ctrl-C says what is kept."""
     kept = "nothing was written"
-    with nullcontext() if quiet else bar_of(" samples") as bar, patience(quiet) as first_result:
+    with nullcontext() if quiet else bar_of(" samples") as bar:
 
         def progress(done: int, total: int) -> None:
             nonlocal kept
@@ -244,8 +244,6 @@ def _counting_samples(output: Path, quiet: bool) -> Iterator[Callable[[int, int]
                 bar.total, bar.initial = total, done
                 if done:
                     print(f"phasemap: {done} of {total} samples were done already.", file=sys.stderr)
-            if done == total or done > bar.initial:
-                first_result()
             bar.update(done - bar.n)
 
         try:
