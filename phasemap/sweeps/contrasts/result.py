@@ -1,17 +1,8 @@
 """What comes of a map of the contrast: its Dataset, and where to work.
 
-Recommended is the point at which two materials are told apart best, and safely. Wang (1999) finds the phase most
-sensitive around the transition between the regimes, where it passes 0, and insensitive in the attractive regime. The
-contrast is largest where that transition lies for one of the materials and not for the other; but right at a transition
-that jumps, a small error of the amplitude changes the image. So points count at which
-
-1. each material has one regime only, and no jump, no second regime and no failure is within `MARGIN` in setpoint, nor
-   on the way to the neighbouring free amplitudes and frequencies;
-2. or, if there is none, each material has one regime only;
-3. or, if there is none, both materials have an orbit.
-
-Of these, those count whose contrast is ample, or at least `SHARE` of the largest, and of these the one is recommended
-at which the tip indents least.
+Wang (1999) finds the phase most sensitive where it passes 0, between the regimes, and insensitive in the attractive
+one. The contrast is largest where that transition lies for one of the materials and not for the other; but right at a
+transition that jumps, a small error of the amplitude changes the image. The Notes of `phasemap.contrast` say the rule.
 """
 
 from __future__ import annotations
