@@ -23,23 +23,6 @@ from phasemap.cli.console import plain_warnings
 Command = Callable[[argparse.Namespace], int | None]
 
 LONGEST = 2000  # characters of a complaint
-EXAMPLES = """examples:
-  phasemap run samples/blend.toml -o blend.nc
-  phasemap run samples/blend.toml -o soft.nc scan.setpoint=0.6 drive.free_amplitude=20e-9
-  phasemap plot blend.nc
-  phasemap explore samples/blend.toml
-  phasemap sweep samples/particles.toml distance --material matrix --plot curve.png
-  phasemap contrast samples/blend.toml --materials ps,ldpe --free-amplitudes 10e-9:60e-9:26 --plot map.png
-  phasemap compare measured.nid blend.nc --plot page.png
-  phasemap invert samples/blend.toml at50.nc at80.nc --regions 2 --plot materials.png
-  phasemap series at50.ibw at65.ibw at80.ibw --plot page.png
-  phasemap scene MoS2.nid -o mos2.toml tip.radius=10e-9 drive.free_amplitude=40e-9
-  phasemap export blend.nc blend.gwy
-  phasemap check blend.nc
-  phasemap presets PS
-  phasemap validate samples/particles.toml
-  phasemap bench --quick
-"""
 
 COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], str, str], ...] = (
     ("run", run.run, run.add_arguments, run.EXAMPLES, "simulate the image of a scene and write it as netCDF"),
@@ -69,8 +52,9 @@ COMMANDS: tuple[tuple[str, Command, Callable[[argparse.ArgumentParser], None], s
      "verify a simulated image: test what it states, and solve its pixels again"),
     ("presets", presets.presets, presets.add_arguments, presets.EXAMPLES,
      "list the presets of materials and levers, or show one with its sources"),
-    ("validate", run.validate, run.add_validate, "", "check a scene file and print what would be simulated"),
-    ("bench", warm.bench, warm.add_bench, "",
+    ("validate", run.validate, run.add_validate, "examples:\n  phasemap validate samples/particles.toml",
+     "check a scene file and print what would be simulated"),
+    ("bench", warm.bench, warm.add_bench, "examples:\n  phasemap bench --quick",
      "measure time and error of every solver and of general-purpose integrators (in a clone of the repository)"),
 )  # fmt: skip
 """Name, what it does, what declares its arguments, examples, and what it is, of every command."""
@@ -165,10 +149,12 @@ class _Version(argparse.Action):
 
 def make_parser() -> argparse.ArgumentParser:
     """All commands and their arguments."""
+    lines = [(f"  phasemap {name}", examples.splitlines()) for name, _, _, examples, _ in COMMANDS]
+    firsts = (next(line for line in known if line.startswith(command)) for command, known in lines)
     parser = _Parser(
         prog="phasemap",
         description="Simulate tapping-mode AFM height and phase images of heterogeneous surfaces.",
-        epilog=EXAMPLES,
+        epilog="\n".join(["examples:", *firsts]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
