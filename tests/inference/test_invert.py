@@ -230,6 +230,18 @@ def test_attractive_images_carry_no_modulus():
     assert is_set(found, "modulus_not_determined").all()
 
 
+def test_a_tip_that_touches_little_is_not_taken_for_one_that_never_does():
+    # Of low Q and attracted in all images. Ten times the adhesion without a touch is a minimum of chi2 too.
+    lever, setpoints = pm.Cantilever(10.0, 100e3, 40.0), (0.7, 0.85, 0.7, 0.85)
+    scopes = [pm.Microscope(lever, TIP, pm.Drive(amplitude)) for amplitude in (4e-9, 4e-9, 8e-9, 8e-9)]
+    surface = pm.Surface([[0.1e9, 0.08e9, 0.17e9]], [[0.068, 0.065, 0.06]], [[0.02, 0.01, 0.04]], pixel_size=4e-9)
+    stack = [pm.simulate(surface, *at, solver="orbit") for at in zip(scopes, setpoints, strict=True)]
+    assert all((one.phase < 0).all() for one in stack)
+    found = invert(stack, scopes, phase_error=0.1, height_error=20e-12)
+    assert not (is_set(found, "poor_fit") | is_set(found, "adhesion_not_determined")).any()
+    assert (abs(deviations(found, surface, "adhesion")) < 1).all()
+
+
 def test_one_image_determines_nothing():
     surface = blend(2, (3, 3))
     found = invert(measure(surface, setpoints=(0.6,)))

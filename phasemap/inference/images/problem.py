@@ -213,7 +213,7 @@ def refine(problem: Problem, found: Solution, times: int = DEFECTS) -> Solution:
     """Go on with the difference of exact and averaged orbits where the last descent ended, until it stays."""
     if not problem.model.averages:
         return found._replace(exact=found.good)
-    left = np.arange(len(found.q))
+    left = np.flatnonzero(found.good & np.isfinite(found.cost))
     for _ in range(times):
         part, last = problem.part(left), found.part(left)
         defect, known = _defect(part, last)

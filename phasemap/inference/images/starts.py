@@ -26,10 +26,12 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 GRID = (7, 4, 7)  # materials, over SHARE_OF_GRID
+# Adhesions where tips are attracted: where that branch begins, chi2 has a narrow minimum, which coarser ones step over.
+ADHESIONS = 13
 SHARE_OF_GRID = 0.43  # of the largest logarithm that is tried
 STARTS = 3  # materials that are tried
-ASTRAY = 50.0  # chi2 above which the next one is
-DOUBTFUL = 2.0  # the same of exact orbits: above its mean, in standard deviations
+AT_ONCE = 512  # pixels for which all materials of the grid are looked at
+DOUBTFUL = 2.0  # chi2 above which the next one is, whatever is expected: above its mean, in standard deviations
 MOST = 24  # starts
 OF_A_KIND = 4  # of them with the same branches
 SEPARATE = 1.5  # in a logarithm, between starts with the same branches
@@ -47,25 +49,27 @@ class Grid:
     values: Array  # shape (2, g, m, 2); on the attractive and the repulsive branch; NaN without an orbit
     places: Array  # shape (2, g, m) or (2, g, m, PLACE)
     defects: Array  # shape (2, g, m, 2); how much exact orbits differ; 0 where they are not known
-    slopes: Array | None = None  # shape (g, m, 2, 3); derivatives of exact orbits by the logarithms
+    slopes: Array  # shape (2, g, m, 2, 3); derivatives by the logarithms
 
     def on(self, branches: NDArray[np.int8]) -> tuple[NDArray[np.intp], Array]:
         """Materials with orbits on these branches, shape (m,), in every image, and their values, shape (k, m, 2)."""
-        values = self.values[(branches > 0).astype(int), :, np.arange(len(branches))].transpose(1, 0, 2)
+        at = (branches > 0).astype(int), slice(None), np.arange(len(branches))
+        values = (self.values[at] + self.defects[at]).transpose(1, 0, 2)
         values = np.where((branches == 0)[:, None], 0.0, values)
         usable = np.flatnonzero(np.isfinite(values).all(axis=(1, 2)))
         return usable, values[usable]
 
 
-def make_grid(model: Model) -> Grid:
-    """Orbits of materials that fill the range searched."""
-    axes = [np.linspace(-1, 1, count) * SHARE_OF_GRID * model.reach for count in GRID]
+def make_grid(model: Model, attractive: bool = False) -> Grid:
+    """Orbits of materials that fill the range searched; with more adhesions where tips are attracted."""
+    counts = (GRID[0], ADHESIONS, GRID[2]) if attractive else GRID
+    axes = [np.linspace(-1, 1, count) * SHARE_OF_GRID * model.reach for count in counts]
     q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     if not model.averages:
         return _grid_of_exact_orbits(model, q)
     count = len(model.amplitudes)
     values, places = np.full((2, len(q), count, 2), np.nan), model.nowhere(2, len(q), count)
-    defects = np.zeros_like(values)
+    defects, slopes = np.zeros_like(values), np.zeros((*values.shape, 3))
     for branch, side in enumerate(SIDES):
         sides = np.repeat(side[None], len(q), axis=0)
         for j in range(count):
@@ -73,9 +77,10 @@ def make_grid(model: Model) -> Grid:
             found = image.orbits(q, sides, place, search=True)
             good = found.good
             values[branch, good, j], places[branch, :, j] = found.values[good, 0], place[:, 0]
+            slopes[branch, good, j] = found.slopes[good, 0]
             exact, _ = image.exact(q[good], sides[good], place[good], engage=False)
             defects[branch, good, j] = np.nan_to_num(exact - found.values[good])[:, 0]
-    return Grid(q, values, places, defects)
+    return Grid(q, values, places, defects, slopes)
 
 
 def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
@@ -113,14 +118,15 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
         for k in [*range(1, size), *range(-2, -size - 1, -1)]:
             before = k - 1 if k > 0 else k + 1
             follow((number.take(before, axis).ravel(), j), (number.take(k, axis).ravel(), j))
-    return Grid(q, np.stack([values, values]), np.stack([places, places]), np.zeros((2, *values.shape)), slopes)
+    values, places, slopes = (np.stack([one, one]) for one in (values, places, slopes))
+    return Grid(q, values, places, np.zeros_like(values), slopes)
 
 
-def nearest(problem: Problem, grid: Grid, count: int) -> tuple[NDArray[np.intp], Array]:
-    """The materials of the grid that are nearest to the data of n pixels, -1 if there are none, and chi2 with them."""
+def nearest(problem: Problem, grid: Grid) -> tuple[NDArray[np.intp], Array]:
+    """The material of the grid that is nearest to the data of n pixels, -1 if there is none, and chi2 with it."""
     from scipy.spatial.distance import cdist
 
-    which, cost = np.full((len(problem.data), count), -1), np.full((len(problem.data), count), np.inf)
+    which, cost = np.full(len(problem.data), -1), np.full(len(problem.data), np.inf)
     nothing = np.zeros(problem.data.shape[1:])
     patterns, pattern_of = np.unique(problem.sides[:, 0], axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
@@ -132,53 +138,77 @@ def nearest(problem: Problem, grid: Grid, count: int) -> tuple[NDArray[np.intp],
         weighed = np.pad((values * problem.weights[0]).reshape(len(usable), -1), ((0, 0), (0, problem.held.shape[1])))
         total = cdist(data, problem.projection.without(weighed[..., None])[..., 0], "sqeuclidean")
         total += _prior(problem.model, grid)[usable]
-        best = np.argsort(total, axis=1, kind="stable")[:, :count]
-        which[some, : best.shape[1]] = usable[best]
-        cost[some, : best.shape[1]] = np.take_along_axis(total, best, axis=1)
+        which[some], cost[some] = usable[total.argmin(axis=1)], total.min(axis=1)
     return which, cost
 
 
 def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
-    """Best material of each pixel with the defect of the grid, from where that is nearest to the data or next to it.
+    """Materials of each pixel that may be as good, with the defect of the grid; of infinite cost where none was sought.
 
-    By exact orbits several solutions that may be as good; their cost is infinite where none was sought.
+    Averaged search starts where the grid is nearest. It goes on elsewhere where that ends in doubt, and where the tip
+    is attracted in all images: one that never touches knows no modulus, and no slope leads to those it touches with.
     """
-    if grid.slopes is not None:
-        return _descend_by_slopes(problem, grid, grid.slopes)
-    starts, _ = nearest(problem, grid, STARTS)
-    found = descend(problem, *_at(problem, grid, starts[:, 0]))
-    for start in starts[:, 1:].T:
-        astray = np.flatnonzero((problem.sides != 0).any(axis=(1, 2)) & (found.cost > ASTRAY) & (start >= 0))
-        part = problem.part(astray)
-        again = descend(part, *_at(part, grid, start[astray]))
-        better = again.cost < found.cost[astray]
-        found.put(astray[better], again.part(better))
-    return [found]
+    sides = problem.sides[:, 0]
+    if not problem.model.averages:
+        return _descend_apart(problem, grid, [])
+    found = descend(problem, *_at(problem, grid, nearest(problem, grid)[0]))
+    more = (sides != 0).any(axis=1) & ((found.cost > _doubtful(problem)) | attracted(sides))
+    solutions = [found, *(_unsought(found) for _ in range(1, STARTS) if more.any())]
+    for pattern in np.unique(sides[more], axis=0):
+        alike = np.flatnonzero(more & (sides == pattern).all(axis=1))
+        for some in np.array_split(alike, 1 + len(alike) // AT_ONCE):
+            apart = _descend_apart(problem.part(some), grid, [found.part(some)])
+            for whole, one in zip(solutions, apart, strict=False):
+                whole.put(some, one)
+    return solutions
 
 
-def _descend_by_slopes(problem: Problem, grid: Grid, slopes: Array) -> list[Solution]:
-    """The same from materials of the grid that a step of least squares brings nearest to the data, and far apart."""
-    images, every = (problem.sides[:, 0] != 0).any(axis=0), np.arange(len(problem.data))
-    usable = np.flatnonzero(np.isfinite(grid.values[0][:, images]).all(axis=(1, 2)))
+def attracted(sides: Codes) -> NDArray[np.bool_]:
+    """Whether tips are on the attractive branch in every image that has data, of branches of shape (..., m)."""
+    return np.asarray((sides <= 0).all(axis=-1) & (sides < 0).any(axis=-1))
+
+
+def _doubtful(problem: Problem) -> float:
+    """chi2 above which a solution may not be the best."""
+    data = int((problem.weights > 0).sum())
+    return float(data + DOUBTFUL * np.sqrt(2 * data))
+
+
+def _unsought(like: Solution) -> Solution:
+    """A solution that is none, for as many problems."""
+    every = np.arange(len(like.q))
+    return like.part(every)._replace(cost=np.full(len(every), np.inf))
+
+
+def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> list[Solution]:
+    """The same from materials of the grid that a step of least squares brings nearest to the data, and far apart.
+
+    `solutions`: those that are known. All problems have the same branches.
+    """
+    sides, every = problem.sides[0, 0], np.arange(len(problem.data))
+    usable, values = grid.on(sides)
     if not len(usable):
-        return [descend(problem, *_at(problem, grid, np.full(len(every), -1)))]
-    count = len(usable)
-    at = replace(problem.part(np.zeros(count, int)), data=np.nan_to_num(grid.values[0, usable])[:, None])
-    steep, nothing = at.weigh(slopes[usable][:, None]), np.zeros(problem.data.shape[1:])
+        return solutions or [descend(problem, *_at(problem, grid, np.full(len(every), -1)))]
+    branch, images, count = (sides > 0).astype(int), np.arange(len(sides)), len(usable)
+    slopes = grid.slopes[branch, usable[:, None], images]
+    at = replace(problem.part(np.zeros(count, int)), data=values[:, None])
+    steep, nothing = at.weigh(slopes[:, None]), np.zeros(problem.data.shape[1:])
     rest = problem.rest(nothing, nothing)[:, None] - at.rest(nothing, nothing)
     matrix = steep.transpose(0, 2, 1) @ steep + problem.prior
     pull = np.einsum("gdk,ngd->ngk", steep, rest) - grid.q[usable] @ problem.prior
-    step = np.linalg.solve(matrix, pull[..., None])[..., 0]
+    step = np.einsum("gkl,ngl->ngk", np.linalg.inv(matrix), pull)
     share = np.minimum(1.0, LONGEST / np.abs(step).max(axis=-1))
     cost = (rest**2).sum(axis=-1) + _prior(problem.model, grid)[usable] - (2 * share - share**2) * (step * pull).sum(-1)
-    data = int((problem.weights > 0).sum())
-    doubtful = data + DOUBTFUL * np.sqrt(2 * data)
-    q, solutions = grid.q[usable] + share[..., None] * step, list[Solution]()
-    for _ in range(STARTS):
+    q = grid.q[usable] + share[..., None] * step
+    for _ in range(len(solutions), STARTS):
+        for last in solutions[-1:]:
+            apart = q - last.q[:, None]
+            matrix = information(problem, problem.weigh(last.slopes))
+            cost[(np.einsum("ngi,nij,ngj->ng", apart, matrix, apart) < BEYOND**2) & last.good[:, None]] = np.inf
         best = cost.argmin(axis=1)
         least = np.min([one.cost for one in solutions], axis=0, initial=np.inf)
         expected = cost[every, best]
-        worth = np.flatnonzero((expected < least + WORTH) | (least > doubtful) & (expected < np.inf))
+        worth = np.flatnonzero((expected < least + WORTH) | (least > _doubtful(problem)) & (expected < np.inf))
         if not len(worth):
             break
         part, begin = problem.part(worth), q[worth, best[worth]]
@@ -187,14 +217,11 @@ def _descend_by_slopes(problem: Problem, grid: Grid, slopes: Array) -> list[Solu
         lost = np.flatnonzero(~again.good)
         again.put(lost, descend(part.part(lost), node[lost], *(one[lost] for one in near)))
         if len(worth) < len(every):
-            every_one = solutions[0].part(every)._replace(cost=np.full(len(every), np.inf))
-            every_one.put(worth, again)
-            again = every_one
-        solutions.append(again)
+            whole = _unsought(solutions[0])
+            whole.put(worth, again)
+            again = whole
+        solutions = [*solutions, again]
         cost[np.abs(q - q[every, best][:, None]).max(axis=-1) < SEPARATE] = np.inf
-        apart = q - again.q[:, None]
-        matrix = information(problem, problem.weigh(again.slopes))
-        cost[np.einsum("ngi,nij,ngj->ng", apart, matrix, apart) < BEYOND**2] = np.inf
     return solutions
 
 
@@ -214,7 +241,7 @@ def grid_of_one(model: Model) -> Grid:
     places = model.nowhere(2, count)
     values, good = model.exact(np.zeros((2, 3)), np.repeat(SIDES, count, axis=1), places)
     values = np.where(good[..., None], values, np.nan)[:, None]
-    return Grid(np.zeros((1, 3)), values, places[:, None], np.zeros_like(values))
+    return Grid(np.zeros((1, 3)), values, places[:, None], np.zeros_like(values), np.zeros((*values.shape, 3)))
 
 
 def make_starts(
@@ -246,9 +273,9 @@ def make_starts(
         pixels = problem_of_pixels(model, replace(coarse, values=values, errors=errors))
         if sides is not None:
             pixels = replace(pixels, sides=np.repeat(sides[None, region : region + 1], len(zeros), axis=0))
-        best, more = nearest(pixels, grids[region], 1)
-        which[region], branches[region] = best[:, 0], pixels.sides[:, 0]
-        cost = cost + more[:, 0]
+        best, more = nearest(pixels, grids[region])
+        which[region], branches[region] = best, pixels.sides[:, 0]
+        cost = cost + more
     q = np.concatenate([grids[r].q[which[r]] for r in range(regions) if r not in known], axis=1)
     both = np.stack([np.where(seen[r].any(axis=-1), branches[r], 0) for r in range(regions)], axis=1).astype(np.int8)
     taken = _spread(q, both, cost)
