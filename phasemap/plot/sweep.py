@@ -100,30 +100,11 @@ class Sweep:
                 yield slice(begin, i + 2), bool(solid[i])
                 begin = i + 1
 
-    def ends(self, word: str, name: str) -> np.ndarray:
-        """A quantity where jumps begin or end: as kept, or that of the nearest orbit or of what was seen."""
-        ds = self.ds
-        if f"jump_{word}_{name}" in ds:
-            kept: np.ndarray = ds[f"jump_{word}_{name}"].values
-            return kept
-        marks = ("amplitude", "phase", "tip_offset")
-        known = np.stack([*(ds[f"curve_{mark}"].values for mark in marks), self.points], axis=1)
-        saw = *(ds[mark].values for mark in marks), self.x
-        seen = np.stack([np.broadcast_to(values, ds["status"].shape).ravel() for values in saw])
-        sought = np.stack([*(ds[f"jump_{word}_{mark}"].values for mark in marks), self.jumps[:, int(word == "to")]], 1)
-        size = np.ptp(known, axis=0)
-        known, seen, sought = (values / np.where(size > 0, size, 1.0) for values in (known, seen.T, sought))
-        values, same = ds[f"curve_{name}"].values, np.diff(ds["curve_piece"].values) == 0
-        begin, low = np.concatenate([known[:-1][same], seen]), np.append(values[:-1][same], ds[name].values.ravel())
-        step, rise = np.zeros_like(begin), np.zeros_like(low)  # what was seen are points, which may be off the curve
-        step[: same.sum()], rise[: same.sum()] = np.diff(known, axis=0)[same], np.diff(values)[same]
-        length = np.maximum((step**2).sum(axis=1), 1e-300)
-        found = np.full(len(sought), np.nan)
-        for i in np.flatnonzero(np.isfinite(sought).all(axis=1)):
-            share = np.clip(((sought[i] - begin) * step).sum(axis=1) / length, 0, 1)
-            k = int(np.nanargmin(((begin + share[:, None] * step - sought[i]) ** 2).sum(axis=1)))
-            found[i] = low[k] + share[k] * rise[k]
-        return found
+    def ends(self, name: str) -> np.ndarray:
+        """A quantity where jumps begin and end, shape (n, 2); NaN in files that do not keep it."""
+        unknown, ds = np.full(len(self.jumps), np.nan), self.ds
+        kept = [ds[at].values if (at := f"jump_{word}_{name}") in ds else unknown for word in ("from", "to")]
+        return np.stack(kept, axis=1)
 
 
 def _limits(ds: xr.Dataset, axis: str, size: float, logarithmic: bool) -> tuple[float, float]:
@@ -262,7 +243,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, name: str) -> None:
     """One quantity."""
     ds = sweep.ds
     seen, all_values, fold_values = (ds[prefix + name].values for prefix in ("", "curve_", "fold_"))
-    ends = np.stack([sweep.ends(word, name) for word in ("from", "to")], axis=1)
+    ends = sweep.ends(name)
     shown = np.concatenate(
         [
             (seen + sweep.spread(name))[:, sweep.shown(sweep.x)].ravel(),
@@ -334,7 +315,7 @@ def _draw_jumps(axes: Axes, sweep: Sweep, ends: np.ndarray) -> None:
     place = axes.transData.transform
     directions = sweep.ds["jump_direction"].values.astype(int)
     for (x0, x1), (y0, y1), direction in zip(sweep.jumps, ends, directions, strict=True):
-        if not sweep.shown(x0):
+        if not sweep.shown(x0) or np.isnan(y0):
             continue
         if not np.isfinite([x1, y1]).all():
             axes.plot([x0], [y0], marker="x", color=COLOURS[direction], markersize=7, zorder=6, gid="jump")

@@ -236,6 +236,19 @@ def motion_of(rows: Array) -> Array:
     return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, col.irregular(rows)).astype(np.int8)
 
 
+def of_rows(
+    rows: Array, names: Iterable[str], dims: str | tuple[str, ...], prefix: str = ""
+) -> dict[str, tuple[Any, Any, dict[str, Any]]]:
+    """Variables of result rows for a Dataset, ``branch`` and ``motion`` among them, with their attributes."""
+    codes = {"branch": branch_of, "motion": motion_of}
+    return {
+        prefix + name: (dims, codes[name](rows), flag_attributes(name))
+        if name in codes
+        else (dims, FLOATS[name].value(rows), float_attributes(name))
+        for name in names
+    }
+
+
 def variables_of(control: Control) -> tuple[str, ...]:
     """Names of the variables that an image taken under this control has."""
     return SCAN_VARIABLES if control.in_time else IMAGE_VARIABLES

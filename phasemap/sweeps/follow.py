@@ -23,16 +23,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
-from phasemap.results.variables import (
-    FLOATS,
-    STABILITY,
-    branch_of,
-    coded,
-    flag_attributes,
-    float_attributes,
-    motion_of,
-    provenance,
-)
+from phasemap.results.variables import STABILITY, coded, flag_attributes, of_rows, provenance
 from phasemap.solvers.continuation.curves import Curves, distance_curves, held_curves, mend, not_followed, swept_curves
 from phasemap.solvers.continuation.path import UNITS, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.visit import (
@@ -53,7 +44,8 @@ from phasemap.solvers.problem import Work
 NAMES = (
     "amplitude", "phase", "height", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
     "mean_force", "peak_force", "least_force", "contact_time", "floquet", "multiplier_real", "multiplier_imag",
-    "feedback_slope", "energy_closure", "amplitude_spread", "phase_spread",
+    "feedback_slope", "energy_closure", "amplitude_spread", "phase_spread", "branch",
+    "motion",
 )  # fmt: skip
 Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
 HARMONICS = np.arange(2, 2 + col.HARMONICS)
@@ -108,18 +100,11 @@ def dataset(
 
 
 def _variables(prefix: str, rows: np.ndarray, dims: tuple[str, ...], axis: str) -> Variables:
-    """Every float variable of full rows, and their branch."""
-    data: Variables = {
-        prefix + name: (dims, FLOATS[name].value(rows), float_attributes(name))
-        for name in NAMES
-        if prefix or name != axis
-    }
+    """Every variable of full rows."""
+    data = of_rows(rows, (name for name in NAMES if prefix or name != axis), dims, prefix)
     amplitudes = rows[..., col.HARMONIC : col.HARMONIC + col.HARMONICS]
     attributes = {"long_name": "amplitude of a harmonic of the deflection", "units": "m"}
-    data[prefix + "harmonics"] = ((*dims, "harmonic"), amplitudes, attributes)
-    data[prefix + "branch"] = (dims, branch_of(rows), flag_attributes("branch"))
-    data[prefix + "motion"] = (dims, motion_of(rows), flag_attributes("motion"))
-    return data
+    return {**data, prefix + "harmonics": ((*dims, "harmonic"), amplitudes, attributes)}
 
 
 def _traces(traces: np.ndarray, dims: tuple[str, ...]) -> Variables:
@@ -160,8 +145,7 @@ def _jumps(curves: Curves, jumps: list[Jump], axis: Axis) -> Variables:
         "jump_direction": ("jump", codes, coded("direction of the sweep that jumps", *axis.directions)),
     }
     for word, some in (("from", before), ("to", after)):
-        for name in ("amplitude", "phase", "tip_offset"):
-            data[f"jump_{word}_{name}"] = ("jump", FLOATS[name].value(some), float_attributes(name))
+        data |= of_rows(some, NAMES, "jump", f"jump_{word}_")
     return data
 
 

@@ -23,15 +23,7 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.lever import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import (
-    FLOATS,
-    STABILITY,
-    branch_of,
-    coded,
-    flag_attributes,
-    float_attributes,
-    provenance,
-)
+from phasemap.results.variables import STABILITY, coded, of_rows, provenance
 from phasemap.solvers.continuation.curves import orbits_of_amplitude, orbits_of_offset
 from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, UNITS, Question, fixed_path
 from phasemap.solvers.problem import check_setpoint, work_of_material
@@ -281,11 +273,10 @@ def orbits(
 def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
     names = (
         "tip_offset", "amplitude", "height", "phase", "mean_deflection", "indentation", "dissipation", "virial",
-        "floquet", "feedback_slope", "energy_closure",
+        "floquet", "feedback_slope", "energy_closure", "branch",
     )  # fmt: skip
-    data = {name: ("orbit", FLOATS[name].value(rows), float_attributes(name)) for name in names}
-    found = xr.Dataset(data, {"orbit": ("orbit", np.arange(len(rows)), {"long_name": "orbit, far to near"})})
-    found["branch"] = ("orbit", branch_of(rows), flag_attributes("branch"))
+    found = xr.Dataset(of_rows(rows, names, "orbit"))
+    found["orbit"] = ("orbit", np.arange(len(rows)), {"long_name": "orbit, far to near"})
     stable = (rows[:, col.FLOQUET] < 1).astype(np.int8)
     found["stable"] = ("orbit", stable, coded("stability of the orbit at fixed tip offset", *STABILITY))
     return found

@@ -218,14 +218,15 @@ def test_irregular_motion_has_rings_and_a_band_and_is_counted(sweeps: dict[str, 
 def test_a_jump_to_irregular_motion_ends_where_that_was_seen(sweeps: dict[str, xr.Dataset]) -> None:
     ds = sweeps["distance"].copy(deep=True)
     i = int(np.flatnonzero(ds["tip_offset"].values < ds["jump_tip_offset"].values[0])[0])
-    for name, shift in (("amplitude", -1e-9), ("phase", 7.0)):
-        ds[name][0, i] += shift  # off the curve of all orbits
-        ds[f"jump_to_{name}"][0] = ds[name][0, i]
-    ds["peak_force"][0, i], ds["jump_to_tip_offset"][0] = 3e-9, ds["tip_offset"][i]
+    for name, seen in (("amplitude", 11e-9), ("phase", 7.0), ("peak_force", 3e-9)):  # off the curve of all orbits
+        ds[name][0, i] = ds[f"jump_to_{name}"][0] = seen
+    ds["jump_to_tip_offset"][0] = ds["tip_offset"][i]
     phase, force = curve(ds, quantities=["phase", "peak_force"]).axes
     at = 1e9 * float(ds["tip_offset"][i])
     assert arrows(phase)[0].xy == pytest.approx((at, float(ds["phase"][0, i])))
     assert arrows(force)[0].xy == pytest.approx((at, 3.0))
+    older = ds.drop_vars(["jump_from_peak_force", "jump_to_peak_force"])
+    assert not arrows(curve(older, quantities=["peak_force"]).axes[0])
 
 
 def legend(ds: xr.Dataset) -> list[str]:
