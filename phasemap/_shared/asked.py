@@ -31,7 +31,7 @@ class Kind(NamedTuple):
 
 CLASSES = (
     "Accuracy", "Cantilever", "Drive", "Interaction", "Material", "Microscope", "Mode", "Realism", "Scene", "Surface",
-    "Tip", "TipChange", "slice", "xr.DataArray", "xr.Dataset",
+    "Tip", "TipChange", "Variation", "slice", "xr.DataArray", "xr.Dataset",
 )  # fmt: skip
 KINDS = {
     "None": Kind("None", "None", lambda value: value is None),

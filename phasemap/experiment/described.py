@@ -13,7 +13,7 @@ from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Engage, Feedback, Raster
 from phasemap.experiment.interaction import WITH_PARAMETERS, Interaction
 from phasemap.experiment.interaction.longrange import FORCES
-from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
+from phasemap.experiment.microscope import PARTS, Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
 
 T = TypeVar("T")
@@ -26,7 +26,6 @@ KINDS: dict[str, type[Any]] = {
     )
 }  # fmt: skip
 """What `describe` describes."""
-PARTS = {"cantilever": Cantilever, "tip": Tip, "drive": Drive, "interaction": Interaction}
 
 
 def describe(thing: Any) -> Any:

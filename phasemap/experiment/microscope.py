@@ -111,8 +111,6 @@ class Drive(Shown):
 
     def __post_init__(self) -> None:
         check_choice("excitation", self.excitation, EXCITATIONS)
-        if self.second is not None and not isinstance(self.second, Mode):
-            raise InputError("second", self.second, "a Mode, or None")
         if self.frequency is None:  # else a Microscope knows how far from resonance the lever is driven
             question("free_amplitude", self.free_amplitude, "m", AMPLITUDE)
 

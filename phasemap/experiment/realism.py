@@ -109,8 +109,6 @@ class Realism(Shown):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drift", _drift(self.drift))
-        if self.tip_change is not None and not isinstance(self.tip_change, TipChange):
-            raise InputError("tip_change", self.tip_change, "a TipChange, with line and radius")
         if self.bits is not None:
             whole("bits", self.bits, 1, 32)
         whole("seed", self.seed, 0)
@@ -164,10 +162,8 @@ def _drift(value: object) -> tuple[float, float, float]:
     return x, y, z
 
 
-def check_realism(realism: object, control: Control, lines: int) -> Realism:
+def check_realism(realism: Realism, control: Control, lines: int) -> Realism:
     """Return `realism` if it goes with the control and the number of lines."""
-    if not isinstance(realism, Realism):
-        raise InputError("realism", realism, "a Realism")
     if not control.in_time:
         for name in IN_TIME:
             value = getattr(realism, name)

@@ -117,8 +117,6 @@ class Surface(Maps):
         shape: Sequence[int] | None = None,
         allow_nan: bool = False,
     ) -> None:
-        if not isinstance(allow_nan, (bool, np.bool_)):
-            raise InputError("allow_nan", allow_nan, "True or False")
         if damping is None and viscosity is None:
             damping = 0.0
         elif damping is not None and viscosity is not None:
@@ -195,8 +193,6 @@ class Surface(Maps):
         [[1000000000.0, 3000000000.0], [3000000000.0, 3000000000.0]]
         """
         distinct = None
-        if variation is not None and not isinstance(variation, Variation):
-            raise InputError("variation", variation, "a Variation, or None")
         if is_lazy(labels):
             if variation is not None:
                 raise InputError("variation", variation, "None for labels in Dask arrays", "Take labels.compute().")

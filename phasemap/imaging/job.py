@@ -19,7 +19,7 @@ from phasemap._shared.interrupts import check_stopped
 from phasemap._shared.threads import Progress
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Feedback, Raster
-from phasemap.experiment.material_rows import film_of, liquid_of, properties, relaxation_of
+from phasemap.experiment.material_rows import film_of, properties
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
@@ -30,7 +30,7 @@ from phasemap.imaging.materials import Place, Survey
 from phasemap.results.quantities import needs_of
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened
-from phasemap.solvers.problem import Work, work_of
+from phasemap.solvers.problem import Work, make_work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 
@@ -85,8 +85,7 @@ class Job:
 
     def work(self, materials: Array) -> Work:
         """Work of these materials."""
-        given = *self.properties(materials), self.scope, self.amplitude, film_of(materials)
-        return work_of(*given, relaxation_of(materials, self.scope), liquid_of(materials), marched=True)
+        return make_work(materials, self.surface.viscosity is not None, self.scope, self.amplitude, marched=True)
 
     def solve(self, materials: Array, progress: Progress | None = None) -> Values:
         """Variables of distinct materials, one entry a material."""

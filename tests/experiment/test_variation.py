@@ -84,7 +84,7 @@ def test_a_spread_that_the_surface_cannot_have_is_refused() -> None:
         pm.InputError, match=r"correlation_length is 1e-05; allowed: a finite number of at most 1\.024e-06 m"
     ):
         surface(pm.Variation(correlation_length=10e-6))
-    with pytest.raises(pm.InputError, match=r"variation is 0\.1; allowed: a Variation, or None"):
+    with pytest.raises(pm.InputError, match=r"variation is 0\.1; allowed: a Variation or None"):
         surface(0.1)  # type: ignore[arg-type]
     array = pytest.importorskip("dask.array")
     with pytest.raises(pm.InputError, match="None for labels in Dask arrays"):

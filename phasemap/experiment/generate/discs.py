@@ -67,8 +67,6 @@ def particles(
     radius = number("radius", at_least("radius", radius, max(dy, dx), "one pixel"), "m", maximum=WIDEST)
     area_fraction = number("area_fraction", area_fraction, "1", above=0, maximum=_DENSEST)
     spread = number("spread", spread, "1", minimum=0, maximum=0.5)
-    if not isinstance(periodic, bool):
-        raise InputError("periodic", periodic, "True or False")
     rng = generator(seed)
     discs = area_fraction * float(sides.prod()) / (math.pi * radius**2)
     check_fits(f"an image of {discs:.3g} discs", _DISC * discs, "Take fewer or larger discs.")
