@@ -29,7 +29,7 @@ from phasemap.inference.images.problem import (
     refine,
 )
 from phasemap.inference.images.stack import Stack, list_of_images, make_stack
-from phasemap.inference.images.starts import Grid, attracted, descend_from_grid, make_grid
+from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
 from phasemap.inference.verdict import (
     PARAMETERS,
     PRIOR,
@@ -327,8 +327,7 @@ def invert(
 
 def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress | None) -> Found:
     """Materials of all pixels; those with the same errors at a time."""
-    count, workers = len(stack), workers_of(threads)
-    grid = make_grid(model, attractive=bool(attracted(model.sides_of(stack)).any()))
+    grid, count, workers = make_grid(model), len(stack), workers_of(threads)
     answer = Found(
         np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count, np.uint8)
     )

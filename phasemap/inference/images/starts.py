@@ -145,27 +145,23 @@ def nearest(problem: Problem, grid: Grid) -> tuple[NDArray[np.intp], Array]:
 def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
     """Materials of each pixel that may be as good, with the defect of the grid; of infinite cost where none was sought.
 
-    Averaged search starts where the grid is nearest. It goes on elsewhere where that ends in doubt, and where the tip
-    is attracted in all images: one that never touches knows no modulus, and no slope leads to those it touches with.
+    Averaged search starts where the grid is nearest, and goes on elsewhere where that ends in doubt. Where the tip is
+    attracted in all images, that is in a finer grid: one that never touches knows no modulus to follow to a touch.
     """
     sides = problem.sides[:, 0]
     if not problem.model.averages:
         return _descend_apart(problem, grid, [])
     found = descend(problem, *_at(problem, grid, nearest(problem, grid)[0]))
-    more = (sides != 0).any(axis=1) & ((found.cost > _doubtful(problem)) | attracted(sides))
+    more = (sides != 0).any(axis=1) & (found.cost > _doubtful(problem))
     solutions = [found, *(_unsought(found) for _ in range(1, STARTS) if more.any())]
     for pattern in np.unique(sides[more], axis=0):
+        fine = make_grid(problem.model, attractive=True) if (pattern <= 0).all() else grid
         alike = np.flatnonzero(more & (sides == pattern).all(axis=1))
         for some in np.array_split(alike, 1 + len(alike) // AT_ONCE):
-            apart = _descend_apart(problem.part(some), grid, [found.part(some)])
+            apart = _descend_apart(problem.part(some), fine, [found.part(some)])
             for whole, one in zip(solutions, apart, strict=False):
                 whole.put(some, one)
     return solutions
-
-
-def attracted(sides: Codes) -> NDArray[np.bool_]:
-    """Whether tips are on the attractive branch in every image that has data, of branches of shape (..., m)."""
-    return np.asarray((sides <= 0).all(axis=-1) & (sides < 0).any(axis=-1))
 
 
 def _doubtful(problem: Problem) -> float:
