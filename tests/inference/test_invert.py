@@ -240,6 +240,7 @@ def test_a_tip_that_touches_little_is_not_taken_for_one_that_never_does():
     found = invert(stack, scopes, phase_error=0.1, height_error=20e-12)
     assert not (is_set(found, "poor_fit") | is_set(found, "adhesion_not_determined")).any()
     assert (abs(deviations(found, surface, "adhesion")) < 1).all()
+    assert (is_set(found, "ambiguous") == is_set(found, "modulus_not_determined")).all()
 
 
 def test_one_image_determines_nothing():

@@ -282,7 +282,8 @@ def invert(
         standard errors of their natural logarithms [1], prior included; misfit [1], chi2 over degrees
         of freedom; flag (CF bit mask): `modulus_not_determined` and so on where that error is above 0.5, so that the
         value is mostly the prior's, `poor_fit` where the model does not describe the data, `no_orbit`, `no_data`,
-        `averaged_only` where exact orbits were not found. Over "image": setpoint and free_amplitude.
+        `averaged_only` where exact orbits were not found, `ambiguous` where the tip is attracted in all images, so
+        that an adhesion several times as large may explain a tip that never touches. Over "image": setpoint and free_amplitude.
 
     Raises
     ------
@@ -362,6 +363,9 @@ def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Found:
     degrees = data - problem.projection.basis.shape[1] - learnt
     flags = ((errors > UNKNOWN) << np.arange(3)).sum(axis=1)
     flags |= POOR * (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY) | AVERAGED * ~found.exact
+    # A tip that is attracted in all images and touches a little, and one that never touches, are minima of their own.
+    untouched = (problem.sides <= 0).all(axis=(1, 2)) & (errors[:, 0] > UNKNOWN) & (errors[:, 1] <= UNKNOWN)
+    flags |= AMBIGUOUS * untouched
     flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
     lost = np.where(found.good & (data > 0), 1.0, np.nan)
     return Found(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)
