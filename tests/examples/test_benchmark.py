@@ -34,7 +34,9 @@ def summary(images: tuple[xr.Dataset, ...]) -> list[float]:
     return [float(x) for one in images for x in (one.phase.mean(), one.phase.std(), 1e9 * one.height.std())]
 
 
-@pytest.mark.parametrize("name", benchmark.CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if i % 4 else []) for i, name in enumerate(benchmark.CASES)]
+)
 def test_an_image_of_the_benchmark_is_what_it_was(name: str) -> None:
     assert STORED["version"] == benchmark.VERSION, "other images are another version, with other numbers here"
     task, truth = benchmark.make(name, "small")

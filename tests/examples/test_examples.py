@@ -87,6 +87,7 @@ SLOW = (
 )  # fmt: skip
 """More laws to compile, fits of some hundred curves, processes of their own: other tests ask for what these do."""
 SLOW_PAGES = ("docs/howto/series.md", "docs/howto/channels.md")
+SLOW_COMMANDS = ("docs/howto/curves.md", "docs/howto/materials.md", "docs/howto/scans.md")
 STARTS_PROCESSES = ("large_map", "many_images")
 FEWER = {"large_map": ["256"]}  # pixels along a side: the script's own argument
 LESS: dict[str, Callable[[Any], dict[str, Any]]] = {
@@ -166,7 +167,10 @@ SMALLER = {"docs/howto/scans.md": ["surface.shape=[64,64]"]}
 """Put behind a page's `phasemap run`, where images take seconds; `--thorough` runs it as it is."""
 
 
-@pytest.mark.parametrize("page", pages_with("sh"))
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=[pytest.mark.slow] if page in SLOW_COMMANDS else []) for page in pages_with("sh")],
+)
 def test_commands_on_a_page_run(page: str, folder: Path, monkeypatch: pytest.MonkeyPatch, thorough: bool) -> None:
     monkeypatch.setattr(threads, "workers_of", lambda asked: asked or 1)  # each process takes seconds to import all
     (folder / "samples").symlink_to(ROOT / "samples")

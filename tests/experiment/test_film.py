@@ -52,8 +52,8 @@ def test_a_layer_that_slips_does_not_know_its_poisson_ratio_and_one_that_sticks_
 @pytest.mark.parametrize("base", BASES)
 @pytest.mark.parametrize(
     "nu",
-    [0.0, 0.3, 0.46, 0.5]
-    + [pytest.param(nu, marks=pytest.mark.slow) for nu in (0.1, 0.2, 0.35, 0.4, 0.43, 0.48, 0.49)],
+    [0.3, 0.5]
+    + [pytest.param(nu, marks=pytest.mark.slow) for nu in (0.0, 0.1, 0.2, 0.35, 0.4, 0.43, 0.46, 0.48, 0.49)],
 )
 def test_the_film_is_the_elastic_layer_within_1_percent(nu: float, base: str) -> None:
     # The contact at x = 2 has 2.7 times the thickness as its radius on a film that slips, 3.2 times at nu = 1/2.

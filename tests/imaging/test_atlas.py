@@ -133,6 +133,7 @@ def test_an_interpolated_image_is_within_the_accuracy_and_its_own_estimates(case
     assert (image.solver.values == col.INTERPOLATED).mean() >= case.interpolated
 
 
+@pytest.mark.slow
 def test_a_tighter_accuracy_is_met_too() -> None:
     surface = CASES[0].surface(seed=1)
     accuracy = pm.Accuracy(phase=1e-4, height=1e-14)
@@ -265,6 +266,7 @@ def test_progress_counts_pixels_to_the_end() -> None:
     assert seen == sorted(seen)
 
 
+@pytest.mark.slow
 def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
     shape = (1024, 1024)
     surface = surface_of((1e9, 1e10), (0.01, 0.05), (0, 0.05), shape=shape)

@@ -352,6 +352,7 @@ def client() -> Iterator[Client]:
         yield connected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["engage", "raster image", "feedback image"])
 def test_cluster_makes_the_same_image(name: str, client: Client, images: dict[str, xr.Dataset]) -> None:
     assert_same(simulate(lazily(few(), (4, 5)), *CONTROLS[name]), images[name])

@@ -84,6 +84,7 @@ def test_the_modulus_is_that_of_two_modes_in_time_within_its_bound(case: Case) -
 IN_TIME = (CASES[1], LARGE[0], LARGE[2], CASES[14], CASES[16])  # two cantilevers, elastic and viscous, up to 2 nm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", IN_TIME, ids=range(len(IN_TIME)))
 def test_both_drives_in_time_are_those_of_another_code(case: Case) -> None:
     scope = scope_of({**case, "second_free_amplitude": case["second_amplitude"]})  # which a loop holds here

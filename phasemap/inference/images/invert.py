@@ -283,7 +283,8 @@ def invert(
         of freedom; flag (CF bit mask): `modulus_not_determined` and so on where that error is above 0.5, so that the
         value is mostly the prior's, `poor_fit` where the model does not describe the data, `no_orbit`, `no_data`,
         `averaged_only` where exact orbits were not found, `ambiguous` where the tip is attracted in all images, so
-        that an adhesion several times as large may explain a tip that never touches. Over "image": setpoint and free_amplitude.
+        that an adhesion several times as large may explain a tip that never touches. Over "image": setpoint and
+        free_amplitude.
 
     Raises
     ------
