@@ -324,3 +324,15 @@ def test_picture_hatches_what_is_not_determined(tmp_path):
     assert hatched[0] and (tmp_path / "found.png").stat().st_size > 1e4
     with pytest.raises(pm.InputError, match=r"phasemap\.invert"):
         pm.plot.inversion(found.drop_vars("flag"))
+
+
+def test_passes_find_exact_orbits_under_a_double_layer_too():
+    scope = pm.Microscope(LEVER, TIP, pm.Drive(20e-9), pm.Interaction("dmt", longrange=pm.interaction.DLVO()))
+    model, sides = make_model([scope], [0.7], PRIOR, 10.0), np.ones((3, 1), np.int8)
+    q, places = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]), np.full((3, 1), np.nan)
+    assert model.orbits(q, sides, places, search=True).good.all()
+    values, good = model.exact(q, sides, places, engage=False)
+    assert good.all()
+    materials = [pm.Material(*one, poisson_ratio=PRIOR.poisson_ratio) for one in model.materials(q)]
+    phases = [pm.solve_pixel(one, scope, 0.7, "orbit").phase for one in materials]
+    assert np.degrees(values[:, 0, 0]) == pytest.approx(phases, abs=1e-3)

@@ -69,7 +69,7 @@ def orbit_at(
     guess = room.guess
     if side != 0:
         done = col.PENDING
-        if forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, guess):
+        if fill_averaged_orbit_near(oscillator, amplitude, side, guess):
             exact = not averaged and refine(oscillator, guess, room.limits, room.room)
             done = col.GOOD if exact else col.KNOWN
     else:
@@ -171,6 +171,8 @@ def on_side_at_seen(
     none = averaged_on(oscillator, lossless, side, guess, room.room) == col.NO_STABLE_ORBIT
     if none and averaged_on(oscillator, 0.5 * (lossless + seen), side, guess, room.room) == col.NO_STABLE_ORBIT:
         return col.NO_STABLE_ORBIT
+    if not forces_are_plain(oscillator):  # passes know nothing of a neck, and a side may have several orbits
+        return col.PENDING
     done = by_passes_at_seen(oscillator, seen, side, room, row, slopes)
     return col.GOOD if done == col.GOOD and slopes[OFFSET_BY_A] > LEAST_SLOPE_ALONG else col.PENDING
 

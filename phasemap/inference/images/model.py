@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import low_q
-from phasemap._kernels.rows.beside import PLACE
+from phasemap._kernels.rows.beside import PLACE, exact_block_beside
 from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
@@ -110,7 +110,6 @@ class Model:
             averaged_block(self.law, rows, STEP, setpoints, search, found)
             return found
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.beside import exact_block_beside
 
         exact_block_beside(self.law, rows, STEP, setpoints, search, TABLES, found)
         return found
