@@ -89,14 +89,7 @@ _NAMES = {
     "scenes.scene": ("load_scene",),
     "solvers.pixel": ("Pixel", "solve_pixel"),
     "sweeps.contrasts.contrast_map": ("contrast",),
-    "sweeps.sweep": (
-        "force_curve",
-        "orbits",
-        "sweep_distance",
-        "sweep_frequency",
-        "sweep_parameter",
-        "sweep_setpoint",
-    ),
+    "sweeps.sweep": ("force_curve", "orbits", "sweep_distance", "sweep_frequency", "sweep_parameter", "sweep_setpoint"),
     "validation.check": ("check",),
     "validation.picture": ("Check",),
 }

@@ -135,11 +135,7 @@ def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
 
 
 def _axis_values(
-    arguments: argparse.Namespace,
-    ends: tuple[float, float] | None,
-    points: int,
-    material: Material,
-    scope: Microscope,
+    arguments: argparse.Namespace, ends: tuple[float, float] | None, points: int, material: Material, scope: Microscope
 ) -> np.ndarray:
     """Values of the swept axis."""
     import numpy as np

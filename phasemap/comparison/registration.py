@@ -86,11 +86,7 @@ class Registration:
 
 @asked_as()
 def register(
-    fixed: xr.Dataset,
-    moving: xr.Dataset,
-    *,
-    limit: float | None = None,
-    direction: Directions = None,
+    fixed: xr.Dataset, moving: xr.Dataset, *, limit: float | None = None, direction: Directions = None
 ) -> Registration:
     """Find how far an image is shifted from another one of the same place.
 

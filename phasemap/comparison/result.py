@@ -16,13 +16,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinates
 from phasemap.comparison.pair import common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
-from phasemap.comparison.scores import (
-    correlation_of,
-    is_varied,
-    outlier_lines,
-    share_explained,
-    similarity_of,
-)
+from phasemap.comparison.scores import correlation_of, is_varied, outlier_lines, share_explained, similarity_of
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import provenance
 

@@ -18,15 +18,7 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, Values, values_of
-from phasemap.imaging.engaged import (
-    FEW,
-    Interpolants,
-    Numbers,
-    interpolates,
-    make_atlas,
-    numbers_in,
-    numbers_of,
-)
+from phasemap.imaging.engaged import FEW, Interpolants, Numbers, interpolates, make_atlas, numbers_in, numbers_of
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.variables import OF_ORBITS

@@ -32,11 +32,7 @@ SAME_STEP = 5e-5  # as many digits has the size of a scan in the files
 
 @asked_as()
 def read_image(
-    path: str | os.PathLike[str],
-    *,
-    height: str | None = None,
-    phase: str | None = None,
-    amplitude: str | None = None,
+    path: str | os.PathLike[str], *, height: str | None = None, phase: str | None = None, amplitude: str | None = None
 ) -> xr.Dataset:
     """Read a measured image.
 

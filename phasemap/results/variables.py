@@ -204,11 +204,7 @@ def phase_lag(phase: T) -> T:
 def flag_attributes(name: str) -> dict[str, Any]:
     """CF attributes of a flag variable."""
     long_name, values, meanings = FLAGS[name]
-    return {
-        "long_name": long_name,
-        "flag_values": np.array(values, np.int8),
-        "flag_meanings": " ".join(meanings),
-    }
+    return {"long_name": long_name, "flag_values": np.array(values, np.int8), "flag_meanings": " ".join(meanings)}
 
 
 def coded(long_name: str, *meanings: str, first: int = 0) -> dict[str, Any]:

@@ -212,13 +212,7 @@ def value_of(text: str) -> Any:
 
 
 BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
-UNITS = {
-    "stiffness": "N/m",
-    "adhesion": "J/m2",
-    "modulus": "Pa",
-    "radius": "m",
-    "free_amplitude": "m, at resonance",
-}
+UNITS = {"stiffness": "N/m", "adhesion": "J/m2", "modulus": "Pa", "radius": "m", "free_amplitude": "m, at resonance"}
 
 
 def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iterable[str] = ()) -> str:

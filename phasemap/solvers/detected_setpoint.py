@@ -13,15 +13,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
-from phasemap.experiment.lever import (
-    in_proportion,
-    lost_in_air,
-    offset_and_factor,
-    seen,
-    show,
-    supplied,
-    tip_seen,
-)
+from phasemap.experiment.lever import in_proportion, lost_in_air, offset_and_factor, seen, show, supplied, tip_seen
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]

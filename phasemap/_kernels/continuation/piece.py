@@ -41,11 +41,7 @@ from phasemap._kernels.numerics import count_smaller
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
-from phasemap._kernels.orbits.collocation.newton import (
-    MOST_NEWTON_STEPS,
-    fill_observables,
-    settled,
-)
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, fill_observables, settled
 from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
 from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (

@@ -83,11 +83,7 @@ def checkerboard(shape: Sequence[int], pixel_size: PixelSize, *, side: Scalar) -
 
 @asked_as()
 def step(
-    shape: Sequence[int],
-    pixel_size: PixelSize,
-    *,
-    position: Scalar | None = None,
-    axis: Literal["x", "y"] = "x",
+    shape: Sequence[int], pixel_size: PixelSize, *, position: Scalar | None = None, axis: Literal["x", "y"] = "x"
 ) -> Labels:
     """Two halves with a sharp edge between them.
 

@@ -241,14 +241,7 @@ class Lines:
     """
 
     def __init__(
-        self,
-        job: Job,
-        control: Feedback,
-        work: Work,
-        numbers: Array,
-        engine: int,
-        lifts: Lifts | None,
-        canvas: Canvas,
+        self, job: Job, control: Feedback, work: Work, numbers: Array, engine: int, lifts: Lifts | None, canvas: Canvas
     ) -> None:
         self.job, self.control, self.work, self.canvas, self.engine = job, control, work, canvas, engine
         self.numbers = np.where(work.refused() == col.GOOD, np.arange(len(work)), -1)[numbers]

@@ -42,11 +42,7 @@ class Atlas:
 
     @classmethod
     def of(
-        cls,
-        nodes: Sequence[Sequence[int]],
-        values: Sequence[float],
-        borders: Sequence[Border],
-        pieces: Sequence[Piece],
+        cls, nodes: Sequence[Sequence[int]], values: Sequence[float], borders: Sequence[Border], pieces: Sequence[Piece]
     ) -> Atlas:
         """Pack the parts of an atlas."""
         number = {id(border): i for i, border in enumerate(borders)}

@@ -30,16 +30,7 @@ from phasemap.inference.images.problem import (
 )
 from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
-from phasemap.inference.verdict import (
-    PARAMETERS,
-    PRIOR,
-    UNITS,
-    UNKNOWN,
-    UNLIKELY,
-    chance,
-    check_prior,
-    put,
-)
+from phasemap.inference.verdict import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, chance, check_prior, put
 from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:

@@ -12,14 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap.inference.images.model import SIDES, Model
-from phasemap.inference.images.problem import (
-    LONGEST,
-    Problem,
-    Solution,
-    descend,
-    information,
-    problem_of_pixels,
-)
+from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, information, problem_of_pixels
 from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Plan, Stack
 
 Array = NDArray[np.float64]

@@ -70,13 +70,7 @@ class Curves:
     """
 
     def __init__(
-        self,
-        path: Path,
-        index: int,
-        wanted: np.ndarray,
-        box: tuple[float, float, float],
-        samples: int,
-        level: int = 0,
+        self, path: Path, index: int, wanted: np.ndarray, box: tuple[float, float, float], samples: int, level: int = 0
     ) -> None:
         self.path, self.index, self.wanted = path, index, wanted
         self.box, self.samples = (float(box[0]), float(box[1]), float(box[2])), samples
