@@ -9,6 +9,7 @@ source of it changes, and so is Pyodide.
 
 from __future__ import annotations
 
+import argparse
 import base64
 import hashlib
 import json
@@ -178,4 +179,6 @@ def runtime() -> Path:
 
 
 if __name__ == "__main__":
-    build(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    build(parser.parse_args().folder)

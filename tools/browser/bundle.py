@@ -37,7 +37,7 @@ import compiled
 
 def modules() -> dict[str, str]:
     """Sources by their paths."""
-    found = {"phasemap/__init__.py": bare((PACKAGE / "__init__.py").read_text())}
+    found = {f"phasemap/{name}": bare((PACKAGE / name).read_text()) for name in ("__init__.py", "__init__.pyi")}
     for folder in FOLDERS:
         for path in sorted((PACKAGE / folder).rglob("*.py")):
             found[f"phasemap/{path.relative_to(PACKAGE)}"] = bare(path.read_text())
