@@ -35,7 +35,6 @@ def keys(thing: type) -> str:
 def scenes() -> dict[str, str]:
     """Tables of the keys of a scene."""
     import phasemap as pm
-    from phasemap.scenes import surface
 
     tables: dict[str, type] = {
         "cantilever": pm.Cantilever, "modes": pm.Eigenmode, "tip": pm.Tip, "drive": pm.Drive, "second": pm.Mode,
@@ -43,9 +42,7 @@ def scenes() -> dict[str, str]:
         "materials": pm.Material, "accuracy": pm.Accuracy, "raster": pm.Raster, "feedback": pm.Feedback,
         "realism": pm.Realism, "tip_change": pm.TipChange, "variation": pm.Variation,
     }  # fmt: skip
-    written = {f"scene_{name}": keys(thing) for name, thing in tables.items()}
-    _, _, of_surface = (inspect.getdoc(surface) or "").partition("\n\n")
-    return {**written, "scene_surface": of_surface + "\n"}
+    return {f"scene_{name}": keys(thing) for name, thing in tables.items()}
 
 
 def presets() -> str:

@@ -17,10 +17,7 @@ IntArray: TypeAlias = NDArray[np.int32]
 
 
 def as_array(name: str, value: object, allowed: str, dtype: Any = None) -> NDArray[Any]:
-    """Return what the user gave as an array, of whatever type if none is asked for.
-
-    Raises InputError with what is `allowed`, and TooLargeError for a sequence that would not fit into memory.
-    """
+    """What the user gave as an array; InputError says what is `allowed`, TooLargeError that memory is short."""
     if isinstance(value, Sequence):
         try:
             check_fits(name, 8.0 * len(value), "Give fewer numbers.")

@@ -61,10 +61,7 @@ class InputError(PhasemapError, ValueError):
 
 
 class InputErrors(InputError):
-    """Several things that are wrong, such as all that a scene has: a sentence in each line, and each in `errors`.
-
-    Name, value, allowed and hint are those of the first `InputError` of them.
-    """
+    """Several things that are wrong: a sentence in each line, and each in `errors`; the rest is of the first."""
 
     __module__ = "phasemap._shared.errors"
 

@@ -145,10 +145,7 @@ def gathered() -> Iterator[list[str]]:
 
 
 def question(name: str, value: float, unit: str, usual: Usual) -> None:
-    """Warn of a number outside all practice, `usual` [unit]; zero is what switches something off.
-
-    `value`: [unit]; of a number that may be negative, its size.
-    """
+    """Warn of a number, or of the size of a negative one, outside all practice [unit]; zero switches something off."""
     low, high = usual
     size, manner = abs(value), _MANNER.get()
     if manner == "pass" or size == 0 or size != size or low * (1 - ROUNDING) <= size <= high * (1 + ROUNDING):

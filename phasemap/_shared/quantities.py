@@ -70,10 +70,7 @@ def in_si(value: object, unit: str) -> object:
 
 
 def array_in_si(value: Any, unit: str) -> Any:
-    """Return an array of a quantity, or lists with text in them, as numbers in `unit`, and anything else as it is.
-
-    Raises NotThatUnit as in `in_si`.
-    """
+    """An array of a quantity, or lists with text in them, as numbers in `unit` as in `in_si`, or else as it is."""
     if isinstance(value, (list, tuple)):
         return [array_in_si(one, unit) for one in value] if _has_text(value, 2) else value
     if not is_quantity(value) or not getattr(value.magnitude, "ndim", 0):
@@ -82,10 +79,7 @@ def array_in_si(value: Any, unit: str) -> Any:
 
 
 def scaled(values: Any, written: str, unit: str) -> Any:
-    """Turn numbers or an array, lazy or not, from the unit that is written into `unit`, rounded once.
-
-    Raises NotThatUnit if that is not a unit of the same kind.
-    """
+    """Numbers or an array, lazy or not, from the unit that is written in `unit`, rounded once, or NotThatUnit."""
     if written == unit:
         return values
     size = Decimal(repr(_converted("1", written, unit)))
@@ -108,10 +102,7 @@ def range_in_si(text: str, unit: str) -> tuple[float, ...]:
 
 
 def split(text: str) -> tuple[str, str]:
-    """Split text into a number and its unit, which is empty for a plain number.
-
-    Raises NotThatUnit if it is something else.
-    """
+    """Split text into a number and its unit, empty for a plain number; raises NotThatUnit if it is something else."""
     plain = _SPACES.sub(r"\1", text.strip().replace("\N{MINUS SIGN}", "-")) if len(text) <= LONGEST else ""
     found = _QUANTITY.fullmatch(plain)
     if found is None:

@@ -175,10 +175,7 @@ NAMES = ("vmin", "vmax", "cmap")
 
 
 def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
-    """Declare the arguments.
-
-    `of`: what limits and colour map belong to.
-    """
+    """Declare the arguments. `of`: what limits and colour map belong to."""
     parser.add_argument("--vmin", metavar="VALUE", help=f"lowest value of the colours of {of}, such as {example}")
     parser.add_argument("--vmax", metavar="VALUE", help=f"highest value of the colours of {of}")
     parser.add_argument("--cmap", metavar="NAME", help=f"matplotlib colour map of {of}, such as gray")

@@ -41,10 +41,7 @@ def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int]
 
 
 def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str]:
-    """Lay out words, each where it changes, beside what is said of them.
-
-    `first`: width of the column of words.
-    """
+    """Lay out words, each where it changes, beside what is said of them. `first`: width of the column of words."""
     lines, before = [], ""
     for word, text in said:
         for line in textwrap.wrap(text, WIDTH):

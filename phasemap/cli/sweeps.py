@@ -206,10 +206,7 @@ def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> f
 
 
 def said_of_sweep(found: xr.Dataset) -> list[str]:
-    """Say what a sweep found: folds and jumps, and what is missing.
-
-    Returns lines of a word and what it is.
-    """
+    """Say what a sweep found: folds and jumps, and what is missing. Returns lines of a word and what it is."""
     import numpy as np
 
     from phasemap._shared.units import readable

@@ -115,12 +115,7 @@ def level(
 
 
 def level_map(height: Array, mask: Array, *, rows: bool = True) -> Array:
-    """Take the tilt, and offsets of rows, out of a height map.
-
-    `height` (shape (rows, columns)): [m]; may hold NaN.
-    `rows`: whether rows have offsets; else a plane is fitted.
-    Returns: [m].
-    """
+    """Take the tilt, and offsets of `rows` where they have some, out of a height map [m], which may hold NaN."""
     counts = np.isfinite(height) & ~mask
     if counts.sum() < 3:
         raise InputError("number of pixels to level by", int(counts.sum()), "at least 3")

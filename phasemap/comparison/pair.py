@@ -67,11 +67,7 @@ def _direction(ds: xr.Dataset) -> str | None:
 
 
 def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[str, ...]) -> xr.Dataset:
-    """The recorded channels of one direction.
-
-    `name`: what the image is called in messages.
-    Returns: with dims ("y", "x").
-    """
+    """The recorded channels of one direction, over ("y", "x"), of an image that messages call `name`."""
     for channel in needed:
         if channel not in getattr(ds, "data_vars", ()):
             held = ", ".join(map(str, getattr(ds, "data_vars", ()))) or type(ds).__name__

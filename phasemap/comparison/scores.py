@@ -117,12 +117,7 @@ def outlier_lines(values: Array) -> Array:
 
 
 def skimage(module: str, purpose: str) -> Any:
-    """Import a module of scikit-image.
-
-    `module`: below ``skimage``.
-    `purpose`: what needs it, as the beginning of a sentence.
-    Raises PhasemapError if it is not installed.
-    """
+    """Import a module below ``skimage``; where it is not installed, the error begins with the `purpose`."""
     try:
         return import_module(f"skimage.{module}")
     except ImportError as error:

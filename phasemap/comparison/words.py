@@ -18,18 +18,12 @@ SIMILAR = 0.7, 1.4  # ratios between which contrasts are called the same
 
 
 def names_of(found: xr.Dataset) -> tuple[str, str]:
-    """What the two images are called.
-
-    `found`: what `phasemap.compare` returned.
-    """
+    """What the two images are called. `found`: what `phasemap.compare` returned."""
     return found.attrs["measured_name"], found.attrs["simulated_name"]
 
 
 def turned(found: xr.Dataset) -> str:
-    """Say that the sign of the phase was turned, and why; nothing if it was not.
-
-    `found`: what `phasemap.compare` returned.
-    """
+    """Say that the sign of the phase was turned, and why; nothing if it was not."""
     if float(found["sign"]) > 0:
         return ""
     first, second = names_of(found)
@@ -45,11 +39,7 @@ def turned(found: xr.Dataset) -> str:
 
 
 def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
-    """Say what was found.
-
-    `found`: what `phasemap.compare` returned.
-    Returns what is spoken of, and what is said of it.
-    """
+    """What is spoken of, and what is said of it."""
     first, second = names_of(found)
     value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
     left_out = int((found["label"] < 0).sum())
@@ -82,10 +72,7 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
 
 
 def differences_of(found: xr.Dataset) -> str:
-    """Name what differs between the images: regime, sign, zero, contrast, resolution.
-
-    `found`: what `phasemap.compare` returned.
-    """
+    """Name what differs between the images: regime, sign, zero, contrast, resolution."""
     first, second = names_of(found)
     held = found.attrs.get("offset_from", "fitted") != "fitted"
     said = ["regime"] if held and _regimes(found) else []
@@ -118,11 +105,7 @@ def _detail(values: np.ndarray) -> float:
 
 
 def verdict_of(found: xr.Dataset) -> str:
-    """Say how much of the first image the second explains, and what is in the rest.
-
-    `found`: what `phasemap.compare` returned.
-    One to six sentences.
-    """
+    """Say in one to six sentences how much of the first image the second explains, and what is in the rest."""
     first, second = names_of(found)
     explained = float(found["explained"])
     if not math.isfinite(explained):

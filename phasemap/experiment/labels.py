@@ -175,11 +175,7 @@ class Variation(Shown):
         whole("seed", self.seed, 0)
 
     def of(self, maps: Mapping[str, Any], shape: tuple[int, int], sides: tuple[float, float]) -> dict[str, Any]:
-        """The maps of a surface that varies so.
-
-        `maps`: arguments of `phasemap.Surface`, numbers or arrays.
-        `sides`: of a pixel, (dy, dx) [m].
-        """
+        """The maps of a surface that varies so, of arguments of `Surface`; `sides`: of a pixel, (dy, dx) [m]."""
         factors: dict[str, NDArray[np.float64] | float] = {}
         for i, name in enumerate(("modulus", "adhesion", "loss")):
             size = getattr(self, name)

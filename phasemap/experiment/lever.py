@@ -87,10 +87,7 @@ def modal_motion(lever: Array, amplitude: Array, phase: Array) -> tuple[Array, A
 
 
 def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
-    """What the drive supplies, by a force on the tip or by its base [J per cycle]: theory, Eq. (lever-9).
-
-    Arguments as for `modal_motion`.
-    """
+    """What the drive supplies, by a force on the tip or by its base [J per cycle]: theory, Eq. (lever-9)."""
     motion, force = modal_motion(lever, amplitude, phase)
     _, _, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
     work = lever[col.RIGID] * force.imag - np.tensordot(pulled / share, motion.imag, 1)
@@ -145,10 +142,7 @@ def offset_and_factor(lever: Array) -> tuple[Any, Any]:
 
 
 def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
-    """What the detector sees of a first harmonic of z: amplitude [m] and phase [rad], 0 at free resonance.
-
-    `lever` (shape (..., n)): as of `phasemap.experiment.lever.lever_of`.
-    """
+    """What the detector sees of a first harmonic of z: amplitude [m] and phase [rad], 0 at free resonance."""
     if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
     offset, factor = offset_and_factor(lever)

@@ -138,10 +138,7 @@ def damping_of(viscosity: Array, scope: Microscope) -> Array:
 
 
 def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[str, Material]:
-    """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here.
-
-    `scope`: under which a viscosity is a damping.
-    """
+    """Materials as one surface can have them: where some have a damping, a viscosity is the damping that it is here."""
     if not any(one.damping for one in materials.values()):
         return dict(materials)
     return {

@@ -238,10 +238,7 @@ def pixel_sides(value: object) -> tuple[float, float]:
 
 
 def check_relaxing(maps: dict[str, Any]) -> None:
-    """Refuse maps of a surface that are not those of standard linear solids.
-
-    Numbers of Dask arrays are not looked at; `phasemap.simulate` refuses these.
-    """
+    """Refuse maps that are not of standard linear solids; of Dask arrays `phasemap.simulate` does that."""
     if "relaxation" in maps:
         _check_spectra(maps)
     given = [name for name in ("relaxed_modulus", "relaxation_time") if name in maps]

@@ -158,10 +158,7 @@ def explore(
 
 
 def serve(given: Opened | None = None, port: int = 0, browser: bool = False, fragment: str = "") -> Explorer:
-    """Serve the page that begins with `given`, and show it in the browser if that is wanted.
-
-    `fragment`: of a link, which holds the values of the page.
-    """
+    """Serve the page that begins with `given` and the values of a link's `fragment`, and open the browser if wanted."""
     explorer = Explorer(given, whole("port", port, 0, 65535), fragment)
     if browser:
         explorer.show()

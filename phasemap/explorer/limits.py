@@ -76,10 +76,7 @@ compiling = Compiling()
 
 
 def limiter(name: str, scope: Microscope) -> Callable[[], None]:
-    """What raises `TooLong` once the time of an answer that begins now is over.
-
-    `name`: of the answer, as the page asks for it.
-    """
+    """What raises `TooLong` once the time of the answer that begins now, by its name in the page, is over."""
     limit = LIMITS.get(name, WHOLE)
 
     def clock() -> float:

@@ -105,10 +105,7 @@ def first_of(explored: str | os.PathLike[str], overrides: Iterable[str] = ()) ->
 
 
 def opened(path: Path, overrides: Iterable[str] = ()) -> Opened:
-    """Read a scene, or make one of a microscope's file, and say what was assumed for it.
-
-    What is made does not need the file any more.
-    """
+    """Read a scene, or make one of a microscope's file, which it needs no more, and say what was assumed."""
     if path.suffix.lower() == ".toml":
         scene = replace(load_scene(path, overrides), source=None)
         return Opened(replace(subject_of(scene), name=path.stem))

@@ -109,10 +109,7 @@ class Canvas:
         return part
 
     def restore(self, arrays: Mapping[str, Array]) -> None:
-        """Fill in what `arrays` gave earlier, for the same pixels.
-
-        Raises ValueError if it is not that; nothing is filled in then.
-        """
+        """Fill in what `arrays` gave earlier, for the same pixels; nothing, with ValueError, if it is not that."""
         forms = [
             {name: (values.shape, values.dtype) for name, values in some.items()} for some in (arrays, self.arrays())
         ]

@@ -54,10 +54,7 @@ def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: obj
 
 
 def simulate_lazily(job: Job) -> xr.Dataset:
-    """Make the image of a surface in Dask arrays, as Dask arrays.
-
-    Returns the image variables, and what a control finds out (gains of a feedback) as variables without dimension.
-    """
+    """The image variables in Dask arrays, and what a control finds out, as variables without dimension."""
     try:
         import dask.array as da
         from dask.delayed import delayed
@@ -201,10 +198,7 @@ class Part(NamedTuple):
     pieces: list[Any]
 
     def surface(self, like: Surface) -> Surface:
-        """The surface of the part, when its blocks are computed.
-
-        `like`: with the same size of pixels.
-        """
+        """The surface of the part, when its blocks are computed. `like`: with the same size of pixels."""
         maps = [self._whole(piece) if isinstance(piece, list) else piece for piece in self.pieces]
         shape = next(value.shape for value in maps if isinstance(value, np.ndarray))
         given = dict(zip(QUANTITIES, maps, strict=True))

@@ -216,10 +216,7 @@ def _fill_from_atlas(job: Job, canvas: Canvas, interpolants: Interpolants) -> No
 
 
 def make_atlas(job: Job, materials: Array, count: int, liquid: dict[str, Any] | None = None) -> Interpolants:
-    """An atlas for an image of `count` materials, of which these are some.
-
-    `liquid`: fields of `Axes` for films of liquid.
-    """
+    """An atlas for `count` materials, of which these are some; `liquid` has fields of `Axes` for films of liquid."""
     properties = job.properties(materials)
     valid = np.isfinite(sum(properties))
     stiffness, adhesion, damping = (one[valid] for one in properties)

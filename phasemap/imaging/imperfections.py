@@ -29,10 +29,7 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
 
 
 def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple[slice, Microscope]]:
-    """Rows of the image and the microscope that scans them, in order.
-
-    `scope`: as it is at the first line.
-    """
+    """Rows of the image and the microscope that scans them, in order. `scope`: as it is at the first line."""
     change = realism.tip_change
     if change is None:
         return [(slice(0, lines), scope)]

@@ -187,10 +187,7 @@ def simulator_of(control: Control) -> Simulator:
 
 
 def plan_image(job: Job, survey: Survey) -> list[Stretch]:
-    """Plan an image for each tip that scans it.
-
-    `job`: its surface may be any part of the image's.
-    """
+    """Plan an image for each tip that scans it. `job`: its surface may be any part of the image's."""
     simulator, before = simulator_of(job.control), None
     stretches = []
     for rows, scope in scopes_by_row(job.realism, job.scope, job.place.image[0]):

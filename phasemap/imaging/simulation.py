@@ -253,10 +253,7 @@ def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked)
 
 
 def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
-    """Refuse what does not go together with contacts that remember: what is not marched in time.
-
-    `asked`: variables and channels asked for, as they were named.
-    """
+    """Refuse what contacts that remember do not have, for they are marched in time; `asked` as it was named."""
     if job.surface.lazy and job.scope.interaction.withdrawal == "ting":
         raise InputError("surface", Word("in Dask arrays"), "maps in memory where withdrawal is 'ting'")
     if not job.only_in_time:

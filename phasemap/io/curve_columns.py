@@ -128,10 +128,7 @@ def _words(line: str, wide: int) -> list[str]:
 
 
 def _column(name: str | None, given: bool) -> Column | None:
-    """What a column of this name holds; None of one that is left out, or that no quantity is called.
-
-    `given`: whether the user says so, and not the file.
-    """
+    """What a column of this name holds, if it is used; `given`: whether the user says so, and not the file."""
     found = COLUMN.fullmatch(name or "")
     if not name or found is None:
         return None

@@ -130,10 +130,7 @@ class ScanData:
 
 
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
-    """The canonical values of an image that phasemap simulated, without the zero of a phase that was levelled.
-
-    They are empty for other images.
-    """
+    """Canonical values of a simulated image, but the zero of a levelled phase; empty for other images."""
     try:
         told = json.loads(attrs["configuration"])
         scope = microscope_of(told["microscope"])

@@ -87,10 +87,7 @@ def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
 
 
 def ticks_of(norm: Any) -> list[float] | None:
-    """Choose round contrasts on a compressed scale, and leave any other to matplotlib.
-
-    `norm`: of `colours_of`.
-    """
+    """Choose round contrasts on a compressed scale, and leave any other to matplotlib. `norm`: of `colours_of`."""
     if not isinstance(norm, AsinhNorm):
         return None
     steps = [digit * 10.0**decade for decade in range(-6, 4) for digit in (1, 3)]

@@ -48,10 +48,7 @@ def shortened(text: str, most: int) -> str:
 
 
 def draw_scale_bar(axes: Axes) -> None:
-    """Draw a bar of 1, 2 or 5 times a power of ten, at most a third of the width, white on any ground.
-
-    `axes`: of an image, x in metres from 0.
-    """
+    """Draw a bar of 1, 2 or 5 times a power of ten [m], at most a third of the width, white on any ground."""
     width, place = axes.get_xlim()[1], axes.get_xaxis_transform()  # x in the image, y as a fraction of the axes
     decade = 10.0 ** math.floor(math.log10(width / 3))
     length = max(step * decade for step in (1, 2, 5) if step * decade <= width / 3 * (1 + 1e-9))
@@ -171,10 +168,7 @@ class Page(Figure):
         return bar
 
     def finished(self, path: str | os.PathLike[str] | None, overwrite: bool) -> Page:
-        """Align what is written beside the axes, and save the page, whole or not at all, where it has a path.
-
-        Raises FileError if `path` cannot be written.
-        """
+        """Align what is written beside the axes, and save the page, whole or not at all, where it has a path."""
         from phasemap._shared.files import replacing
 
         self.align_ylabels()

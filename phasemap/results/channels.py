@@ -298,10 +298,7 @@ def check_modes_asked(names: object, scope: Microscope) -> None:
 
 
 def split(variables: object, control: Control, scope: Microscope) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Variables asked for, as those of an image under this control and channels that are to be derived from it.
-
-    Where the drive has a second mode, all channels of that come by default.
-    """
+    """Variables of an image under this control, and channels, among them by default those of a driven second mode."""
     known = all_variables_of(control)
     more = tuple(
         name

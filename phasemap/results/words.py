@@ -53,10 +53,7 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 
 
 def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
-    """Say how many pixels show the mean of motion that is not periodic, and how far it is spread.
-
-    Returns one line; empty if there are none, or if the dataset does not say.
-    """
+    """Say in a line how many pixels show the mean of motion that is not periodic, if any, and how far it is spread."""
     count = int(np.count_nonzero(ds["motion"].values == 1)) if "motion" in ds else 0
     if not count:
         return []
@@ -70,10 +67,7 @@ def describe_irregular(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 
 
 def describe_alike(ds: xr.Dataset, materials: int) -> list[str]:
-    """Say so if several materials can hardly be told apart by their phase.
-
-    Returns one line, or none, as where a pixel has no solution and so no phase to be told by.
-    """
+    """Say in a line if several materials can hardly be told apart by their phase, where every pixel has one."""
     if materials < 2 or "phase" not in ds or not np.isfinite(ds["phase"].values).all():
         return []
     apart = float(np.ptp(ds["phase"].values))
@@ -108,10 +102,7 @@ def _shares(flags: xr.DataArray, meanings: list[str]) -> str:
 
 
 def titles(ds: xr.Dataset) -> list[str]:
-    """Title, material and microscope of a sweep, a line each; what is swept is left out.
-
-    `ds`: of a sweep, with its ``configuration``.
-    """
+    """Title, material and microscope of a sweep, a line each, from its ``configuration``; what is swept is left out."""
     about = json.loads(ds.attrs.get("configuration", "{}"))
     swept = about.get("sweep", "")
     material = about.get("material", {})

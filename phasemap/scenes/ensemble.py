@@ -1,25 +1,6 @@
 """Ensembles: a scene in many variants, simulated into one file with the truth behind each image.
 
-A scene file becomes an ensemble by a table ``[ensemble]``. Either ``count`` samples are drawn,
-
-.. code-block:: toml
-
-    [ensemble]
-    count = 100
-    seed = 1                                                        # 0 if it is not given
-    [ensemble.vary]
-    materials.soft.modulus = { low = "100 MPa", high = "5 GPa", scale = "log" }  # or "linear", as by default
-    surface.seed = { low = 0, high = 999999, whole = true }
-    scan.setpoint = [0.5, 0.7, 0.9]                                       # one of these
-
-or they are the rows of a table, a CSV file in the scene's folder whose header names the keys:
-
-.. code-block:: toml
-
-    [ensemble]
-    table = "runs.csv"
-
-``licence`` is text that the file states as its attribute ``license``, such as ``"CC-BY-4.0"``.
+docs/howto/ensembles.md says what its table ``[ensemble]`` holds.
 """
 
 from __future__ import annotations

@@ -1,14 +1,6 @@
-"""Scenes: one TOML file that says everything a simulation needs.
+"""Scenes: one TOML file that says everything a simulation needs, as docs/reference/scenes.md lists it.
 
-The tables are ``[scan]`` (setpoint, solver, strict_units), ``[surface]`` (see `phasemap.scenes.surface`),
-``[materials.NAME]``, ``[cantilever]``, ``[tip]``, ``[drive]``, ``[interaction]``, ``[detector]`` (sees, what
-`phasemap.Microscope` calls detector), ``[control]`` (kind, and more), ``[accuracy]``, ``[realism]`` and ``[output]``
-(file, variables); a table ``[ensemble]`` makes many scenes of one (`phasemap.scenes.ensemble`). Keys are the arguments
-of the Python objects of the same name, in SI units or as text with a unit ("40 nm"); nothing unknown is passed over.
-``preset = "PS"`` in a material or the lever stands for its numbers, beside which others may be given. Higher modes of
-the lever are a number, ``modes = 2``, or tables ``[[cantilever.modes]]``. A contact law with parameters is a table:
-``contact = { law = "cone", half_angle = 30 }``, of "capillary", "cone", "film", "lossy dmt", "maugis",
-"neck", "punch" or "table".
+Keys are the arguments of the Python objects that the tables describe; nothing unknown is passed over.
 """
 
 from __future__ import annotations

@@ -1,26 +1,4 @@
-"""The ``[surface]`` table of a scene.
-
-``kind`` says where the surface comes from:
-
-* ``"labels"``: ``labels`` (a map of whole numbers), ``materials`` (names, one for each label from 0, or a table
-  ``{ 7 = "soft" }``), ``pixel_size``; a relief from ``topography``, and from ``heights`` [m], one for each label;
-  ``variation``, the arguments of `phasemap.Variation`, for materials that vary within their domains
-* the name of a generator of labels in `phasemap.generate`: its arguments, and all the above but ``labels``
-* ``"maps"``: ``modulus``, ``adhesion``, ``damping`` or ``viscosity``, ``poisson_ratio``, ``thickness``,
-  ``relaxed_modulus``, ``relaxation_time``, ``liquid_film``, ``contact_angle``,
-  ``topography`` (numbers or maps), ``pixel_size``, and ``shape`` where no map has one; or ``file``, a netCDF file that
-  has them all
-* ``"measured"``: ``file`` of a measured image, ``materials`` (names, from the lowest phase to the highest), and where
-  the file has several ``height`` and ``phase`` channels their names
-
-A map is written as rows of numbers, as the name of a ``.npy``, ``.csv``, ``.txt`` or ``.nc`` file, as
-``{ file = "maps.nc", variable = "E" }``, or as a generated field, ``{ generator = "roughness", ... }``. Files are
-relative to the scene's folder; ``"package:NAME/path"`` is a file that an installed package brings along.
-
-With ``dilate = true`` every surface is seen with a tip of finite size, as `phasemap.Surface.dilated` makes it;
-``half_angle`` is that of its cone [degree]. With ``seen_by_tip = true`` edges between materials are as wide as the
-contact and the reach of the attraction, as `phasemap.Surface.seen_by` makes them.
-"""
+"""The ``[surface]`` table of a scene; docs/reference/scenes.md says what its keys mean."""
 
 from __future__ import annotations
 
@@ -77,10 +55,7 @@ class Built(NamedTuple):
 
 
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
-    """Make the surface that the ``[surface]`` table of a scene describes.
-
-    Raises FileError if a file cannot be read.
-    """
+    """Make the surface that the ``[surface]`` table of a scene describes. Raises FileError if a file cannot be read."""
     generators = _generators("Labels")
     if "kind" not in table:
         raise missing("[surface]", "kind")

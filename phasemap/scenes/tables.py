@@ -146,10 +146,7 @@ def _parsed(text: str) -> Table:
 
 
 def with_override(tables: Table, override: str) -> Table:
-    """Return the tables with one key set from ``"table.key=value"``.
-
-    `override`: as in `load_scene`.
-    """
+    """Return the tables with one key set from ``"table.key=value"``. `override`: as in `load_scene`."""
     name, equals, text = override.partition("=")
     name = name.strip()
     if name == "setpoint":
@@ -253,10 +250,7 @@ def _key(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A string: as in JSON, but TOML has no raw DEL, and no halves of characters, which stand for bytes in file names.
-
-    Raises InputError for those.
-    """
+    """A string as in JSON, but TOML has no raw DEL, and no halves of characters, as bytes in file names are."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -22,10 +22,7 @@ Found = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
 
 
 def engage(work: Work, limits: Array, answers: Answers) -> None:
-    """Orbits of the tip that curves of orbits give after engagement.
-
-    `limits` (shape (2,)): largest errors of passes [rad, m].
-    """
+    """Orbits that curves lead to after engagement; `limits`: largest errors of passes [rad, m]."""
     from phasemap._kernels.quadrature import TABLES
     from phasemap._kernels.rows.exact import seen_rows
 

@@ -124,12 +124,7 @@ def check_marched(marched: bool, scope: Microscope) -> None:
 def make_work(
     materials: Array, viscous: bool, scope: Microscope, amplitudes: float | Array, *, marched: bool = False
 ) -> Work:
-    """Turn materials into work.
-
-    `materials` (shape (n, 4) or (n, 10)): as for `properties`.
-    `amplitudes` (shape (n,)): setpoint amplitudes [m].
-    `marched`: as for `work_of`.
-    """
+    """Turn materials, with setpoint amplitudes [m], into work; `marched` as for `work_of`."""
     given = *properties(materials, viscous, scope), scope, amplitudes, film_of(materials)
     return work_of(*given, relaxation_of(materials, scope), liquid_of(materials), marched=marched)
 

@@ -82,10 +82,7 @@ class _Part:
 
 
 def image_again(picture: Picture, surface: Surface, threads: int | None, progress: Progress | None) -> Again:
-    """Simulate the whole image again as it was made, with what the file has and what it takes to compare that.
-
-    `surface`: as it passed under the tip.
-    """
+    """Simulate the whole image of the surface that passed again, with what comparing it with the file takes."""
     claims = picture.claims
     still = replace(claims.realism, drift=(0.0, 0.0, 0.0), line_offset=0.0, phase_offset=0.0, bits=None)
     with untold():

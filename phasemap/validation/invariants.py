@@ -114,10 +114,7 @@ def _near(values: NDArray[Any], wanted: NDArray[np.float64]) -> bool:
 
 
 def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
-    """Judge what all pixels claim.
-
-    `surface`: as it passed under the tip, drift and all.
-    """
+    """Judge what all pixels claim. `surface`: as it passed under the tip, drift and all."""
     yield _numbers(picture)
     if picture.claims.realism.bits is not None:
         yield _digits(picture)

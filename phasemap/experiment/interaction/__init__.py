@@ -321,10 +321,7 @@ class Interaction(Shown):
                     )  # fmt: skip
 
     def _loop_energies(self, rows: Array) -> Array:
-        """Energy that a loop of contact and release loses [J]; 0 without a neck or without a force before contact.
-
-        A relative 1e-9 below zero is zero.
-        """
+        """Energy that a loop of contact and release loses [J]: 0 without a neck, and a relative 1e-9 below 0."""
         if not rows[:, col.RELEASE].any() or not rows[:, [col.LONGRANGE, col.FORMING]].any():
             return np.zeros(len(rows))
         from phasemap._kernels.neck import loop_energies

@@ -206,10 +206,7 @@ class TipState:
 
     @classmethod
     def thaw(cls, arrays: Mapping[str, Array]) -> TipState:
-        """From what `freeze` gave.
-
-        Raises KeyError, ValueError if it is not that.
-        """
+        """From what `freeze` gave. Raises KeyError, ValueError if it is not that."""
         tip = cls(int(arrays["engine"]))
         tip.loop = Loop() if "loop" in arrays else None
         kept: dict[str, Any] = {}

@@ -77,10 +77,7 @@ class LinearLoop:
         return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * self._tau))
 
     def margin(self, control: Feedback) -> float:
-        """By what factor both gains of this control could be raised before the loop rings; below 1 it does.
-
-        NaN where nothing is known.
-        """
+        """By what factor both gains could be raised before the loop rings; NaN where nothing is known."""
         proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / self._tau
         if not len(self._system[0]) or proportional == integral == 0.0:
             return math.nan
@@ -202,10 +199,7 @@ HALVINGS = 6
 
 
 def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
-    """Halve the gains until the feedback comes to rest on the softest and the stiffest material, as an operator does.
-
-    Gains that never are quiet are those halved six times.
-    """
+    """Halve the gains, six times at most, until the feedback rests on the softest and the stiffest material."""
     valid = np.flatnonzero(work.refused() == col.GOOD)
     if not len(valid):
         return control

@@ -159,10 +159,7 @@ def lost(every: list[Ends]) -> Array | None:
 
 
 def minimum(adhesion: Array, values: Array) -> Ends | None:
-    """The end of the branch, from orbits at four adhesions; shapes (n, 4) and (n, 4, functions).
-
-    Adhesion as a cubic of the tip offset has its minimum there.
-    """
+    """The end of the branch, where adhesion is least as a cubic of the tip offset, from orbits at four adhesions."""
     heights = values[..., HEIGHT]
     origin, scale = heights[:, :1], np.ptp(heights, axis=1, keepdims=True)
     if not (scale > 0).all():

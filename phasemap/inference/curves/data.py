@@ -66,10 +66,7 @@ class Data:
 
 
 def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[Any, Any]]) -> Data:
-    """What was measured, as arrays.
-
-    `given`: measured values and their errors of each of `QUANTITIES`, as given.
-    """
+    """What was measured, as arrays. `given`: measured values and their errors of each of `QUANTITIES`, as given."""
     frequency = axis == "frequency"
     name = "frequencies" if frequency else "tip_offsets"
     along = check_axis(name, values, "Hz" if frequency else "m", above=0 if frequency else -np.inf)
@@ -163,10 +160,7 @@ class Setup:
 
 
 def _tuned(scope: Microscope, free_phase: float) -> Microscope:
-    """The microscope driven so far beside the resonance that the free lever has this phase [degree] and its amplitude.
-
-    A phase that it has nowhere near becomes the nearest that it has.
-    """
+    """The microscope driven where beside the resonance the free phase [degree] is this, or nearest to it."""
     from scipy.optimize import brentq
 
     lever, width = scope.cantilever, min(10 * scope.cantilever.damping_ratio, 0.9)

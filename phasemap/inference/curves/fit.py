@@ -195,10 +195,7 @@ def _fit(
     axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any,
     begun: tuple[Material, Microscope, float], parameters: Any, starts: int, known: Mapping[str, float] | None = None,
 ) -> Fit:  # fmt: skip
-    """A fit that is tried first from the values `known` of a simpler law, if there are any.
-
-    `begun`: material, microscope and height to start from, as of `Setup`.
-    """
+    """A fit from `begun`, as of `Setup`, tried first from the values `known` of a simpler law, if there are any."""
     from phasemap.inference.curves.data import Setup, check_data, check_parameters
     from phasemap.inference.curves.problem import Problem, search
     from phasemap.inference.curves.result import make_fit

@@ -124,10 +124,7 @@ def begun(start: Material) -> Material:
 
 
 def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, Material, dict[str, float | None]]:
-    """Microscope and start under a law, and the parameters that it adds.
-
-    `law`: a name of `EVERY` or `BEGUN`, or an `Interaction`.
-    """
+    """Microscope and start under a law, or a name of `EVERY` or `BEGUN`, and the parameters that it adds."""
     names = dict.fromkeys((*EVERY, *BEGUN))
     if isinstance(law, str) and law.lower() not in names:
         raise InputError("law", law, "one of " + ", ".join(names))

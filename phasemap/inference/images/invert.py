@@ -107,10 +107,7 @@ class _Valleys(NamedTuple):
 
 
 def moments(problem: Problem, found: Solution, covariance: Array) -> tuple[Array, Array]:
-    """Means, shape (n, 3), and covariances, shape (n, 3, 3), of the logarithms.
-
-    `covariance`: those of the parabola.
-    """
+    """Means, shape (n, 3), and covariances, shape (n, 3, 3), of the logarithms. `covariance`: those of the parabola."""
     mean, parabola, covariance = found.q.copy(), covariance, covariance.copy()
     wide = (np.einsum("nii->ni", covariance) > SHARP**2).any(axis=1)
     wide = np.flatnonzero(wide & found.good & (problem.sides != 0).any(axis=(1, 2)))

@@ -290,10 +290,7 @@ def of_regions(
     problem: Problem, fitted: Fitted, stack: Stack, image: xr.Dataset, fixed: dict[int, Material], names: list[int],
     configuration: dict[str, Any],
 ) -> xr.Dataset:  # fmt: skip
-    """Materials of regions, of which some are known, and how well each property is determined.
-
-    `fixed`: known materials by the number of their region; `names`: labels of the regions.
-    """
+    """Materials of regions with these labels, some `fixed`, and how well each property is determined."""
     regions, unknown, chi2, degrees = len(stack), problem.unknown, fitted.chi2, fitted.degrees
     logs, errors = np.zeros((regions, 3)), np.zeros((regions, 3))
     codes = np.full((regions, 3), GIVEN, np.int8)

@@ -53,10 +53,7 @@ class Stack:
         return replace(self, values=self.values[chosen], errors=self.errors[chosen])
 
     def medians(self, numbers: NDArray[np.intp], count: int) -> Stack:
-        """Medians of the pixels of each region, with their standard errors.
-
-        `numbers`: of each pixel the number of its region, of so many, -1 where it has none.
-        """
+        """Medians of regions, by the number of each pixel's, -1 where it has none, with their standard errors."""
         values = np.zeros((count, *self.values.shape[1:]))
         errors = np.full(values.shape, np.inf)
         for i, j, k in np.ndindex(values.shape):
@@ -87,10 +84,7 @@ def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArr
 
 
 def list_of_images(images: object) -> list[xr.Dataset]:
-    """The images of a stack, each a Dataset over ("y", "x").
-
-    `images`: a Dataset has a leading dim "setpoint", with its coordinate, or "image".
-    """
+    """The images, over ("y", "x"), of a list or of a Dataset with a leading dim "setpoint" or "image"."""
     import xarray as xr
 
     if isinstance(images, xr.Dataset):

@@ -30,10 +30,7 @@ FREE_AMPLITUDES = ("free_amplitude", "free_amplitude_voltage")
 
 
 def read_files(files: Sequence[Any]) -> list[xr.Dataset]:
-    """Images by their names, which are their attribute "title"; doubts of the readers are told with the file's name.
-
-    Raises FileError if a file cannot be read.
-    """
+    """Images by their names, their attribute "title"; doubts of the readers are told with the file's name."""
     from phasemap.io.read import read_image
 
     paths = [Path(one) if isinstance(one, str | os.PathLike) else None for one in files]

@@ -141,10 +141,7 @@ class Settings:
 def scope_of(
     images: Sequence[xr.Dataset], scope: Microscope | None, given: Collection[str] = ()
 ) -> tuple[Microscope, list[str]]:
-    """The microscope, of what the files say and what has to be assumed, which is told.
-
-    `given`: arguments of the lever that the user says instead, of which files may say what they like.
-    """
+    """The microscope, of the files, what is `given` in place of theirs, and what has to be assumed, which is told."""
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]

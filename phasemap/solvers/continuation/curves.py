@@ -263,11 +263,7 @@ def settling_periods(lever: np.ndarray) -> int:
 
 
 def held_curves(path: Path, amplitudes: np.ndarray, samples: int, left: float = 0.98, level: int = 0) -> Curves:
-    """The distance curve from far, with rows where the detector sees these amplitudes.
-
-    `left`: share of the least amplitude at which a curve is left.
-    `level`: of refinement, of the rows.
-    """
+    """The distance curve from far, down to a share `left` of the least of the amplitudes seen, at which it has rows."""
     free, plain = float(free_amplitude(path.lever)), sees_tip(path.lever)
     least = max(float(tip_amplitudes(path.lever, amplitudes[0])[0]), FAINT * free)  # of z
     box = (-DEEP * free, np.inf, left * least)

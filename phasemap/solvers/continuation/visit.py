@@ -32,11 +32,7 @@ MOST_TURNS = 12  # landings before the feedback is taken to hunt for ever
 def move_in_time(
     oscillator: Oscillator, state: np.ndarray, target: float, by_amplitude: bool
 ) -> tuple[int, np.ndarray]:
-    """Move a tip slowly to a tip offset or an amplitude [m].
-
-    `state`: of its motion, which is changed.
-    Returns a status code, and a full row of what a lock-in shows there.
-    """
+    """Move a tip in this state, which changes, slowly to a tip offset or an amplitude [m]: a status, and a full row."""
     row = np.full(col.FULL, np.nan)
     move = move_to_amplitude if by_amplitude else move_to_tip_offset
     status = move(oscillator, target, ETA, MOST_PERIODS, state, row[: col.COLUMNS])
