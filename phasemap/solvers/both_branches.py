@@ -102,14 +102,11 @@ def stable_branches(
     >>> found.stable.tolist(), found.engaged.tolist()
     ([[True], [True]], [0])
     """
-    found, count, tip = Branches.unknown(work), len(work), at_tip(work)
+    found, tip = Branches.unknown(work), at_tip(work)
     valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
-    if len(valid) < count:
-        found.put(valid, stable_branches(work.part(valid), solver, accuracy, workers, progress))
-        return found
 
     def solve(first: int, last: int) -> None:
-        some = slice(first, last)
+        some = valid[first:last]
         part = tip.part(some)
         own = Branches.unknown(part)
         if engaged is None:
@@ -124,7 +121,7 @@ def stable_branches(
             own.rows[ENGAGED] = own.rows[own.engaged, np.arange(len(part))] = engaged[0][some]
         found.put(some, own)
 
-    spread(solve, bounds_of(count, chunk_of(count, workers, solver.rows_per_chunk)), workers, progress)
+    spread(solve, bounds_of(len(valid), chunk_of(len(valid), workers, solver.rows_per_chunk)), workers, progress)
     return found
 
 

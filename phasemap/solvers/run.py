@@ -38,33 +38,23 @@ def run(
         solver = OnlyInTime(solver)
     if work.lever[col.SECOND_FREE] > 0.0 and isinstance(solver, March):
         solver = BothDrives(solver.eta)
-    count = len(work)
-    rows = np.full((count, col.COLUMNS if widen is None else WIDE), np.nan)
-    status, used = work.refused(), np.full(count, -1, np.int8)
-    valid = np.flatnonzero(status == col.GOOD)
-    if len(valid) < count:
-        further = None if widen is None else lambda part, some, by, at: widen(part, some, by, valid[at])
-        found = run(solver, work.part(valid), accuracy, threads=threads, progress=progress, widen=further)
-        rows[valid], status[valid], used[valid] = found
-        return rows, status, used
-    tip, workers = at_tip(work), workers_of(threads)
-    chunk = chunk_of(count, workers, solver.rows_per_chunk)
-    rooms: list[Array] = []  # for rows with nodes, each used again by the next chunk: fresh memory is slow
+    rows = np.full((len(work), col.COLUMNS if widen is None else WIDE), np.nan)
+    status, used = work.refused(), np.full(len(work), -1, np.int8)
+    tip, valid, workers = at_tip(work), np.flatnonzero(status == col.GOOD), workers_of(threads)
+    chunk = chunk_of(len(valid), workers, solver.rows_per_chunk)
+    rooms: list[Array] = []  # each used again by the next chunk: fresh memory is slow
 
     def solve(first: int, last: int) -> None:
-        some = slice(first, last)
-        part = tip.part(some)
-        if widen is None:
-            solver.solve(part, accuracy, Answers(rows[some], status[some], used[some]))
-            rows[some] = shown(rows[some], work)
-            return
-        room = rooms.pop() if rooms else np.empty((chunk, KEEPING))
-        wide = room[: len(part)]
-        wide[:, : col.COLUMNS] = np.nan
-        wide[:, KEPT_COUNT] = 0
-        solver.solve(part, accuracy, Answers(wide, status[some], used[some]))
-        rows[some] = widen(work.part(some), shown(wide, work), used[some], np.arange(first, last))
+        at = valid[first:last]
+        room = rooms.pop() if rooms else np.empty((chunk, col.COLUMNS if widen is None else KEEPING))
+        found = Answers(room[: len(at)], status[at], used[at])
+        found.rows[:, : col.COLUMNS] = np.nan
+        found.rows[:, KEPT_COUNT : KEPT_COUNT + 1] = 0  # where there is room for nodes
+        solver.solve(tip.part(at), accuracy, found)
+        seen = shown(found.rows, work)
+        rows[at] = seen if widen is None else widen(work.part(at), seen, found.solver, at)
+        status[at], used[at] = found.status, found.solver
         rooms.append(room)
 
-    spread(solve, bounds_of(count, chunk), workers, progress)
+    spread(solve, bounds_of(len(valid), chunk), workers, progress)
     return rows, status, used
