@@ -117,11 +117,6 @@ AT_REST = 1  # or at its free resonance,
 IN_LOOP = 2  # or where a loop finds that
 LOSS_HARMONICS = 80  # of the force, by which modes lose energy: the rest is below 1e-4 of what all modes lose
 
-# Entries of a harmonic orbit, averaged or to start from, shape (GUESS,): z0, mean deflection, A, P, S [m], and the
-# change of the mismatch with the tip offset at this amplitude [1/m], where it is asked for.
-G_Z0, G_MEAN, G_A, G_P, G_S, G_SLOPE, GUESS = 0, 1, 2, 3, 4, 5, 6
-HARMONIC_ORBIT = 5  # without the last one
-
 # Status codes; `phasemap.results.status.Status` says them in words.
 GOOD = 0
 NO_STABLE_ORBIT = 1

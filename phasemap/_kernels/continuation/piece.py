@@ -57,6 +57,7 @@ from phasemap._kernels.orbits.collocation.system import (
     new_orbit_like,
     no_drift,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, load_harmonic_orbit
 from phasemap._kernels.records import assign, clear
 
 MOST_PIECE_POINTS = 4000
@@ -314,21 +315,22 @@ def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
 
 @kernel
 def exact_orbits_at(
-    path: Path, guesses: np.ndarray, m: np.ndarray, hold: int, tight: float, orbit: Orbit, found: np.ndarray
+    path: Path, harmonics: np.ndarray, m: np.ndarray, hold: int, tight: float, orbit: Orbit, found: np.ndarray
 ) -> int:
-    """Go from harmonic orbits, guess = (z0, mean deflection, A, P, S), to the exact ones at these m of the path.
+    """Go from harmonic orbits, shape (n, HARMONIC_WORDS), to the exact ones at these m of the path.
 
     `hold`: whether their z0 or their A is kept. `tight`: last change, over that of an orbit that is converged.
     `found`, shape (n, COLUMNS): TIP_OFFSET, AMPLITUDE, PHASE, STIFFENING and, where it is known, FLOQUET are filled in.
     Returns how many were found before Newton's method did not converge; `orbit` is left the last one.
     """
-    point = Point()
-    for i in range(len(guesses)):
+    point, harmonic = Point(), HarmonicOrbit()
+    for i in range(len(harmonics)):
         oscillator, head, row = standing_at(path, m[i]), head_of(orbit), found[i]
-        if not guesses[i, col.G_A] > 0.0:
+        load_harmonic_orbit(harmonics[i], harmonic)
+        if not harmonic.amplitude > 0.0:
             return i
         tolerance = tight * tolerance_of(oscillator)
-        done, _, _ = solve_near(path, guesses[i], m[i], hold, False, tolerance, MOST_NEWTON_STEPS, orbit)
+        done, _, _ = solve_near(path, harmonic, m[i], hold, False, tolerance, MOST_NEWTON_STEPS, orbit)
         if done != col.GOOD or not head.amplitude > 0.0:
             return i
         row[col.TIP_OFFSET], row[col.AMPLITUDE] = head.tip_offset, head.amplitude
@@ -336,4 +338,4 @@ def exact_orbits_at(
         row[col.STIFFENING] = head.push / head.amplitude
         if mark_start(path, orbit, 1.0, point):
             row[col.FLOQUET] = point.floquet
-    return len(guesses)
+    return len(harmonics)

@@ -20,6 +20,7 @@ from phasemap._kernels.orbits.collocation.path import (
     standing_at,
 )
 from phasemap._kernels.orbits.collocation.system import EQUATIONS_OTHER, Equation, Orbit, head_of
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.records import column, record
 
 # Entries of the values and rates of a point: what is swept, wanted or held is told by its entry.
@@ -129,8 +130,9 @@ def start_far(path: Path, orbit: Orbit, amplitude: float) -> int:
     """Find the orbit far from the surface, where the lever swings almost freely."""
     oscillator = standing_at(path, 0.0)
     free = free_amplitude(path.lever)
-    guess = np.array([free * far_start(oscillator, amplitude), 0.0, free, 0.0, 0.0])
-    held = Equation(1.0, -1.0, 0.0, guess[col.G_Z0] - free, 0.0, 0.0)
-    if not begin_harmonic(oscillator, orbit, guess, 0):
+    harmonic = HarmonicOrbit()
+    harmonic.tip_offset, harmonic.amplitude = free * far_start(oscillator, amplitude), free
+    held = Equation(1.0, -1.0, 0.0, harmonic.tip_offset - free, 0.0, 0.0)
+    if not begin_harmonic(oscillator, orbit, harmonic, 0):
         return col.NOT_CONVERGED
     return solve_orbit(path, orbit, held, NewtonLimits(0, 1e-3 * path.reach, 30, True, False, 0.0))[0]

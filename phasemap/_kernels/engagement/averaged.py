@@ -30,11 +30,12 @@ from phasemap._kernels.orbits.averaged.sides import (
     STEEPEST,
     UNCLEAR,
     Maximum,
+    fill_averaged_orbit_at_gap,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
     mismatch_at_gap,
-    put_averaged_orbit,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
 from phasemap._kernels.records import clear
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
@@ -46,21 +47,21 @@ LEAP = 3  # the tip is carried over its resonance, or rebounds, and only time te
 
 
 @kernel(shared=True)
-def engage_by_averaging(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
-    """How sure it is which averaged orbit holds `amplitude` after engaging from far; fills `guess` with it if SURE.
+def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
+    """How sure it is which averaged orbit holds `amplitude` after engaging from far; fills `harmonic` with it if SURE.
 
-    guess = (z0, mean deflection, A, P, S, dh/dz0). Where it is UNDECIDED `top` is the maximum of the mismatch.
+    Where it is UNDECIDED `top` is the maximum of the mismatch.
     """
-    surety = find_side_and_orbit(oscillator, amplitude, guess, top)
-    return LEAP if surety == SURE and rebounds(oscillator, guess[col.G_P]) else surety
+    surety = find_side_and_orbit(oscillator, amplitude, harmonic, top)
+    return LEAP if surety == SURE and rebounds(oscillator, harmonic.push) else surety
 
 
 @kernel
-def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndarray, top: Maximum) -> int:
+def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
     """Find by averaging the side of the resonance on which a tip ends that comes from far and does not rebound.
 
-    SURE with its averaged orbit in `guess`; LEAP where the amplitude jumps on the way, which only time tells; UNDECIDED
-    where the end of the attractive branch decides, whose averaged maximum is in `top`; else DOUBTFUL.
+    SURE with its averaged orbit in `harmonic`; LEAP where the amplitude jumps on the way, which only time tells;
+    UNDECIDED where the end of the attractive branch decides, whose averaged maximum is in `top`; else DOUBTFUL.
     """
     p, lever = oscillator.p, oscillator.lever
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
@@ -68,19 +69,19 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndar
     attracted = has_longrange(p)
     rises = attracted and leaps(oscillator)
     if low_q(lever):
-        return find_orbit_at_low_q(oscillator, amplitude, rises, guess, top)
+        return find_orbit_at_low_q(oscillator, amplitude, rises, harmonic, top)
     if rises and attraction_defies_averaging(oscillator):
         return LEAP
     side = side_reached_from_far(oscillator, amplitude, top)
     landing = rises and side != REPULSIVE
-    if side != UNCLEAR and not landing and settle_side(oscillator, amplitude, side, top, guess):
+    if side != UNCLEAR and not landing and settle_side(oscillator, amplitude, side, top, harmonic):
         return SURE
-    if attracted and fill_only_averaged_orbit(oscillator, amplitude, guess):
+    if attracted and fill_only_averaged_orbit(oscillator, amplitude, harmonic):
         return SURE
     if landing:
         if not lands_attractive(oscillator):
             return LEAP
-        if side == ATTRACTIVE and settle_side(oscillator, amplitude, side, top, guess):
+        if side == ATTRACTIVE and settle_side(oscillator, amplitude, side, top, harmonic):
             return SURE
         return LEAP if narrowest_amplitude_ratio(lever) > 1.0 else DOUBTFUL  # the curve may not lead to where it lands
     open_side = side == UNCLEAR and attracted and narrowest_amplitude_ratio(lever) <= 1.0
@@ -88,8 +89,10 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndar
 
 
 @kernel
-def find_orbit_at_low_q(oscillator: Oscillator, amplitude: float, rises: bool, guess: np.ndarray, top: Maximum) -> int:
-    """Find by averaging the orbit on which a lever of low Q engages: SURE with `guess` filled, or DOUBTFUL.
+def find_orbit_at_low_q(
+    oscillator: Oscillator, amplitude: float, rises: bool, harmonic: HarmonicOrbit, top: Maximum
+) -> int:
+    """Find by averaging the orbit on which a lever of low Q engages: SURE with `harmonic` filled, or DOUBTFUL.
 
     Averaging is sure of one thing only there: that attraction is too weak for a branch of its own.
     """
@@ -101,12 +104,12 @@ def find_orbit_at_low_q(oscillator: Oscillator, amplitude: float, rises: bool, g
             return DOUBTFUL
     elif decide(oscillator, amplitude, 1.0, top) == UNCLEAR:
         return DOUBTFUL
-    return SURE if settle_side(oscillator, amplitude, REPULSIVE, top, guess) else DOUBTFUL
+    return SURE if settle_side(oscillator, amplitude, REPULSIVE, top, harmonic) else DOUBTFUL
 
 
 @kernel
-def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit of this amplitude; False if there may be others or none.
+def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit) -> bool:
+    """Fill `harmonic` with the averaged orbit of this amplitude; False if there may be others or none.
 
     Where the sample takes so much, as where it is soft and lossy, that the lever is held before contact repels more
     than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
@@ -127,8 +130,9 @@ def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, guess: np
     found = averaged_orbits(oscillator, amplitude)
     if len(found) != 1:
         return False
-    gap = found[0, col.G_Z0] - found[0, col.G_MEAN] - amplitude
-    return put_averaged_orbit(oscillator, amplitude, gap, guess) > STEEPEST
+    load_harmonic_orbit(found[0], harmonic)
+    gap = centre_height(harmonic) - amplitude
+    return fill_averaged_orbit_at_gap(oscillator, amplitude, gap, harmonic) > STEEPEST
 
 
 @kernel
@@ -138,15 +142,15 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def settle_side(oscillator: Oscillator, amplitude: float, side: int, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit of this side at the setpoint; False where a fold is near."""
+def settle_side(oscillator: Oscillator, amplitude: float, side: int, top: Maximum, harmonic: HarmonicOrbit) -> bool:
+    """Fill `harmonic` with the averaged orbit of this side at the setpoint; False where a fold is near."""
     p, lever = oscillator.p, oscillator.lever
     if has_longrange(p) and amplitude < narrowest_amplitude_ratio(lever) * free_amplitude(lever):
         # The maximum was sought where the attractive branch is nearest to its end; here it is another.
         find_mismatch_maximum(oscillator, amplitude, 0.0 if side == ATTRACTIVE else math.inf, top)
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
-    return fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess)
+    return fill_averaged_orbit_on_side(oscillator, amplitude, side, top, harmonic)
 
 
 @kernel
@@ -160,17 +164,17 @@ def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
 
 
 @kernel
-def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit where there is only one (`has_one_orbit`); False if it may not stand."""
+def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> bool:
+    """Fill `harmonic` with the averaged orbit where there is only one (`has_one_orbit`); False if it may not stand."""
     clear(top)
     top.behind = -1e-3 * amplitude
-    known = fill_averaged_orbit_on_side(oscillator, amplitude, REPULSIVE, top, guess)
-    return known and not rebounds(oscillator, guess[col.G_P])
+    known = fill_averaged_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic)
+    return known and not rebounds(oscillator, harmonic.push)
 
 
 @kernel
-def sure_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit that a tip from far comes to, on any surface; False if that is not sure."""
+def sure_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> bool:
+    """Fill `harmonic` with the averaged orbit to which a tip comes from far, on any surface; False if not sure."""
     if has_one_orbit(oscillator.p, oscillator.lever):
-        return only_orbit(oscillator, amplitude, top, guess)
-    return engage_by_averaging(oscillator, amplitude, guess, top) == SURE
+        return only_orbit(oscillator, amplitude, top, harmonic)
+    return engage_by_averaging(oscillator, amplitude, harmonic, top) == SURE

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from phasemap._kernels.columns import G_A, G_MEAN, G_P, G_S, G_SLOPE, G_Z0
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.side_from_far import narrowest_amplitude_ratio
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import beside_resonance, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, attractive_mismatch
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import Fit, Room
 from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
@@ -135,8 +133,8 @@ def decide_by_refined_maximum(oscillator: Oscillator, setpoint: float, amplitude
 
 
 @kernel
-def fill_orbit_outside_maximum(oscillator: Oscillator, amplitude: float, guess: np.ndarray, room: Room) -> bool:
-    """Fill `guess` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
+def fill_orbit_outside_maximum(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, room: Room) -> bool:
+    """Fill `harmonic` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
 
     The mismatch goes with the square of the distance from its maximum.
     """
@@ -149,7 +147,11 @@ def fill_orbit_outside_maximum(oscillator: Oscillator, amplitude: float, guess: 
         h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at + x, room.nodes, state)
         fall = (h - highest) / (x * x)
         if abs(h) < END_MISMATCH * highest and state.push < 0.0:
-            guess[G_Z0], guess[G_MEAN], guess[G_A] = state.centre - state.mean_force, -state.mean_force, amplitude
-            guess[G_P], guess[G_S], guess[G_SLOPE] = state.push, state.drag, 2.0 * fall * x
+            harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude = (
+                state.centre - state.mean_force,
+                -state.mean_force,
+                amplitude,
+            )
+            harmonic.push, harmonic.drag, harmonic.mismatch_slope = state.push, state.drag, 2.0 * fall * x
             return True
     return False

@@ -40,6 +40,7 @@ from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_n
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
 from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, new_orbit_like
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.records import assign, clear, record
@@ -179,14 +180,14 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
     if not near_resonance(lever) or leaps(oscillator):
         return False
     amplitude = roughly(lever, wanted, ATTRACTIVE)
-    guess, top, worst, sure = np.zeros(col.GUESS), Maximum(), worst_amplitude(lever, amplitude), False
+    harmonic, top, worst, sure = HarmonicOrbit(), Maximum(), worst_amplitude(lever, amplitude), False
     for share in HIGHER:
         higher = worst + share * (free - worst)
         side = side_reached_from_far(oscillator, higher, top)
-        sure = side == ATTRACTIVE and settle_side(oscillator, higher, side, top, guess)
+        sure = side == ATTRACTIVE and settle_side(oscillator, higher, side, top, harmonic)
         if sure:
             break
-    if not sure or not begin_harmonic(oscillator, orbit, guess, 0):
+    if not sure or not begin_harmonic(oscillator, orbit, harmonic, 0):
         return False
     status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, 12)
     clear(point)
@@ -212,11 +213,11 @@ def engage_along_exact_curve(path: Path, wanted: Wanted, rooms: Rooms) -> int:
 
 
 @kernel
-def _orbit_near(oscillator: Oscillator, guess: np.ndarray, rooms: Rooms, row: np.ndarray) -> bool:
+def _orbit_near(oscillator: Oscillator, harmonic: HarmonicOrbit, rooms: Rooms, row: np.ndarray) -> bool:
     """Exact orbit near the averaged one, in `found` of the rooms: whether it is on its branch, and can be held."""
-    done, away = orbit_near(oscillator, guess, rooms.found, row)
-    same = (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
-    near = away < largest_branch_distance(oscillator.lever, guess[col.G_A])
+    done, away = orbit_near(oscillator, harmonic, rooms.found, row)
+    same = (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0)
+    near = away < largest_branch_distance(oscillator.lever, harmonic.amplitude)
     return done == col.GOOD and same and near
 
 
@@ -256,7 +257,7 @@ def orbit_along_curve(oscillator: Oscillator, wanted: Wanted, repulsive: bool, r
 
 @kernel(shared=True)
 def exact_orbit(
-    oscillator: Oscillator, wanted: Wanted, surety: int, guess: np.ndarray, rooms: Rooms, row: np.ndarray
+    oscillator: Oscillator, wanted: Wanted, surety: int, harmonic: HarmonicOrbit, rooms: Rooms, row: np.ndarray
 ) -> int:
     """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
 
@@ -265,9 +266,9 @@ def exact_orbit(
     if surety == LEAP:
         row[:] = math.nan
         return col.NOT_CONVERGED
-    if surety == SURE and _orbit_near(oscillator, guess, rooms, row):
+    if surety == SURE and _orbit_near(oscillator, harmonic, rooms, row):
         return col.GOOD
-    repulsive = surety == SURE and guess[col.G_P] > 0.0
+    repulsive = surety == SURE and harmonic.push > 0.0
     done = orbit_along_curve(oscillator, wanted, repulsive, rooms, row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):
         done = col.NOT_CONVERGED

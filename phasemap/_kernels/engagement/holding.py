@@ -13,7 +13,7 @@ from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, fine_tolerance
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
-from phasemap._kernels.orbits.result_row import averaged_row
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_of_harmonic
 from phasemap._kernels.orbits.time.arms import lingering
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE
 from phasemap._kernels.orbits.time.many_periods import form_dents
@@ -84,7 +84,7 @@ def settle_remembering(
     step_size: float,
     most_periods: int,
     top: Maximum,
-    guess: np.ndarray,
+    harmonic: HarmonicOrbit,
     row: np.ndarray,
 ) -> int:
     """Motion over a surface that remembers, started from the averaged orbit; PENDING where averaging is not sure of it.
@@ -92,17 +92,17 @@ def settle_remembering(
     Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
     p, lever = oscillator.p, oscillator.lever
-    if not sure_orbit(oscillator, amplitude, top, guess):
+    if not sure_orbit(oscillator, amplitude, top, harmonic):
         return col.PENDING
     if has_one_orbit(p, lever):
-        averaged_row(lever, guess, row)
+        fill_row_of_harmonic(lever, harmonic, row)
         return settle(oscillator, amplitude, step_size, most_periods, row)
     near = min(most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for finer in (1.0, SECOND_TRY):
-        averaged_row(lever, guess, row)
+        fill_row_of_harmonic(lever, harmonic, row)
         if settle_near(oscillator, amplitude, finer * step_size, near, False, row):
             return col.GOOD
-    averaged_row(lever, guess, row)
+    fill_row_of_harmonic(lever, harmonic, row)
     return col.GOOD if settle_near(oscillator, amplitude, step_size, most_periods, True, row) else col.PENDING
 
 

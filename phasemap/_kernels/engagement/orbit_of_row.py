@@ -14,6 +14,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
 from phasemap._kernels.orbits.collocation.near import orbit_near
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_of_row
 from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
     KEPT_COUNT,
@@ -24,7 +25,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
     read_nodes,
 )
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
-from phasemap._kernels.orbits.result_row import guess_of_row, same_orbit
+from phasemap._kernels.orbits.result_row import same_orbit
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
 ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may differ
@@ -36,7 +37,7 @@ class Again(NamedTuple):
     at: OrbitNodes
     room: Room
     limits: np.ndarray
-    guess: np.ndarray
+    harmonic: HarmonicOrbit
     row: np.ndarray
     rooms: Rooms
 
@@ -45,7 +46,7 @@ class Again(NamedTuple):
 def room_again(lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, room: Room) -> Again:
     """Room for orbits that are solved again, with these nodes and the room of the passes."""
     limits = np.array([AGAIN_PHASE, AGAIN_HEIGHT])
-    return Again(at, room, limits, np.zeros(col.GUESS), np.zeros(col.COLUMNS), new_rooms(lever, tables))
+    return Again(at, room, limits, HarmonicOrbit(), np.zeros(col.COLUMNS), new_rooms(lever, tables))
 
 
 @kernel(shared=True)
@@ -61,15 +62,15 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
     if averaged:
         fill_harmonic_nodes(oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], again.at)
         return True
-    guess_of_row(oscillator.lever, row, again.guess)
-    side = REPULSIVE if again.guess[col.G_P] > 0.0 else ATTRACTIVE
+    fill_harmonic_of_row(oscillator.lever, row, again.harmonic)
+    side = REPULSIVE if again.harmonic.push > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
     if faint:
         if _by_passes(oscillator, row, side, again):
             return True
-        guess_of_row(oscillator.lever, row, again.guess)  # which passes began elsewhere
+        fill_harmonic_of_row(oscillator.lever, row, again.harmonic)  # which passes began elsewhere
     orbit = again.rooms.orbit
-    done, _ = orbit_near(oscillator, again.guess, orbit, again.row)
+    done, _ = orbit_near(oscillator, again.harmonic, orbit, again.row)
     if done != col.GOOD or not same_orbit(again.row, row):
         done = orbit_along_curve(
             oscillator, at_amplitude(oscillator, row[col.AMPLITUDE]), side == REPULSIVE, again.rooms, again.row
@@ -84,10 +85,10 @@ def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.n
 @kernel
 def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
     """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
-    amplitude, room, guess = row[col.AMPLITUDE], again.room, again.guess
-    if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, guess)):
+    amplitude, room, harmonic = row[col.AMPLITUDE], again.room, again.harmonic
+    if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, harmonic)):
         return False
-    found = refine(oscillator, guess, again.limits, room)
+    found = refine(oscillator, harmonic, again.limits, room)
     if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
         return False
     nodes_from_response(nodes_of_solution(room), amplitude, room.state.centre, again.at)

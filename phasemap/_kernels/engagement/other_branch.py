@@ -22,7 +22,7 @@ from phasemap._kernels.engagement.end_of_attractive_branch import (
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
     REPULSIVE,
@@ -32,7 +32,9 @@ from phasemap._kernels.orbits.averaged.sides import (
     find_mismatch_maximum,
     mismatch_at_gap,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import Room, refine, slope_is_clear
+from phasemap._kernels.records import clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 EXACTLY_DAMPED = 2e-3  # the same of exact orbits
@@ -43,14 +45,14 @@ MOST_STEPS = 60
 
 
 @kernel
-def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.ndarray, room: Room) -> int:
-    """Fill `guess` with the averaged orbit on this side; NO_STABLE_ORBIT if there is surely none, PENDING in doubt.
+def averaged_on(oscillator: Oscillator, amplitude: float, side: int, harmonic: HarmonicOrbit, room: Room) -> int:
+    """Fill `harmonic` with the averaged orbit on this side; NO_STABLE_ORBIT if there is surely none, PENDING in doubt.
 
-    In doubt about the attractive side the guess lies outside of where the branch ends, from where Newton's method comes
+    In doubt about the attractive side it lies outside of where the branch ends, from where Newton's method comes
     to the outer orbit if there is one.
     """
     law, p, lever = oscillator
-    guess[:] = 0.0
+    clear(harmonic)
     if not forces_are_plain(oscillator):
         return col.PENDING
     if not has_longrange(p):
@@ -69,14 +71,14 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
         if decided == REPULSIVE:
             return col.NO_STABLE_ORBIT
         if decided == UNCLEAR or not top.mismatch > 0.0:
-            beside(oscillator, amplitude, top, guess)
+            beside(oscillator, amplitude, top, harmonic)
             return col.PENDING
     else:
         find_mismatch_maximum(oscillator, amplitude, math.inf, top)
-    if fill_averaged_orbit_on_side(oscillator, amplitude, side, top, guess):
+    if fill_averaged_orbit_on_side(oscillator, amplitude, side, top, harmonic):
         return col.GOOD
     if side == ATTRACTIVE:
-        beside(oscillator, amplitude, top, guess)
+        beside(oscillator, amplitude, top, harmonic)
         return col.PENDING
     drag, gap = drag_at_balance(oscillator, amplitude, top)
     if abs(drag) < DAMPED * low_q_margin_factor(lever):
@@ -86,11 +88,11 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, guess: np.n
 
 
 @kernel
-def beside(oscillator: Oscillator, amplitude: float, top: Maximum, guess: np.ndarray) -> None:
-    """Fill `guess` with a harmonic orbit outside of the strongest pull."""
+def beside(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> None:
+    """Fill `harmonic` with a harmonic orbit outside of the strongest pull."""
     c = 1.0 + (top.gap + BESIDE * (reach_of(oscillator.p) + abs(top.gap))) / amplitude
     push, drag, mean = harmonics(oscillator, amplitude, c)
-    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
+    fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
 
 
 @kernel
@@ -150,11 +152,11 @@ def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, room: Room)
 
 @kernel
 def orbit_on(
-    oscillator: Oscillator, amplitude: float, side: int, limits: np.ndarray, guess: np.ndarray, room: Room
+    oscillator: Oscillator, amplitude: float, side: int, limits: np.ndarray, harmonic: HarmonicOrbit, room: Room
 ) -> int:
     """Find the orbit on a side of the resonance by `averaged_on`, and then exactly, in room.state where GOOD."""
-    done = averaged_on(oscillator, amplitude, side, guess, room)
+    done = averaged_on(oscillator, amplitude, side, harmonic, room)
     if done != col.GOOD:
         return done
-    exact = refine(oscillator, guess, limits, room)
+    exact = refine(oscillator, harmonic, limits, room)
     return col.GOOD if exact and slope_is_clear(oscillator, limits, room) else col.PENDING

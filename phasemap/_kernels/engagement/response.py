@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import G_P, G_Z0, GOOD, KNOWN, NOT_CONVERGED, PENDING
+from phasemap._kernels.columns import GOOD, KNOWN, NOT_CONVERGED, PENDING
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, settle_side, worst_amplitude
 from phasemap._kernels.engagement.end_of_attractive_branch import (
@@ -24,25 +24,25 @@ from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_of_harmonic
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
-from phasemap._kernels.orbits.result_row import averaged_row
 
 
 @kernel(shared=True)
 def cheap_orbit(
-    oscillator: Oscillator, amplitude: float, surety: int, limits: np.ndarray, guess: np.ndarray, room: Room
+    oscillator: Oscillator, amplitude: float, surety: int, limits: np.ndarray, harmonic: HarmonicOrbit, room: Room
 ) -> int:
-    """Exact orbit in room.state: GOOD; KNOWN where only `guess` is sure; PENDING where the decision does not hold.
+    """Exact orbit in room.state: GOOD; KNOWN where only `harmonic` is sure; PENDING where the decision does not hold.
 
     NOT_CONVERGED where only time tells.
     """
     lever = oscillator.lever
     if surety == SURE:
-        if refine(oscillator, guess, limits, room):
+        if refine(oscillator, harmonic, limits, room):
             return GOOD
-        return PENDING if grazes(oscillator.p, guess) else KNOWN
+        return PENDING if grazes(oscillator.p, harmonic) else KNOWN
     if surety != UNDECIDED:
         return PENDING
     worst = worst_amplitude(lever, amplitude)
@@ -52,46 +52,48 @@ def cheap_orbit(
         side = decide_by_refined_maximum(oscillator, amplitude, worst, room)
     if side == UNCLEAR:
         return PENDING
-    known = settle_side(oscillator, amplitude, side, room.top, guess)
+    known = settle_side(oscillator, amplitude, side, room.top, harmonic)
     if side == REPULSIVE:
         if not known:
             return PENDING
-        if rebounds(oscillator, guess[G_P]):
+        if rebounds(oscillator, harmonic.push):
             return NOT_CONVERGED
-        return GOOD if refine(oscillator, guess, limits, room) else KNOWN
-    if known and refine(oscillator, guess, limits, room) and slope_is_clear(oscillator, limits, room):
+        return GOOD if refine(oscillator, harmonic, limits, room) else KNOWN
+    if known and refine(oscillator, harmonic, limits, room) and slope_is_clear(oscillator, limits, room):
         return GOOD
     if worst != amplitude:
         maximum_of_exact_mismatch(oscillator, amplitude, room)
-    if not fill_orbit_outside_maximum(oscillator, amplitude, guess, room):
+    if not fill_orbit_outside_maximum(oscillator, amplitude, harmonic, room):
         return PENDING
-    if not (refine(oscillator, guess, limits, room) and slope_is_clear(oscillator, limits, room)):
+    if not (refine(oscillator, harmonic, limits, room) and slope_is_clear(oscillator, limits, room)):
         return KNOWN
-    guess[G_Z0] = math.nan  # no averaged orbit, which could stand for this one
+    harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
     return GOOD
 
 
 @kernel
 def averaging_suffices(
-    lever: np.ndarray, guess: np.ndarray, state: PassState, limits: np.ndarray, row: np.ndarray
+    lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState, limits: np.ndarray, row: np.ndarray
 ) -> bool:
     """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
-    phase_error = abs(phase_of(lever, guess[col.G_A], guess[col.G_P], guess[col.G_S]) - state.phase) + state.phase_error
-    height_error = abs(guess[col.G_Z0] - state.tip_offset) + state.tip_offset_error
+    phase_error = (
+        abs(phase_of(lever, harmonic.amplitude, harmonic.push, harmonic.drag) - state.phase) + state.phase_error
+    )
+    height_error = abs(harmonic.tip_offset - state.tip_offset) + state.tip_offset_error
     if not (phase_error < limits[0] and height_error < limits[1]):
         return False
-    averaged_row(lever, guess, row)
+    fill_row_of_harmonic(lever, harmonic, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
     return True
 
 
 @kernel
 def choose(
-    lever: np.ndarray, guess: np.ndarray, nodes: Nodes, state: PassState, average: bool, limits: np.ndarray,
+    lever: np.ndarray, harmonic: HarmonicOrbit, nodes: Nodes, state: PassState, average: bool, limits: np.ndarray,
     row: np.ndarray,
 ) -> int:  # fmt: skip
     """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""
-    if average and averaging_suffices(lever, guess, state, limits, row):
+    if average and averaging_suffices(lever, harmonic, state, limits, row):
         return col.AVERAGING
     fill_row_from_passes(lever, nodes, state, row)
     return col.CORRECTED

@@ -39,6 +39,7 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
     no_drift,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit import LEAST_SLOPE_ALONG, Room, nodes_of_solution, refine
 from phasemap._kernels.orbits.response.state import fill_row_from_passes
 from phasemap._kernels.orbits.result_row import feedback_status
@@ -53,7 +54,7 @@ SEEN_BY_A, PHASE_BY_A, OFFSET_BY_A, SLOPES = 0, 1, 2, 3
 class SeenRoom(NamedTuple):
     """Room for the orbits of one material."""
 
-    guess: np.ndarray
+    harmonic: HarmonicOrbit
     room: Room
     limits: np.ndarray  # largest errors of passes: phase [rad], tip offset [m]
 
@@ -66,22 +67,22 @@ def orbit_at(
 
     On the side that engagement reaches where `side` is 0. With `averaged` passes are not tried where averaging is sure.
     """
-    guess = room.guess
+    harmonic = room.harmonic
     if side != 0:
         done = col.PENDING
-        if fill_averaged_orbit_near(oscillator, amplitude, side, guess):
-            exact = not averaged and refine(oscillator, guess, room.limits, room.room)
+        if fill_averaged_orbit_near(oscillator, amplitude, side, harmonic):
+            exact = not averaged and refine(oscillator, harmonic, room.limits, room.room)
             done = col.GOOD if exact else col.KNOWN
     else:
-        surety = engage_by_averaging(oscillator, amplitude, guess, room.room.top)
+        surety = engage_by_averaging(oscillator, amplitude, harmonic, room.room.top)
         if averaged and surety == SURE:
             done = col.KNOWN
         else:
-            done = cheap_orbit(oscillator, amplitude, surety, room.limits, guess, room.room)
+            done = cheap_orbit(oscillator, amplitude, surety, room.limits, harmonic, room.room)
     if done == col.GOOD:
         return col.GOOD, room.room.state.phase
     if done == col.KNOWN:
-        return col.KNOWN, phase_of(oscillator.lever, amplitude, guess[col.G_P], guess[col.G_S])
+        return col.KNOWN, phase_of(oscillator.lever, amplitude, harmonic.push, harmonic.drag)
     return col.PENDING, math.nan
 
 
@@ -91,12 +92,12 @@ def repulsive_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: 
 
     It is sure at both ends of what A may be without losses, and at the A found.
     """
-    (guess, passes, limits), lever = room, oscillator.lever
+    (harmonic, passes, limits), lever = room, oscillator.lever
     for side in (-1, 1):
         if not _surely_repulsive(oscillator, likely_amplitude(lever, seen, side), room):
             return False
     passes.seen = seen
-    found = refine(oscillator, guess, limits, passes)
+    found = refine(oscillator, harmonic, limits, passes)
     passes.seen, state = 0.0, passes.state
     if not (found and state.seen_by_a > LEAST_SLOPE and _surely_repulsive(oscillator, state.amplitude, room)):
         return False
@@ -108,7 +109,7 @@ def repulsive_at_seen(oscillator: Oscillator, seen: float, room: SeenRoom, row: 
 @kernel
 def _surely_repulsive(oscillator: Oscillator, amplitude: float, room: SeenRoom) -> bool:
     """Whether averaging is sure that engagement reaches a repulsive orbit of amplitude A [m], which it fills in."""
-    return engage_by_averaging(oscillator, amplitude, room.guess, room.room.top) == SURE and room.guess[col.G_P] > 0.0
+    return engage_by_averaging(oscillator, amplitude, room.harmonic, room.room.top) == SURE and room.harmonic.push > 0.0
 
 
 @kernel(shared=True)
@@ -117,7 +118,7 @@ def by_passes_at_seen(
 ) -> int:
     """Orbit by passes that is seen with an amplitude [m], in its row, with its slopes: GOOD, KNOWN or PENDING.
 
-    On a side of the resonance, from near the averaged orbit in `room.guess`, or, where `side` is 0, on that which
+    On a side of the resonance, from near the averaged orbit in `room.harmonic`, or, where `side` is 0, on that which
     engagement reaches. KNOWN where passes do not lead from the averaged orbit, which is then the one seen with about
     this amplitude.
     """
@@ -164,12 +165,12 @@ def on_side_at_seen(
 ) -> int:
     """Orbit by passes on a side of the resonance that is seen with an amplitude [m]: GOOD, or NO_STABLE_ORBIT.
 
-    PENDING where that is left open, `room.guess` near an averaged one if there is any. There is none where none has the
-    amplitude of a lever without losses, nor one nearer to that seen.
+    PENDING where that is left open, `room.harmonic` near an averaged one if there is any. There is none where none has
+    the amplitude of a lever without losses, nor one nearer to that seen.
     """
-    lossless, guess = likely_amplitude(oscillator.lever, seen, side), room.guess
-    none = averaged_on(oscillator, lossless, side, guess, room.room) == col.NO_STABLE_ORBIT
-    if none and averaged_on(oscillator, 0.5 * (lossless + seen), side, guess, room.room) == col.NO_STABLE_ORBIT:
+    lossless, harmonic = likely_amplitude(oscillator.lever, seen, side), room.harmonic
+    none = averaged_on(oscillator, lossless, side, harmonic, room.room) == col.NO_STABLE_ORBIT
+    if none and averaged_on(oscillator, 0.5 * (lossless + seen), side, harmonic, room.room) == col.NO_STABLE_ORBIT:
         return col.NO_STABLE_ORBIT
     if not forces_are_plain(oscillator):  # passes know nothing of a neck, and a side may have several orbits
         return col.PENDING
@@ -211,11 +212,11 @@ def move_to_seen(
 
 @kernel
 def _from_averaged_or_along_curve(
-    oscillator: Oscillator, seen: float, surety: int, guess: np.ndarray, rooms: Rooms,
+    oscillator: Oscillator, seen: float, surety: int, harmonic: HarmonicOrbit, rooms: Rooms,
     row: np.ndarray, slopes: np.ndarray,
 ) -> int:  # fmt: skip
     """Fill in the exact orbit, as `exact_orbit` finds it, that is seen with an amplitude [m]; returns a status."""
-    done = exact_orbit(oscillator, at_seen(oscillator, seen), surety, guess, rooms, row)
+    done = exact_orbit(oscillator, at_seen(oscillator, seen), surety, harmonic, rooms, row)
     if done != col.GOOD:
         return done
     return move_to_seen(oscillator, seen, tolerance_of(oscillator), rooms.found, row, slopes)
@@ -228,18 +229,18 @@ def by_collocation_at_seen(
 ) -> int:  # fmt: skip
     """Find by collocation the orbit on which a tip from far stops where the detector sees an amplitude [m].
 
-    From the averaged orbit in `room.guess` if that is `known`, and averaging is as sure of the branch at the amplitude
-    that the tip then has; else along the curve. Fills `rooms.found`, the result row, and `slopes` by the tip's
-    amplitude; returns a status.
+    From the averaged orbit in `room.harmonic` if that is `known`, and averaging is as sure of the branch at the
+    amplitude that the tip then has; else along the curve. Fills `rooms.found`, the result row, and `slopes` by the
+    tip's amplitude; returns a status.
     """
-    guess, found, top, done = room.guess, rooms.found, room.room.top, col.NOT_CONVERGED
+    harmonic, found, top, done = room.harmonic, rooms.found, room.room.top, col.NOT_CONVERGED
     if known:
-        done = _from_averaged_or_along_curve(oscillator, seen, SURE, guess, rooms, row, slopes)
-        sure = done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, guess, top) == SURE
-        known = sure and (row[col.STIFFENING] > 0.0) == (guess[col.G_P] > 0.0)
+        done = _from_averaged_or_along_curve(oscillator, seen, SURE, harmonic, rooms, row, slopes)
+        sure = done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top) == SURE
+        known = sure and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0)
     if not known:
-        done = _from_averaged_or_along_curve(oscillator, seen, DOUBTFUL, guess, rooms, row, slopes)
-        if done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, guess, top) == LEAP:
+        done = _from_averaged_or_along_curve(oscillator, seen, DOUBTFUL, harmonic, rooms, row, slopes)
+        if done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top) == LEAP:
             done = col.NOT_CONVERGED
     if done == col.GOOD:
         estimate_errors(oscillator, found, row)

@@ -39,6 +39,7 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
     hold_seen,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.rows.derivatives import Found, Setpoints
 
 MOST_KEPT_ELEMENTS = 40  # of most orbits: few have more
@@ -78,9 +79,9 @@ def hold_here(oscillator: Oscillator, held: float, orbit: Orbit, row: np.ndarray
 @kernel
 def engaged_orbit(oscillator: Oscillator, held: float, rooms: Rooms, row: np.ndarray) -> bool:
     """Exact orbit seen with the amplitude held [m] that curves lead a tip to from far; False where a tip leaps."""
-    top, guess = Maximum(), np.zeros(col.GUESS)
-    surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), guess, top)
-    done = exact_orbit(oscillator, at_seen(oscillator, held), surety, guess, rooms, row)
+    top, harmonic = Maximum(), HarmonicOrbit()
+    surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
+    done = exact_orbit(oscillator, at_seen(oscillator, held), surety, harmonic, rooms, row)
     return done == col.GOOD and hold_here(oscillator, held, rooms.found, row)
 
 

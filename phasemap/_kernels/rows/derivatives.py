@@ -25,7 +25,7 @@ from phasemap._kernels.orbits.averaged.branch import (
     fill_signal_and_slopes,
     held_root,
 )
-from phasemap._kernels.orbits.averaged.harmonics import put_harmonic_orbit
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import Room
 
 
@@ -104,7 +104,7 @@ def exact_block(
     orbit is not sound.
     """
     levers, amplitudes, sides, places = setpoints
-    room, row, slopes = SeenRoom(np.zeros(col.GUESS), Room(), limits), np.zeros(col.COLUMNS), np.zeros(SLOPES)
+    room, row, slopes = SeenRoom(HarmonicOrbit(), Room(), limits), np.zeros(col.COLUMNS), np.zeros(SLOPES)
     for i in range(len(rows)):
         p = parameters(rows[i])
         for j in range(len(amplitudes)):
@@ -112,7 +112,7 @@ def exact_block(
             good[i, j] = False
             if sides[i, j] == 0:
                 continue
-            put_harmonic_orbit(room.guess, 1.0, places[i, j], 0.0, 0.0, 0.0)
+            fill_harmonic_orbit(room.harmonic, 1.0, places[i, j], 0.0, 0.0, 0.0)
             oscillator = Oscillator(law, p, levers[j])
             done = by_passes_at_seen(oscillator, amplitudes[j], sides[i, j], room, row, slopes)
             good[i, j] = done == col.GOOD

@@ -25,6 +25,7 @@ from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import orbit_from, orbit_near, tolerance_of
 from phasemap._kernels.orbits.collocation.system import new_orbit
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_of_row, load_harmonic_orbit
 from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, room_for_loads
 from phasemap._kernels.orbits.orbit_nodes import (
     FELT_IM,
@@ -36,7 +37,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
     nodes_from_collocation,
 )
 from phasemap._kernels.orbits.response.orbit import Room
-from phasemap._kernels.orbits.result_row import guess_of_row, has_periodic_orbit, same_orbit
+from phasemap._kernels.orbits.result_row import has_periodic_orbit, same_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
@@ -44,21 +45,20 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 
 @kernel
 def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
-    """Orbit by collocation of every row whose status is PENDING, near the guess it holds if any."""
+    """Orbit by collocation of every row whose status is PENDING, near the harmonic orbit it holds if any."""
     out, status, solver = answers
     rooms = new_rooms(pixels.lever, tables)
-    guess, top, at = np.zeros(col.GUESS), Maximum(), OrbitNodes()
+    harmonic, top, at = HarmonicOrbit(), Maximum(), OrbitNodes()
     for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
         oscillator, amplitude, row, surety = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS], SURE
-        for j in range(len(guess)):
-            guess[j] = row[j]
-        if math.isnan(guess[0]):
-            surety = engage_by_averaging(oscillator, amplitude, guess, top)
+        load_harmonic_orbit(row, harmonic)
+        if math.isnan(harmonic.tip_offset):
+            surety = engage_by_averaging(oscillator, amplitude, harmonic, top)
         row[:] = math.nan
         wanted = at_amplitude(oscillator, amplitude)
-        status[i], solver[i] = exact_orbit(oscillator, wanted, surety, guess, rooms, row), col.ORBIT
+        status[i], solver[i] = exact_orbit(oscillator, wanted, surety, harmonic, rooms, row), col.ORBIT
         if status[i] != col.GOOD:
             row[:] = math.nan
             continue
@@ -71,12 +71,12 @@ def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
 @kernel
 def rows_beside(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
     """Replace each result row of the tip by that of the exact orbit beside it; `done` says where there is one."""
-    orbit, guess, row = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT), np.zeros(col.COLUMNS)
+    orbit, harmonic, row = new_orbit(pixels.lever, tables), HarmonicOrbit(), np.zeros(col.COLUMNS)
     for i in range(len(out)):
         oscillator, near = oscillator_of(pixels, i), out[i]
-        guess_of_row(pixels.lever, near, guess)
-        guess[col.G_A] = pixels.amplitudes[i]
-        status, _ = orbit_near(oscillator, guess, orbit, row)
+        fill_harmonic_of_row(pixels.lever, near, harmonic)
+        harmonic.amplitude = pixels.amplitudes[i]
+        status, _ = orbit_near(oscillator, harmonic, orbit, row)
         done[i] = status == col.GOOD and same_orbit(row, near)
         if done[i]:
             estimate_errors(oscillator, orbit, row)
@@ -92,15 +92,19 @@ def nearby_rows(
     One whose tip offset is farther `away` [m], or that is not stable, gets the status NOT_CONVERGED. So many rows as
     are a `group`, one after another, are close to each other: each may start from the one before.
     """
-    orbit, guess = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT)
+    orbit, harmonic = new_orbit(pixels.lever, tables), HarmonicOrbit()
     for i in range(len(out)):
         oscillator, row, z0 = oscillator_of(pixels, i), out[i], out[i, col.TIP_OFFSET]
-        guess_of_row(pixels.lever, row, guess)
+        fill_harmonic_of_row(pixels.lever, row, harmonic)
         done = col.NOT_CONVERGED
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
-            done = orbit_from(oscillator, guess, orbit, row) if warm else orbit_near(oscillator, guess, orbit, row)[0]
+            done = (
+                orbit_from(oscillator, harmonic, orbit, row)
+                if warm
+                else orbit_near(oscillator, harmonic, orbit, row)[0]
+            )
             if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < away[i]:
                 break
             done = col.NOT_CONVERGED
@@ -117,16 +121,16 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
     are tried too. `slopes` (shape (n, SLOPES)): as for `seen_rows`.
     """
     out, status, solver = answers
-    orbit, guess, waiting = new_orbit(pixels.lever, tables), np.zeros(col.HARMONIC_ORBIT), 0
+    orbit, harmonic, waiting = new_orbit(pixels.lever, tables), HarmonicOrbit(), 0
     for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
         oscillator, row = oscillator_of(pixels, i), out[i]
-        copy(row[: col.HARMONIC_ORBIT], guess)
+        load_harmonic_orbit(row, harmonic)
         for _ in range(MOST_STARTS):
-            if math.isnan(guess[col.G_Z0]):
+            if math.isnan(harmonic.tip_offset):
                 break
-            done, _ = orbit_near(oscillator, guess, orbit, row)
+            done, _ = orbit_near(oscillator, harmonic, orbit, row)
             if done == col.GOOD and not sees_tip(pixels.lever):
                 tolerance = tolerance_of(oscillator)
                 done = move_to_seen(oscillator, pixels.amplitudes[i], tolerance, orbit, row, slopes[i])
@@ -134,7 +138,7 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
                 status[i], solver[i] = col.GOOD, col.ORBIT
                 estimate_errors(oscillator, orbit, row)
                 break
-            guess[col.G_Z0] += FARTHER_START * guess[col.G_A]
+            harmonic.tip_offset += FARTHER_START * harmonic.amplitude
         if status[i] == col.PENDING:
             row[:] = math.nan
             waiting += 1
@@ -149,7 +153,7 @@ def seen_rows(pixels: Pixels, tables: np.ndarray, limits: np.ndarray, answers: A
     own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by that give the rest.
     """
     (out, status, solver), seen = answers, pixels.amplitudes
-    room, rooms = SeenRoom(np.zeros(col.GUESS), Room(), limits), new_rooms(pixels.lever, tables)
+    room, rooms = SeenRoom(HarmonicOrbit(), Room(), limits), new_rooms(pixels.lever, tables)
     for i in range(len(out)):
         oscillator, row = oscillator_of(pixels, i), out[i, : col.COLUMNS]
         row[:], slopes[i, :] = math.nan, math.nan

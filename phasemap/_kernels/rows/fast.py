@@ -16,13 +16,17 @@ from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.other_branch import orbit_on
 from phasemap._kernels.engagement.response import cheap_orbit, choose
 from phasemap._kernels.engagement.seen import SeenRoom, on_side_at_seen
-from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.branch import held_root
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
+from phasemap._kernels.orbits.harmonic_orbit import (
+    HarmonicOrbit,
+    fill_harmonic_orbit,
+    fill_row_of_harmonic,
+    store_harmonic_orbit,
+)
 from phasemap._kernels.orbits.orbit_nodes import FAINT_DRIVE, OrbitNodes, keep_nodes, nodes_from_response
 from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution
-from phasemap._kernels.orbits.result_row import averaged_row
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
@@ -31,23 +35,23 @@ def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, answers: Answe
     """Orbit of every row after engagement, where the cheap path is good enough; returns how many wait.
 
     limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
-    stand. Rows that wait hold `guess` where their averaged orbit is known. Rows with room keep the nodes of the orbit
+    stand. Rows that wait hold their averaged orbit where it is known. Rows with room keep the nodes of the orbit
     (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
-    room, at, guess, waiting = Room(), OrbitNodes(), np.zeros(col.GUESS), 0
+    room, at, harmonic, waiting = Room(), OrbitNodes(), HarmonicOrbit(), 0
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage_by_averaging(oscillator, amplitude, guess, room.top)
-        status[i] = cheap_orbit(oscillator, amplitude, surety, limits, guess, room)
+        surety = engage_by_averaging(oscillator, amplitude, harmonic, room.top)
+        status[i] = cheap_orbit(oscillator, amplitude, surety, limits, harmonic, room)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.KNOWN:
-                copy(guess, row)
+                store_harmonic_orbit(harmonic, row)
                 status[i] = col.PENDING
         else:
-            solver[i] = choose(lever, guess, nodes_of_solution(room), room.state, average, limits, row)
+            solver[i] = choose(lever, harmonic, nodes_of_solution(room), room.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
                     f = nodes_of_solution(room)
@@ -60,13 +64,13 @@ def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, answers: Answe
 def averaging_rows(pixels: Pixels, answers: Answers) -> int:
     """First-order averaged orbit of every row where averaging decides; returns how many wait."""
     out, status, solver = answers
-    guess, top, waiting = np.zeros(col.GUESS), Maximum(), 0
+    harmonic, top, waiting = HarmonicOrbit(), Maximum(), 0
     for i in range(len(out)):
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        if engage_by_averaging(oscillator_of(pixels, i), pixels.amplitudes[i], guess, top) == SURE:
+        if engage_by_averaging(oscillator_of(pixels, i), pixels.amplitudes[i], harmonic, top) == SURE:
             status[i] = col.GOOD
-            averaged_row(pixels.lever, guess, out[i])
+            fill_row_of_harmonic(pixels.lever, harmonic, out[i])
         else:
             status[i] = col.PENDING
             waiting += 1
@@ -77,7 +81,7 @@ def averaging_rows(pixels: Pixels, answers: Answers) -> int:
 def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
     """Replace exact orbits, which told the branch, by the averaged ones next to them."""
     out, status, solver = answers
-    guess = np.zeros(col.GUESS)
+    harmonic = HarmonicOrbit()
     for i in range(len(out)):
         if status[i] == col.GOOD and solver[i] != col.AVERAGING:
             oscillator, row = oscillator_of(pixels, i), out[i]
@@ -87,8 +91,8 @@ def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
             row[:] = math.nan
             if slope < 0.0:
                 push, drag, mean = harmonics(oscillator, amplitude, c)
-                put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
-                averaged_row(pixels.lever, guess, row)
+                fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
+                fill_row_of_harmonic(pixels.lever, harmonic, row)
             else:
                 status[i] = col.NO_AVERAGED_ORBIT
         solver[i] = col.AVERAGING
@@ -99,28 +103,28 @@ def side_rows(pixels: Pixels, side: int, limits: np.ndarray, allowed: np.ndarray
     """Stable orbit on a side of the resonance for every row that is PENDING; returns how many still are.
 
     `limits`: largest estimated errors of an exact orbit, phase [rad] and height [m]; `allowed`: those within which an
-    averaged one may stand. What is PENDING then has a harmonic orbit (z0, mean deflection, A, P, S) to start from, or
+    averaged one may stand. What is PENDING then has a harmonic orbit to start from, or
     NaN.
     """
     out, status, solver = answers
-    room, guess, waiting = Room(), np.zeros(col.GUESS), 0
+    room, harmonic, waiting = Room(), HarmonicOrbit(), 0
     for i in range(len(out)):
         if status[i] == col.PENDING:
-            status[i] = orbit_on(oscillator_of(pixels, i), pixels.amplitudes[i], side, limits, guess, room)
+            status[i] = orbit_on(oscillator_of(pixels, i), pixels.amplitudes[i], side, limits, harmonic, room)
             if status[i] == col.GOOD:
                 f = nodes_of_solution(room)
-                solver[i] = choose(pixels.lever, guess, f, room.state, True, allowed, out[i])
+                solver[i] = choose(pixels.lever, harmonic, f, room.state, True, allowed, out[i])
             else:
-                waiting += leave(guess, status[i], out[i])
+                waiting += leave(harmonic, status[i], out[i])
     return waiting
 
 
 @kernel
-def leave(guess: np.ndarray, status: int, row: np.ndarray) -> bool:
+def leave(harmonic: HarmonicOrbit, status: int, row: np.ndarray) -> bool:
     """Leave in a row the harmonic orbit to start from, if any, where its status is PENDING; returns whether that is."""
     row[:] = math.nan
-    if status == col.PENDING and guess[col.G_A] > 0.0:
-        copy(guess[: col.HARMONIC_ORBIT], row)
+    if status == col.PENDING and harmonic.amplitude > 0.0:
+        store_harmonic_orbit(harmonic, row)
     return status == col.PENDING
 
 
@@ -128,11 +132,11 @@ def leave(guess: np.ndarray, status: int, row: np.ndarray) -> bool:
 def seen_side_rows(pixels: Pixels, side: int, limits: np.ndarray, answers: Answers, slopes: np.ndarray) -> int:
     """`side_rows` where the detector does not see the tip; `slopes` (shape (n, SLOPES)): as for `exact.seen_rows`."""
     out, status, solver = answers
-    room, waiting = SeenRoom(np.zeros(col.GUESS), Room(), limits), 0
+    room, waiting = SeenRoom(HarmonicOrbit(), Room(), limits), 0
     for i in range(len(out)):
         if status[i] == col.PENDING:
             oscillator, solver[i] = oscillator_of(pixels, i), col.CORRECTED
             status[i] = on_side_at_seen(oscillator, pixels.amplitudes[i], side, room, out[i], slopes[i])
             if status[i] != col.GOOD:
-                waiting += leave(room.guess, status[i], out[i])
+                waiting += leave(room.harmonic, status[i], out[i])
     return waiting

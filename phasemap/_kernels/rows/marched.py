@@ -12,6 +12,7 @@ from phasemap._kernels.engagement.averaged import sure_orbit
 from phasemap._kernels.engagement.holding import settle, settle_remembering
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.relaxing_contact import ContactMemory, TapRoom
 from phasemap._kernels.orbits.response.relaxing_orbit import refine_relaxing
@@ -48,10 +49,10 @@ def second_drive_rows(pixels: Pixels, step_size: float, most_periods: int, out: 
 @kernel
 def remembering_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndarray, status: np.ndarray) -> None:
     """Motion over surfaces that remember, as `settle_remembering` finds it."""
-    guess, top = np.zeros(col.GUESS), Maximum()
+    harmonic, top = HarmonicOrbit(), Maximum()
     for i in range(len(out)):
         status[i] = settle_remembering(
-            oscillator_of(pixels, i), pixels.amplitudes[i], step_size, most_periods, top, guess, out[i]
+            oscillator_of(pixels, i), pixels.amplitudes[i], step_size, most_periods, top, harmonic, out[i]
         )
 
 
@@ -62,13 +63,13 @@ def relaxing_rows(pixels: Pixels, limits: np.ndarray, answers: Answers) -> None:
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
-    guess, top, room = np.zeros(col.GUESS), Maximum(), TapRoom(Nodes(), ContactMemory(), PassState())
+    harmonic, top, room = HarmonicOrbit(), Maximum(), TapRoom(Nodes(), ContactMemory(), PassState())
     for i in range(len(out)):
         oscillator = oscillator_of(pixels, i)
         status[i], out[i] = col.PENDING, math.nan
         if not oscillator.p[col.RELAXATION] > 0.0 or oscillator.p[col.SPECTRUM] != 0.0:
             continue
-        sure = sure_orbit(oscillator, pixels.amplitudes[i], top, guess)
-        if sure and refine_relaxing(oscillator, guess, limits, room):
+        sure = sure_orbit(oscillator, pixels.amplitudes[i], top, harmonic)
+        if sure and refine_relaxing(oscillator, harmonic, limits, room):
             fill_row_from_passes(pixels.lever, room.nodes, room.state, out[i])
             status[i], solver[i] = col.GOOD, col.CORRECTED

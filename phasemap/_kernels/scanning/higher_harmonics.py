@@ -19,9 +19,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.harmonics import attraction
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import Room, refine
 from phasemap._kernels.quadrature import gauss
 from phasemap._kernels.records import clear, record
@@ -115,7 +115,7 @@ def share_rows(
 
     limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
-    room, guess = Room(), np.zeros(col.GUESS)
+    room, harmonic = Room(), HarmonicOrbit()
     attractive, repulsive = Shift(), Shift()
     for i in range(len(rows)):
         oscillator, amplitude = Oscillator(law, parameters(rows[i]), lever), amplitudes[i]
@@ -124,17 +124,17 @@ def share_rows(
         clear(repulsive)
         orbits = averaged_orbits(oscillator, amplitude)
         for j in range(len(orbits)):
-            copy(orbits[j], guess)
-            guess[col.G_SLOPE] = mismatch_slope(oscillator, guess)
-            if refine(oscillator, guess, limits, room):
-                c, push = (guess[col.G_Z0] - guess[col.G_MEAN]) / amplitude, guess[col.G_P]
+            load_harmonic_orbit(orbits[j], harmonic)
+            harmonic.mismatch_slope = mismatch_slope(oscillator, harmonic)
+            if refine(oscillator, harmonic, limits, room):
+                c, push = centre_height(harmonic) / amplitude, harmonic.push
                 pull = pull_of(oscillator, amplitude, c)
                 if push < 0.0 and attractive.attraction != 0.0:
                     continue  # from far: the first attractive orbit and the last repulsive one are stable
                 side = repulsive if push > 0.0 else attractive
                 side.attraction = (KAPPA_OF_SHORT_PUSH - kappa_of_pull(1.0, reach, amplitude, c)) * pull
                 side.push = (KAPPA_OF_SHORT_PUSH - kappa_of_push(c)) * (push - pull)
-                side.exact = KAPPA_OF_SHORT_PUSH * push - (room.state.tip_offset - guess[col.G_Z0])
+                side.exact = KAPPA_OF_SHORT_PUSH * push - (room.state.tip_offset - harmonic.tip_offset)
         shares = _solve_shares(attractive, repulsive)
         out[i, 0], out[i, 1] = shares.attraction, shares.push
 

@@ -98,7 +98,7 @@ class Curves:
         orbit = new_orbit(self.path.lever, TABLES)
         status = start_far(self.path, orbit, 0.9999 * free)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
-            orbit, found = self._go(np.array([[farthest, 0.0, free, 0.0, 0.0]]), np.zeros(1), False)
+            orbit, found = self._go(np.array([[farthest, 0.0, free, 0.0, 0.0, 0.0]]), np.zeros(1), False)
             status = col.GOOD if len(found) else col.NOT_CONVERGED
         if status == col.GOOD:
             self._follow(orbit, (-1.0,))
@@ -106,7 +106,7 @@ class Curves:
     def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
         rows, at = row[None], np.array([m])
-        orbit, found = self._go(self._guesses(rows, at), at, of_amplitude)
+        orbit, found = self._go(self._harmonic_orbits(rows, at, rows[:, col.TIP_OFFSET]), at, of_amplitude)
         if not len(found) or self.knows(_exact(rows, found)[0], m):
             return False
         self._follow(orbit, (1.0, -1.0))
@@ -114,17 +114,15 @@ class Curves:
 
     def beside(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
         """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
-        guesses = self._guesses(rows, m)
-        guesses[:, col.G_Z0] = tip_offsets
-        found = self._go(guesses, m, False)[1]
+        found = self._go(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
         return _exact(rows, found) if len(found) == len(rows) and (found[:, col.FLOQUET] < 1).all() else None
 
-    def _guesses(self, rows: np.ndarray, m: np.ndarray) -> np.ndarray:
-        """The harmonic orbits of result rows."""
+    def _harmonic_orbits(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray:
+        """Harmonic orbits of result rows at these tip offsets [m], with entries as `HarmonicOrbit` has its fields."""
         amplitude, stiffness = rows[:, col.AMPLITUDE], self.standing(float(m[0])).lever[col.STIFFNESS]
         drag = -rows[:, col.DISSIPATION] / (np.pi * stiffness * amplitude)
         push = rows[:, col.STIFFENING] * amplitude
-        return np.stack([rows[:, col.TIP_OFFSET], rows[:, col.MEAN], amplitude, push, drag], axis=1)
+        return np.stack([tip_offsets, rows[:, col.MEAN], amplitude, push, drag, np.zeros(len(rows))], axis=1)
 
     def seek(self, amplitude: float, lift: float = 0.0) -> None:
         """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far.
@@ -132,13 +130,13 @@ class Curves:
         `lift`: by which these orbits are first lifted [m].
         """
         oscillator = self.standing(0.0)
-        for guess in averaged_orbits(oscillator, amplitude):
-            if not self.box[0] <= guess[col.G_Z0] <= self.box[1] or self._near(
-                guess[col.G_Z0], amplitude, guess[col.G_P] / amplitude, oscillator.lever
+        for tip_offset, mean, _, push, drag, _ in averaged_orbits(oscillator, amplitude):
+            if not self.box[0] <= tip_offset <= self.box[1] or self._near(
+                tip_offset, amplitude, push / amplitude, oscillator.lever
             ):
                 continue
-            guess[col.G_Z0] += lift
-            orbit, found = self._go(guess[None], np.zeros(1), True)
+            lifted = np.array([[tip_offset + lift, mean, amplitude, push, drag, 0.0]])
+            orbit, found = self._go(lifted, np.zeros(1), True)
             if len(found) and not self._near(
                 found[0, col.TIP_OFFSET], found[0, col.AMPLITUDE], found[0, col.STIFFENING], oscillator.lever
             ):
@@ -202,11 +200,11 @@ class Curves:
     def _tolerance(self, m: float) -> float:
         return TIGHT * float(tolerance_of(self.standing(m)))
 
-    def _go(self, guesses: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
+    def _go(self, harmonics: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
         """The last exact orbit next to harmonic ones, and what `exact_orbits_at` found of those that there are."""
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(guesses), col.COLUMNS), np.nan)
-        count = exact_orbits_at(self.path, guesses, m, hold, TIGHT, orbit, found)
+        orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(harmonics), col.COLUMNS), np.nan)
+        count = exact_orbits_at(self.path, harmonics, m, hold, TIGHT, orbit, found)
         return orbit, found[:count]
 
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]

@@ -7,13 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.harmonic_orbit import (
+    HarmonicOrbit,
+    centre_height,
+    fill_harmonic_orbit,
+    load_harmonic_orbit,
+)
 
 # What is measured in an image.
 MEASURED_PHASE = 0  # [rad]
@@ -73,12 +78,11 @@ def root_near(oscillator: Oscillator, amplitude: float, side: int, c: float) -> 
 @kernel
 def root_anywhere(oscillator: Oscillator, amplitude: float, side: int) -> tuple[float, float]:
     """Farthest stable root c of the mismatch on this branch, and the slope there; NaN if there is none."""
-    candidates = averaged_orbits(oscillator, amplitude)
+    candidates, harmonic = averaged_orbits(oscillator, amplitude), HarmonicOrbit()
     for i in range(len(candidates)):
-        if (candidates[i, col.G_P] > 0.0) == (side > 0):
-            c, slope = root_near(
-                oscillator, amplitude, side, (candidates[i, col.G_Z0] - candidates[i, col.G_MEAN]) / amplitude
-            )
+        load_harmonic_orbit(candidates[i], harmonic)
+        if (harmonic.push > 0.0) == (side > 0):
+            c, slope = root_near(oscillator, amplitude, side, centre_height(harmonic) / amplitude)
             if slope < 0.0:
                 return c, slope
     return math.nan, math.nan
@@ -94,13 +98,13 @@ def stable_root(oscillator: Oscillator, amplitude: float, side: int, search: boo
 
 
 @kernel
-def fill_averaged_orbit_near(oscillator: Oscillator, amplitude: float, side: int, guess: np.ndarray) -> bool:
-    """Fill `guess` with the averaged orbit of amplitude A [m] on a side, near its own c; False without a stable one."""
-    near = (guess[col.G_Z0] - guess[col.G_MEAN]) / guess[col.G_A]
+def fill_averaged_orbit_near(oscillator: Oscillator, amplitude: float, side: int, harmonic: HarmonicOrbit) -> bool:
+    """Fill `harmonic` with the averaged orbit of amplitude A [m] on a side, near its own c; False if none is stable."""
+    near = centre_height(harmonic) / harmonic.amplitude
     c, slope = stable_root(oscillator, amplitude, side, True, near)
     push, drag, mean = harmonics(oscillator, amplitude, c)
-    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
-    guess[col.G_SLOPE] = slope / amplitude
+    fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
+    harmonic.mismatch_slope = slope / amplitude
     return slope < 0.0
 
 

@@ -22,7 +22,6 @@ import math
 
 import numpy as np
 
-from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DAMPING, OMEGA, RELEASE, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import (
@@ -217,10 +216,3 @@ def _of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[fl
     more_mean, more_push, more_drag = _neck(law, p, amplitude, c, caught)
     share = 2.0 / (math.pi * lever[STIFFNESS])
     return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean
-
-
-@kernel
-def put_harmonic_orbit(orbit: np.ndarray, amplitude: float, c: float, push: float, drag: float, mean: float) -> None:
-    """Fill in a harmonic orbit whose tip first touches at cos(theta) = c."""
-    orbit[col.G_Z0], orbit[col.G_MEAN], orbit[col.G_A] = amplitude * c + mean, mean, amplitude
-    orbit[col.G_P], orbit[col.G_S] = push, drag

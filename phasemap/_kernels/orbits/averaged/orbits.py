@@ -11,7 +11,14 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.numerics import narrowed
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.harmonic_orbit import (
+    HARMONIC_WORDS,
+    HarmonicOrbit,
+    centre_height,
+    fill_harmonic_orbit,
+    store_harmonic_orbit,
+)
 
 MOST_ORBITS = 32  # of one amplitude that are kept, from far to near; a material has a handful
 
@@ -53,13 +60,13 @@ def far_start(oscillator: Oscillator, amplitude: float) -> float:
 
 
 @kernel
-def mismatch_slope(oscillator: Oscillator, guess: np.ndarray) -> float:
+def mismatch_slope(oscillator: Oscillator, harmonic: HarmonicOrbit) -> float:
     """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
     lever = oscillator.lever
-    reach, amplitude, e = reach_of(oscillator.p), guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
+    reach, amplitude, e = reach_of(oscillator.p), harmonic.amplitude, centre_height(harmonic)
     small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
     push, drag, _ = harmonics(oscillator, amplitude, (e + small) / amplitude)
-    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, guess[col.G_P], guess[col.G_S])) / small
+    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, harmonic.push, harmonic.drag)) / small
 
 
 @kernel
@@ -71,7 +78,7 @@ def in_phase_drive(oscillator: Oscillator, amplitude: float, c: float) -> float:
 
 @kernel(shared=True)
 def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
-    """Averaged orbits with this amplitude, far to near, MOST_ORBITS at most, as rows (z0, mean deflection, A, P, S).
+    """Averaged orbits with this amplitude, far to near, MOST_ORBITS at most, as rows of HARMONIC_WORDS entries.
 
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
@@ -102,7 +109,7 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
         at[count], above[count] = c, math.log(1.0 + mismatch(lever, amplitude, push, drag)) > 0.0
         count += 1
         x_before = x
-    rows = np.zeros((MOST_ORBITS, col.HARMONIC_ORBIT))
+    rows, harmonic = np.zeros((MOST_ORBITS, HARMONIC_WORDS)), HarmonicOrbit()
     found = 0
     for i in range(1, count):
         if above[i] == above[i - 1]:
@@ -110,6 +117,7 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
         root = root_between(oscillator, amplitude, at[i], at[i - 1])
         if not math.isnan(root) and found < len(rows):
             push, drag, mean = harmonics(oscillator, amplitude, root)
-            put_harmonic_orbit(rows[found], amplitude, root, push, drag, mean)
+            fill_harmonic_orbit(harmonic, amplitude, root, push, drag, mean)
+            store_harmonic_orbit(harmonic, rows[found])
             found += 1
     return rows[:found]

@@ -15,7 +15,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import beside_resonance, lowest_tip_offset, mismatch, reach_of
 from phasemap._kernels.numerics import narrowed
-from phasemap._kernels.orbits.averaged.harmonics import harmonics, put_harmonic_orbit
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
 from phasemap._kernels.records import record
 
 ATTRACTIVE = -1
@@ -213,8 +214,8 @@ def repulsive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> flo
 
 
 @kernel
-def put_averaged_orbit(oscillator: Oscillator, amplitude: float, gap: float, guess: np.ndarray) -> float:
-    """Fill `guess` (z0, mean deflection, A, P, S, dh/dz0) with the averaged orbit at this gap; returns dz0/dA."""
+def fill_averaged_orbit_at_gap(oscillator: Oscillator, amplitude: float, gap: float, harmonic: HarmonicOrbit) -> float:
+    """Fill `harmonic` with the averaged orbit at this gap; returns dz0/dA."""
     lever, reach = oscillator.lever, reach_of(oscillator.p)
     c = 1.0 + gap / amplitude
     push, drag, mean = harmonics(oscillator, amplitude, c)
@@ -224,22 +225,22 @@ def put_averaged_orbit(oscillator: Oscillator, amplitude: float, gap: float, gue
     slope = (mismatch_at_gap(oscillator, amplitude, gap + small)[0] - h) / small
     larger = amplitude * (1.0 + DIFFERENCE)
     push_a, drag_a, _ = harmonics(oscillator, larger, c)
-    put_harmonic_orbit(guess, amplitude, c, push, drag, mean)
-    guess[col.G_SLOPE] = slope
+    fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
+    harmonic.mismatch_slope = slope
     return c - (mismatch(lever, larger, push_a, drag_a) - h) / (DIFFERENCE * amplitude * slope)
 
 
 @kernel
 def fill_averaged_orbit_on_side(
-    oscillator: Oscillator, amplitude: float, side: int, top: Maximum, guess: np.ndarray
+    oscillator: Oscillator, amplitude: float, side: int, top: Maximum, harmonic: HarmonicOrbit
 ) -> bool:
-    """Fill `guess` with the averaged orbit on this side; False near a fold, or where the tip is pressed in."""
+    """Fill `harmonic` with the averaged orbit on this side; False near a fold, or where the tip is pressed in."""
     if side == ATTRACTIVE:
         gap = attractive_gap(oscillator, amplitude, top)
     else:
         gap = repulsive_gap(oscillator, amplitude, top)
     if math.isnan(gap):
         return False
-    along = put_averaged_orbit(oscillator, amplitude, gap, guess)
-    inside = guess[col.G_Z0] > deepest_tip_offset(oscillator)
-    return along > STEEPEST and (guess[col.G_P] > 0.0) == (side == REPULSIVE) and inside
+    along = fill_averaged_orbit_at_gap(oscillator, amplitude, gap, harmonic)
+    inside = harmonic.tip_offset > deepest_tip_offset(oscillator)
+    return along > STEEPEST and (harmonic.push > 0.0) == (side == REPULSIVE) and inside

@@ -30,6 +30,7 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_amplitude,
     hold_offset,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.quadrature import NODES
 
@@ -80,29 +81,36 @@ def depth_at_nodes(orbit: Orbit) -> float:
 
 @kernel
 def solve_near(
-    path: Path, guess: np.ndarray, m: float, hold: int, fine: bool, tolerance: float, most_steps: int, orbit: Orbit
+    path: Path,
+    harmonic: HarmonicOrbit,
+    m: float,
+    hold: int,
+    fine: bool,
+    tolerance: float,
+    most_steps: int,
+    orbit: Orbit,
 ) -> tuple[int, float, float]:
-    """Solve from a harmonic orbit, guess = (z0, mean deflection, A, P, S), for the exact one at a path's parameter m.
+    """Solve from a harmonic orbit for the exact one at a path's parameter m.
 
     `hold`: whether its z0 or its A is kept. Returns a status, and tip offset and depth [m] of where the solver began.
     A lever of low Q that is thrown back begins with the motion after a kick. Others try finer elements, which change
     less by a step, where they are to be `fine`, and else that motion last.
     """
     oscillator, head, done, start, deep = standing_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
-    repelled = guess[col.G_P] > 0.0
+    repelled = harmonic.push > 0.0
     thrown, finest = low_q(oscillator.lever) and repelled, FINEST_LEVEL if fine else 0
     for attempt in range(2 if thrown or (repelled and not fine) else finest + 1):
         head.parameter = m
         kicked = attempt == 0 if thrown else attempt > finest
         level = 0 if thrown or kicked else attempt
         if kicked:
-            begun = begin_impact(oscillator, orbit, guess[col.G_A], level)
+            begun = begin_impact(oscillator, orbit, harmonic.amplitude, level)
         else:
-            begun = begin_harmonic(oscillator, orbit, guess, level)
+            begun = begin_harmonic(oscillator, orbit, harmonic, level)
         if not begun:
             continue
         start, deep = head.tip_offset, depth_at_nodes(orbit)
-        held = hold_offset(guess[col.G_Z0]) if hold == HOLD_OFFSET else hold_amplitude(orbit)
+        held = hold_offset(harmonic.tip_offset) if hold == HOLD_OFFSET else hold_amplitude(orbit)
         done, _ = solve_orbit(path, orbit, held, NewtonLimits(level, tolerance, most_steps, False, False, 0.0))
         if done == col.GOOD:
             break
@@ -110,29 +118,29 @@ def solve_near(
 
 
 @kernel(shared=True)
-def orbit_near(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.ndarray) -> tuple[int, float]:
-    """Exact orbit from a harmonic one, guess = (z0, mean deflection, A, P, S): its row, and how far it is from it [m].
+def orbit_near(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> tuple[int, float]:
+    """Exact orbit from a harmonic one: its row, and how far it is from it [m].
 
     The status is that under feedback; which orbit it is, is for the caller to see. It is as near as tip offset or depth
     are: harmonics that lift the tip do not bring it to another branch.
     """
     done, start, deep = solve_near(
-        fixed_path(oscillator), guess, 0.0, HOLD_AMPLITUDE, True, tolerance_of(oscillator), MOST_STEPS_NEARBY, orbit
+        fixed_path(oscillator), harmonic, 0.0, HOLD_AMPLITUDE, True, tolerance_of(oscillator), MOST_STEPS_NEARBY, orbit
     )
     if done == col.GOOD:
         done = refine_orbit(oscillator, orbit, row)
-    harmonic = guess[col.G_A] - guess[col.G_Z0] + guess[col.G_MEAN]
-    deeper = min(abs(row[col.INDENTATION] - deep), abs(row[col.INDENTATION] - harmonic))
+    depth = harmonic.amplitude - harmonic.tip_offset + harmonic.mean_deflection
+    deeper = min(abs(row[col.INDENTATION] - deep), abs(row[col.INDENTATION] - depth))
     away = min(abs(row[col.TIP_OFFSET] - start), deeper)
     return feedback_status(row) if done == col.GOOD else done, away
 
 
 @kernel
-def orbit_from(oscillator: Oscillator, guess: np.ndarray, orbit: Orbit, row: np.ndarray) -> int:
-    """Exact orbit from another one, with amplitude, tip offset, P and S of a guess: its status and row."""
+def orbit_from(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> int:
+    """Exact orbit from another one, with amplitude, tip offset, P and S of a harmonic one: its status and row."""
     head = head_of(orbit)
-    head.amplitude, head.tip_offset = guess[col.G_A], guess[col.G_Z0]
-    head.push, head.drag = guess[col.G_P], guess[col.G_S]
+    head.amplitude, head.tip_offset = harmonic.amplitude, harmonic.tip_offset
+    head.push, head.drag = harmonic.push, harmonic.drag
     if not lay_again(oscillator, orbit, head.level):
         return col.NOT_CONVERGED
     done = solve_at_amplitude(oscillator, orbit, 0, tolerance_of(oscillator), MOST_STEPS_NEARBY)

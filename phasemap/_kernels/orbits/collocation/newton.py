@@ -39,6 +39,7 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
     surface_force,
 )
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.quadrature import NODES, T_END1
 
@@ -65,12 +66,12 @@ class NewtonLimits(NamedTuple):
 
 
 @kernel
-def begin_harmonic(oscillator: Oscillator, orbit: Orbit, guess: np.ndarray, level: int) -> bool:
-    """Set a harmonic orbit, guess = (z0, mean deflection, A, P, S); False if it takes too many elements."""
+def begin_harmonic(oscillator: Oscillator, orbit: Orbit, harmonic: HarmonicOrbit, level: int) -> bool:
+    """Set a harmonic orbit; False if it takes too many elements."""
     p = oscillator.p
-    z0, mean, amplitude = guess[col.G_Z0], guess[col.G_MEAN], guess[col.G_A]
+    z0, mean, amplitude = harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude
     head = head_of(orbit)
-    head.tip_offset, head.amplitude, head.push, head.drag = z0, amplitude, guess[col.G_P], guess[col.G_S]
+    head.tip_offset, head.amplitude, head.push, head.drag = z0, amplitude, harmonic.push, harmonic.drag
     c = (z0 - mean) / amplitude
     if c >= 1.0:
         head.contacts = 0

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DYNAMIC_STIFFNESS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
-from phasemap._kernels.orbits.averaged.sides import Maximum, put_averaged_orbit
+from phasemap._kernels.orbits.averaged.sides import Maximum, fill_averaged_orbit_at_gap
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height
 from phasemap._kernels.orbits.response.nodes import MOST_PARTS, Nodes, cut_contact, parts_of
 from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, by_newton, converge, start_passes
 from phasemap._kernels.orbits.response.stability import orbit_is_kept
@@ -65,34 +65,39 @@ def nodes_of_solution(room: Room) -> Nodes:
 
 
 @kernel
-def grazes(p: np.ndarray, guess: np.ndarray) -> bool:
+def grazes(p: np.ndarray, harmonic: HarmonicOrbit) -> bool:
     """Whether an averaged orbit is so near to just touching that the exact one may do otherwise."""
-    gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
+    gap = centre_height(harmonic) - harmonic.amplitude
     return bool(has_longrange(p) and abs(gap) <= GRAZING * reach_of(p))
 
 
 @kernel
-def refine(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, room: Room) -> bool:
-    """Exact orbit near the averaged one of `guess`, if the cheap path finds it within `limits` and it is sound."""
-    amplitude, e = guess[col.G_A], guess[col.G_Z0] - guess[col.G_MEAN]
-    if _pass_from(oscillator, guess, e, limits, room):
+def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, room: Room) -> bool:
+    """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""
+    amplitude, e = harmonic.amplitude, centre_height(harmonic)
+    if _pass_from(oscillator, harmonic, e, limits, room):
         return True
-    if not grazes(oscillator.p, guess):
+    if not grazes(oscillator.p, harmonic):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach_of(oscillator.p)
-    return _pass_from(oscillator, guess, e, limits, room)
+    return _pass_from(oscillator, harmonic, e, limits, room)
 
 
 @kernel(shared=True)
-def _pass_from(oscillator: Oscillator, guess: np.ndarray, centre: float, limits: np.ndarray, room: Room) -> bool:
+def _pass_from(oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: np.ndarray, room: Room) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.
 
     Beside resonance, where contacts are long, they go on at nodes that cut them in two.
     """
     lever, f, state = oscillator.lever, room.nodes, room.state
     clear(state)
-    state.amplitude, state.centre, state.slope, state.seen = guess[col.G_A], centre, guess[col.G_SLOPE], room.seen
+    state.amplitude, state.centre, state.slope, state.seen = (
+        harmonic.amplitude,
+        centre,
+        harmonic.mismatch_slope,
+        room.seen,
+    )
     if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
@@ -106,27 +111,27 @@ def _pass_from(oscillator: Oscillator, guess: np.ndarray, centre: float, limits:
         and not (parts_of(f) > 1 and state.last_ratio > 1.0)  # which lead away, as where the tip touches twice
         and 2 * parts_of(f) <= most_parts
     ):
-        gap = guess[col.G_Z0] - guess[col.G_MEAN] - guess[col.G_A]
-        if not put_averaged_orbit(oscillator, guess[col.G_A], gap, np.empty(col.GUESS)) > CLEAR_OF_FOLD:
+        gap = centre_height(harmonic) - harmonic.amplitude
+        if not fill_averaged_orbit_at_gap(oscillator, harmonic.amplitude, gap, HarmonicOrbit()) > CLEAR_OF_FOLD:
             return False  # a long contact that adhesion holds may be past a fold, which is for Newton's method to tell
         cut_contact(f, other)
         f, other = other, f
         state.parts = parts_of(f)
         evaluate_nodes(oscillator, f, state)
         found = converge(oscillator, f, state, False, limits[0], limits[1])
-    if found != FOUND or not on_same_branch(lever, guess, state):
+    if found != FOUND or not on_same_branch(lever, harmonic, state):
         return False
     return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
 
 
 @kernel
-def on_same_branch(lever: np.ndarray, guess: np.ndarray, state: PassState) -> bool:
+def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState) -> bool:
     """Whether an orbit is on the branch of the averaged one."""
-    same = (state.push > 0.0) == (guess[col.G_P] > 0.0)
+    same = (state.push > 0.0) == (harmonic.push > 0.0)
     if low_q(lever) and higher_modes_forget(lever):
         return same
-    away = state.tip_offset - state.amplitude - guess[col.G_Z0] + guess[col.G_A]
-    return same and abs(away) < largest_branch_distance(lever, guess[col.G_A])
+    away = state.tip_offset - state.amplitude - harmonic.tip_offset + harmonic.amplitude
+    return same and abs(away) < largest_branch_distance(lever, harmonic.amplitude)
 
 
 @kernel

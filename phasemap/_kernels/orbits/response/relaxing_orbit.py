@@ -11,6 +11,7 @@ from phasemap._kernels.columns import ALPHA0, OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import mismatch, modes_of, reach_of
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
@@ -238,30 +239,30 @@ def slow_flow_is_stable(oscillator: Oscillator, room: TapRoom) -> bool:
 
 
 @kernel
-def refine_relaxing(oscillator: Oscillator, guess: np.ndarray, limits: np.ndarray, room: TapRoom) -> bool:
-    """Exact orbit near the averaged one of `guess`, if passes find it within `limits` and it is sound.
+def refine_relaxing(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, room: TapRoom) -> bool:
+    """Exact orbit near the averaged one of `harmonic`, if passes find it within `limits` and it is sound.
 
     One that does not touch has nothing to remember. A lever of several modes is left to others.
     """
     p, lever = oscillator.p, oscillator.lever
     f, m, state = room
-    e = guess[col.G_Z0] - guess[col.G_MEAN]
+    e = centre_height(harmonic)
     if modes_of(lever) > 1:
         return False
     clear(state)
     f.parts, state.parts = 2, 2
-    state.amplitude, state.centre, state.slope = guess[col.G_A], e, guess[col.G_SLOPE]
+    state.amplitude, state.centre, state.slope = harmonic.amplitude, e, harmonic.mismatch_slope
     if e >= state.amplitude:
         if not start_passes(oscillator, f, state):
             return False
         found = converge(oscillator, f, state, False, limits[0], limits[1])
-        if found != FOUND or not on_same_branch(lever, guess, state):
+        if found != FOUND or not on_same_branch(lever, harmonic, state):
             return False
         return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
     if not start_relaxing(oscillator, room) or converge_relaxing(oscillator, limits, room) != FOUND:
         return False
     dent, recovery = dent_of(p, lever, m)
-    if not (taps_once(room, dent, recovery) and on_same_branch(lever, guess, state)):
+    if not (taps_once(room, dent, recovery) and on_same_branch(lever, harmonic, state)):
         return False
     state.work = energy_defect(lever, f, state)
     i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
