@@ -18,7 +18,7 @@ Words that are the same everywhere:
 * `hold`: what stays the same while an orbit is sought; `level`: of refinement of its elements in time;
 * m: the parameter of a sweep, -1 to 1; in `orbits.time` what a surface remembers, whose elements lie at xi = q^2 [m], q
   the edge of the contact; `arms`: its relaxing springs with their dashpots; `dent`: what a tap leaves of its depth;
-* `room`: arrays that are used again for every material.
+* `workspace`: records and arrays that are used again for every material, and hold the orbit found.
 """
 
 from phasemap._kernels import loaded_sources as loaded_sources  # before any kernel, to know what is loaded

@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, FACTOR_IM, FACTOR_RE, OFFSET_IM, OFFSET_RE
+from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, FACTOR_IM, FACTOR_RE, OFFSET_IM, OFFSET_RE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.lever import drive_needed
+from phasemap._kernels.lever import drive_needed, phase_rate
 
 LEAST_SLOPE = 0.05  # of the amplitude seen with A: that of a branch that can be held, and of a secant that is believed
 
@@ -29,7 +29,7 @@ def sees_tip(lever: np.ndarray) -> bool:
 
 
 @kernel(light=True)
-def seen_parts(lever: np.ndarray, along: float, across: float) -> tuple[float, float]:
+def detected_components(lever: np.ndarray, along: float, across: float) -> tuple[float, float]:
     """(A_s cos(phase_s), A_s sin(phase_s)) [m] from (A cos(phase), A sin(phase))."""
     return (
         lever[OFFSET_RE] + lever[FACTOR_RE] * along - lever[FACTOR_IM] * across,
@@ -38,51 +38,51 @@ def seen_parts(lever: np.ndarray, along: float, across: float) -> tuple[float, f
 
 
 @kernel(light=True)
-def seen_phasor(lever: np.ndarray, cosine: float, sine: float) -> tuple[float, float]:
+def detected_phasor(lever: np.ndarray, cosine: float, sine: float) -> tuple[float, float]:
     """Cosine and sine part [m] of what the detector sees, from those of the first harmonic of z."""
-    along, across = seen_parts(lever, sine, cosine)
+    along, across = detected_components(lever, sine, cosine)
     return across, along
 
 
 @kernel(light=True)
-def amplitude_seen(lever: np.ndarray, along: float, across: float) -> float:
+def detected_amplitude(lever: np.ndarray, along: float, across: float) -> float:
     """A_s [m] from (A cos(phase), A sin(phase))."""
-    x, y = seen_parts(lever, along, across)
+    x, y = detected_components(lever, along, across)
     return math.hypot(x, y)
 
 
 @kernel
-def seen_amplitude(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
+def detected_amplitude_of_orbit(lever: np.ndarray, amplitude: float, push: float, drag: float) -> float:
     """Amplitude [m] that the detector sees of an orbit with this A, P and S."""
     if sees_tip(lever):
         return amplitude
     x, y = drive_needed(lever, amplitude, push, drag)
-    return amplitude_seen(lever, amplitude * y / lever[DRIVE], amplitude * x / lever[DRIVE])
+    return detected_amplitude(lever, amplitude * y / lever[DRIVE], amplitude * x / lever[DRIVE])
 
 
 @kernel
-def seen_rates(
+def detected_rates(
     lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]
 ) -> tuple[float, float]:
     """Rates of amplitude and phase [rad] that the detector sees, from (A, P, S) of an orbit and their rates."""
-    (amplitude, push, drag), (by_amplitude, by_push, by_drag) = orbit, by
-    x, y = drive_needed(lever, amplitude, push, drag)
-    by_x = by_push + by_amplitude * lever[DYNAMIC_STIFFNESS]
-    by_y = by_amplitude * lever[DYNAMIC_LOSS] - by_drag
+    amplitude, by_amplitude = orbit[0], by[0]
+    (x, y), (by_x, by_y) = drive_needed(lever, *orbit), drive_needed(lever, *by)
     inverse = 1.0 / lever[DRIVE]
-    along, across = seen_parts(lever, amplitude * y * inverse, amplitude * x * inverse)
+    along, across = detected_components(lever, amplitude * y * inverse, amplitude * x * inverse)
     rate_along = (by_amplitude * y + amplitude * by_y) * inverse
     rate_across = (by_amplitude * x + amplitude * by_x) * inverse
     to_along = lever[FACTOR_RE] * rate_along - lever[FACTOR_IM] * rate_across
     to_across = lever[FACTOR_RE] * rate_across + lever[FACTOR_IM] * rate_along
-    size = math.hypot(along, across)
-    return (along * to_along + across * to_across) / size, (along * to_across - across * to_along) / (size * size)
+    by_size = (along * to_along + across * to_across) / math.hypot(along, across)
+    return by_size, phase_rate(across, along, to_across, to_along)
 
 
 @kernel
-def seen_rate(lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]) -> float:
+def detected_amplitude_rate(
+    lever: np.ndarray, orbit: tuple[float, float, float], by: tuple[float, float, float]
+) -> float:
     """Rate of the amplitude that the detector sees, from (A, P, S) of an orbit and their rates."""
-    return by[0] if sees_tip(lever) else seen_rates(lever, orbit, by)[0]
+    return by[0] if sees_tip(lever) else detected_rates(lever, orbit, by)[0]
 
 
 @kernel
@@ -111,11 +111,11 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
 
 
 @kernel
-def show(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
+def detected_signal(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
     """Amplitude [m] and phase [rad] that the detector sees, 0 at free resonance, from those of z."""
     if sees_tip(lever):
         return amplitude, phase
-    along, across = seen_parts(lever, amplitude * math.cos(phase), amplitude * math.sin(phase))
+    along, across = detected_components(lever, amplitude * math.cos(phase), amplitude * math.sin(phase))
     return math.hypot(along, across), math.atan2(across, along)
 
 

@@ -150,7 +150,10 @@ def scale_of(oscillator: Oscillator) -> float:
 
 @kernel(light=True)
 def drive_needed(lever: np.ndarray, amplitude: float, push: float, drag: float) -> tuple[float, float]:
-    """Drive [m] that a motion of this amplitude needs against P and S: its part in phase, and that ahead of it."""
+    """Drive [m] that a motion of this amplitude needs against P and S: its part in phase, and that ahead of it.
+
+    It is linear in the three: with their rates it is the rate of the drive needed.
+    """
     return push + amplitude * lever[DYNAMIC_STIFFNESS], lever[DYNAMIC_LOSS] * amplitude - drag
 
 
@@ -166,6 +169,12 @@ def phase_of(lever: np.ndarray, amplitude: float, push: float, drag: float) -> f
     """Phase [rad] of an orbit with this amplitude, P and S: theory, Eq. (averaging-5)."""
     x, y = drive_needed(lever, amplitude, push, drag)
     return math.atan2(x, y)
+
+
+@kernel(light=True)
+def phase_rate(x: float, y: float, by_x: float, by_y: float) -> float:
+    """Rate of the phase atan2(x, y) [rad] with those of x and y."""
+    return (by_x * y - x * by_y) / (x * x + y * y)
 
 
 @kernel

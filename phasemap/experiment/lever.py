@@ -141,7 +141,7 @@ def offset_and_factor(lever: Array) -> tuple[Any, Any]:
     )
 
 
-def show(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
+def detected_signal(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     """What the detector sees of a first harmonic of z: amplitude [m] and phase [rad], 0 at free resonance."""
     if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
@@ -169,7 +169,7 @@ def tip_amplitudes(lever: Array, amplitude: Any) -> tuple[Array, Array]:
 
 
 def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
-    """The first harmonic of z, from what the detector sees: the inverse of `show`."""
+    """The first harmonic of z, from what the detector sees: the inverse of `detected_signal`."""
     if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
     offset, factor = offset_and_factor(lever)
@@ -186,5 +186,5 @@ def seen(rows: Array, lever: Array) -> Array:
     if sees_tip(lever):
         return rows
     found, amplitude, phase = rows.copy(), rows[..., col.AMPLITUDE], rows[..., col.PHASE]
-    found[..., col.AMPLITUDE], found[..., col.PHASE] = show(lever, amplitude, phase)
+    found[..., col.AMPLITUDE], found[..., col.PHASE] = detected_signal(lever, amplitude, phase)
     return found

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
-from phasemap.experiment.lever import in_proportion, lost_in_air, offset_and_factor, seen, show, supplied, tip_seen
+from phasemap.experiment.lever import (
+    detected_signal,
+    in_proportion,
+    lost_in_air,
+    offset_and_factor,
+    seen,
+    supplied,
+    tip_seen,
+)
 from phasemap.solvers.problem import Work
 
 Array = NDArray[np.float64]
@@ -87,7 +95,7 @@ def at_seen(rows: Array, slopes: Array, lever: Array, size: Array) -> Array:
     by_size, by_phase, by_offset = slopes.T
     # As the amplitude seen changes by one: phase seen, and tip offset.
     phase_rate, offset_rate = (share.imag / a + turn * by_phase) / by_size, by_offset / by_size
-    missed = np.abs(show(lever, a, phase)[0] - size)
+    missed = np.abs(detected_signal(lever, a, phase)[0] - size)
     rows[:, col.ERROR_HEIGHT] += np.abs(offset_rate) * (np.abs(grow) * error + missed)
     rows[:, col.ERROR_PHASE] = np.abs(turn - grow * phase_rate) * error + np.abs(phase_rate) * missed
     rows[:, col.SLOPE] *= by_size

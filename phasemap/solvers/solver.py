@@ -130,10 +130,10 @@ def polish(work: Work, answers: Answers) -> None:
     if not len(chosen) or not sees_tip(work.lever):
         return
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.exact import rows_beside
+    from phasemap._kernels.rows.exact import replace_by_exact_rows
 
     rows, done = out[chosen], np.empty(len(chosen), np.bool_)
-    rows_beside(work.part(chosen).pixels, TABLES, rows, done)
+    replace_by_exact_rows(work.part(chosen).pixels, TABLES, rows, done)
     out[chosen[done]], solver[chosen[done]] = rows[done], col.ORBIT
 
 

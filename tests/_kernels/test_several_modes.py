@@ -15,7 +15,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import LOSSES, WAVES
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import show
+from phasemap._kernels.excitation import detected_signal
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.response import passes, stability
 from phasemap._kernels.orbits.response.nodes import TOUCH, Nodes, cut_contact
@@ -88,7 +88,7 @@ def by_passes(work: Work) -> tuple[Oscillator, Any, Any]:
 def test_orbits_of_two_modes_are_those_of_an_integration_in_time(case: Case) -> None:
     work = asked(LIQUID, case["modulus"], case["setpoint"])
     row = solved(work)
-    phase = math.degrees(show(work.lever, row[col.AMPLITUDE], row[col.PHASE])[1])
+    phase = math.degrees(detected_signal(work.lever, row[col.AMPLITUDE], row[col.PHASE])[1])
     assert abs(phase - case["phase"]) < math.degrees(row[col.ERROR_PHASE]) < 1e-3
     assert abs(row[col.TIP_OFFSET] - case["tip_offset"]) < row[col.ERROR_HEIGHT] < 1e-12
     assert row[col.INDENTATION] == pytest.approx(case["indentation"], abs=1e-13)
@@ -146,7 +146,7 @@ def test_an_orbit_is_kept_that_touches_once_far_from_where_it_doubles_or_its_bra
 def test_harmonics_are_those_that_the_detector_sees_of_both_modes(case: Case) -> None:
     work = asked(LIQUID, case["modulus"], case["setpoint"])
     row = solved(work)[None]
-    row[:, [col.AMPLITUDE, col.PHASE]] = show(work.lever, row[0, col.AMPLITUDE], row[0, col.PHASE])
+    row[:, [col.AMPLITUDE, col.PHASE]] = detected_signal(work.lever, row[0, col.AMPLITUDE], row[0, col.PHASE])
     wide = with_forces(row, work, np.array([col.CORRECTED], np.int8))[0]
     found = abs(wide[WAVES:LOSSES].view(complex))
     # The same modes, in nm and in units of the first one's time, from the state that the independent code recorded.

@@ -13,10 +13,10 @@ from cases import Case, label, load
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
-from phasemap._kernels.excitation import seen_phasor
+from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
-from phasemap.experiment.lever import lever_of, of_tip, offset_and_factor, sees_tip, show
+from phasemap.experiment.lever import detected_signal, lever_of, of_tip, offset_and_factor, sees_tip
 from phasemap.scenes.scene import load_scene
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import work_of_material
@@ -65,7 +65,7 @@ def one_pixel(material: pm.Material, shape: tuple[int, int] = (1, 1)) -> pm.Surf
 def test_the_free_lever_as_the_detector_sees_it() -> None:
     # z is Q u0 behind the base by a quarter of a period, so that z less the base is hypot(Q, 1) u0.
     assert WET.driven_amplitude == pytest.approx(math.hypot(3, 1) * 10e-9 / 3, rel=1e-15)
-    amplitude, phase = show(lever_of(WET), 10e-9, 0.0)
+    amplitude, phase = detected_signal(lever_of(WET), 10e-9, 0.0)
     assert float(amplitude) == pytest.approx(WET.driven_amplitude, rel=1e-15)
     assert float(phase) == pytest.approx(0.0, abs=1e-15)
     off = replace(WET, drive=pm.Drive(10e-9, 0.8 * 30e3, "base"))
@@ -77,28 +77,29 @@ def test_the_free_lever_as_the_detector_sees_it() -> None:
 def test_what_is_seen_and_what_the_tip_does_are_inverse_to_each_other() -> None:
     lever, rng = lever_of(WET), np.random.default_rng(1)
     amplitude, phase = rng.uniform(1e-9, 1e-8, 100), rng.uniform(-1.5, 1.5, 100)
-    again = of_tip(lever, *show(lever, amplitude, phase))
+    again = of_tip(lever, *detected_signal(lever, amplitude, phase))
     np.testing.assert_allclose(again, [amplitude, phase], rtol=1e-13, atol=1e-14)
-    assert [float(x) for x in show(lever_of(direct(WET)), 3e-9, 0.4)] == [3e-9, 0.4]
+    assert [float(x) for x in detected_signal(lever_of(direct(WET)), 3e-9, 0.4)] == [3e-9, 0.4]
 
 
 @pytest.mark.parametrize("scope", [WET, direct(WET)], ids=["base", "direct"])
 def test_kernels_see_what_arrays_see(scope: pm.Microscope) -> None:
     lever = lever_of(scope)
     amplitude, phase = 7e-9, 0.6
-    expected = show(lever, amplitude, phase)
+    expected = detected_signal(lever, amplitude, phase)
     push = lever[col.DRIVE] * math.sin(phase) - amplitude * lever[col.DYNAMIC_STIFFNESS]
     drag = amplitude * lever[col.DYNAMIC_LOSS] - lever[col.DRIVE] * math.cos(phase)
-    for at in (kernel.show, kernel.show.py_func):
+    for at in (kernel.detected_signal, kernel.detected_signal.py_func):
         assert at(lever, amplitude, phase) == pytest.approx([float(x) for x in expected], rel=1e-14)
-    for at in (kernel.seen_amplitude, kernel.seen_amplitude.py_func):
+    for at in (kernel.detected_amplitude_of_orbit, kernel.detected_amplitude_of_orbit.py_func):
         assert at(lever, amplitude, push, drag) == pytest.approx(float(expected[0]), rel=1e-14)
     # Central differences are off by the square of their step.
     step = 1e-5
     ends = [
-        kernel.seen_amplitude(lever, amplitude * (1 + s), push * (1 - 2 * s), drag * (1 + s)) for s in (step, -step)
+        kernel.detected_amplitude_of_orbit(lever, amplitude * (1 + s), push * (1 - 2 * s), drag * (1 + s))
+        for s in (step, -step)
     ]
-    rate = kernel.seen_rate(lever, (amplitude, push, drag), (amplitude, -2 * push, drag))
+    rate = kernel.detected_amplitude_rate(lever, (amplitude, push, drag), (amplitude, -2 * push, drag))
     assert rate == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-8)
 
 
@@ -118,7 +119,7 @@ def test_the_spread_is_that_of_the_deflection_behind_a_lock_in() -> None:
     shown, low = np.empty(6000, complex), 0j
     for i in range(-3000, len(shown)):
         march_period(work.oscillator(0), pixel.tip_offset, 0.5, tip, acc)
-        now = complex(*seen_phasor(work.lever, acc.cos, acc.sin))
+        now = complex(*detected_phasor(work.lever, acc.cos, acc.sin))
         low = now + math.exp(-2 * math.pi / 100) * (low - now)
         if i >= 0:
             shown[i] = low
@@ -183,7 +184,7 @@ def test_without_losses_the_phase_follows_from_the_amplitude() -> None:
     # What the higher harmonics take at Q 400 is less than 1e-4 of it.
     pixel = pm.solve_pixel(pm.Material(3e9), DRY, SETPOINT, "orbit")
     turn = np.linspace(0, math.pi / 2, 1_000_001)
-    amplitude, phase = show(lever_of(DRY), 40e-9 * np.cos(turn), turn)
+    amplitude, phase = detected_signal(lever_of(DRY), 40e-9 * np.cos(turn), turn)
     expected = phase[np.argmax(amplitude < SETPOINT * DRY.driven_amplitude)]
     assert pixel.phase == pytest.approx(math.degrees(expected), abs=0.01)
 

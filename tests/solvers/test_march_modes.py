@@ -15,7 +15,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement import holding
-from phasemap._kernels.excitation import show
+from phasemap._kernels.excitation import detected_signal
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mode_of
 from phasemap._kernels.orbits.time import linear_map, march, period_map
@@ -76,7 +76,7 @@ def settle_on_orbit(oscillator: Oscillator, tip: Tip) -> bool:
 @pytest.mark.parametrize("case", PERIODIC, ids=name_of)
 def test_a_settled_march_is_on_the_orbit_of_the_independent_code(case: Case) -> None:
     row, oscillator = settled(case)
-    amplitude, phase = show(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])
+    amplitude, phase = detected_signal(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])
     assert amplitude == pytest.approx(case["setpoint"] * scope_of(case).driven_amplitude, rel=1e-9)
     # Steps of this size are stated to be off by 5e-5 degree and 0.01 pm at most; here they are by less.
     assert math.degrees(phase) == pytest.approx(case["phase"], abs=1e-6)
@@ -103,7 +103,7 @@ def test_a_tip_that_is_lowered_in_time_finds_the_branch_of_the_independent_code(
     answers = Answers(np.full((1, col.COLUMNS), np.nan), np.zeros(1, np.int8), np.zeros(1, np.int8))
     March().engage(Work(law, np.array([p]), lever, np.array([amplitude])), np.arange(1), answers, 100_000)
     assert answers.status[0] == col.GOOD
-    _, phase = show(lever, *answers.rows[0, [col.AMPLITUDE, col.PHASE]])
+    _, phase = detected_signal(lever, *answers.rows[0, [col.AMPLITUDE, col.PHASE]])
     assert math.degrees(phase) == pytest.approx(case["phase"], abs=1e-6)
 
 

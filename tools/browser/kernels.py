@@ -114,7 +114,7 @@ def solve_one_of_each_kind() -> None:
         (exact.exact_rows, pixels, TABLES, answers),
         (fast.seen_side_rows, pixels, 1, np.zeros(2), answers, np.zeros((1, SLOPES))),
         (exact.exact_side_rows, pixels, TABLES, 1, answers, np.zeros((1, SLOPES))),
-        (exact.rows_beside, pixels, TABLES, answers.rows, np.zeros(1, bool)),
+        (exact.replace_by_exact_rows, pixels, TABLES, answers.rows, np.zeros(1, bool)),
         (exact.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (marched.remembering_rows, pixels, 1.0, 1, answers.rows, answers.status),

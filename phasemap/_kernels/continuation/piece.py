@@ -35,13 +35,13 @@ from phasemap._kernels.continuation.step import (
     relay_orbit,
     same_piece,
 )
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.numerics import count_smaller
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
-from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, fill_observables, settled
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, fill_observables, last_step_within_tolerance
 from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
 from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
@@ -103,9 +103,9 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     row[:] = math.nan
     fill_observables(oscillator, orbit, row[: col.COLUMNS])
     of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
-    row[col.SEEN] = seen_amplitude(lever, *of)
+    row[col.SEEN] = detected_amplitude_of_orbit(lever, *of)
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
-        rate = seen_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
+        rate = detected_amplitude_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
         row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
     complete_row(oscillator, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = head_of(orbit).parameter, kind, index
@@ -120,7 +120,11 @@ def make_exact(path: Path, orbit: Orbit, point: Point, tolerance: float) -> bool
     lever, reach = standing_at(path, head_of(orbit).parameter).lever, natural_length(path, orbit)
     along = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
     turning = abs(point.rate[control_entry(path)]) < NEAR_FOLD * along
-    if head_of(orbit).equations == EQUATIONS_KEPT and settled(lever, orbit, tolerance) and not turning:
+    if (
+        head_of(orbit).equations == EQUATIONS_KEPT
+        and last_step_within_tolerance(lever, orbit, tolerance)
+        and not turning
+    ):
         return True
     if turning:  # elements beside the contact do not say on which side of a fold it is
         relay_orbit(path, orbit)
@@ -164,7 +168,7 @@ def turn_between(
     There x is exact to rounding, and the other values as exact as s is. A long step round a sharp turn may fail; the
     next one then starts where a shorter one ended.
     """
-    begun, base, room, at = Point(), new_orbit_like(orbit), new_orbit_like(orbit), 0.0
+    begun, base, spare, at = Point(), new_orbit_like(orbit), new_orbit_like(orbit), 0.0
     assign(begun, start.point)
     copy_orbit(start.orbit, base)
     head_of(base).level = level
@@ -178,7 +182,7 @@ def turn_between(
         step = low + (high - low) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
         copy_orbit(base, orbit)
         assign(point, begun)
-        status, _ = next_point(path, point, step, orbit, room)
+        status, _ = next_point(path, point, step, orbit, spare)
         if status != col.GOOD:
             return False
         reached = point.length

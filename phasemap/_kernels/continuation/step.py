@@ -33,7 +33,7 @@ from phasemap._kernels.continuation.point import (
     solve_tangent,
     tangent_row,
 )
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import has_hysteresis
 from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
@@ -159,7 +159,10 @@ def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
     lever = standing_at(path, head.parameter).lever
     of, by = (head.amplitude, head.push, head.drag), (point.rate[ENTRY_A], point.rate[ENTRY_P], point.rate[ENTRY_S])
-    value[ENTRY_SEEN], point.rate[ENTRY_SEEN] = seen_amplitude(lever, *of), seen_rate(lever, of, by)
+    value[ENTRY_SEEN], point.rate[ENTRY_SEEN] = (
+        detected_amplitude_of_orbit(lever, *of),
+        detected_amplitude_rate(lever, of, by),
+    )
     return math.isfinite(length)
 
 
@@ -237,7 +240,7 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
 
 
 @kernel
-def _move_to_seen(path: Path, wanted: Wanted, here: Point, orbit: Orbit) -> bool:
+def _move_to_detected_amplitude(path: Path, wanted: Wanted, here: Point, orbit: Orbit) -> bool:
     """Move an orbit along the curve to the one that is seen with the amplitude wanted, for that is no coordinate."""
     _, value, tolerance = wanted
     for _ in range(MOST_SEEN_STEPS):
@@ -270,7 +273,7 @@ def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point
 
 
 @kernel(shared=True)
-def settle_on_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit) -> bool:
+def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit) -> bool:
     """From an orbit near by, go to where an entry has the value wanted between two points; True if it is found there.
 
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
@@ -287,7 +290,7 @@ def settle_on_crossing(path: Path, wanted: Wanted, last: Point, after: Point, or
     assign(here, after)
     if status != col.GOOD or not mark_point(path, orbit, here):
         return False
-    if index == ENTRY_SEEN and not _move_to_seen(path, wanted, here, orbit):
+    if index == ENTRY_SEEN and not _move_to_detected_amplitude(path, wanted, here, orbit):
         return False
     if not _lies_between(path, index, last, here, after, orbit):
         return False
@@ -309,9 +312,9 @@ def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: 
         far = (after.value[ENTRY_Z0] - before.value[ENTRY_Z0]) / (after.value[index] - before.value[index])
         tolerance *= max(1.0, AMPLIFIED * abs(far))
     wanted = Wanted(index, value, tolerance)
-    if settle_on_crossing(path, wanted, last, after, orbit):
+    if solve_at_crossing(path, wanted, last, after, orbit):
         return True
-    low, high, room, begin_orbit = Point(), Point(), new_orbit_like(orbit), new_orbit_like(orbit)
+    low, high, spare, begin_orbit = Point(), Point(), new_orbit_like(orbit), new_orbit_like(orbit)
     assign(low, before)
     assign(high, after)
     copy_orbit(start.orbit, begin_orbit)
@@ -321,7 +324,7 @@ def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: 
         assign(between, low)
         share = (value - low.value[index]) / (high.value[index] - low.value[index])
         step = high.length * min(max(share, LEAST_PART), MOST_PART)
-        status, _ = next_point(path, between, step, orbit, room)
+        status, _ = next_point(path, between, step, orbit, spare)
         if status != col.GOOD:
             return False
         if (between.value[index] > value) == (high.value[index] > value):
@@ -331,7 +334,7 @@ def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: 
             assign(low, between)
             copy_orbit(orbit, begin_orbit)
         assign(last, low)
-        if settle_on_crossing(path, wanted, last, high, orbit):
+        if solve_at_crossing(path, wanted, last, high, orbit):
             return True
     assign(last, before)
     return False

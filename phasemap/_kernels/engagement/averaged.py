@@ -74,14 +74,14 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: Harm
         return LEAP
     side = side_reached_from_far(oscillator, amplitude, top)
     landing = rises and side != REPULSIVE
-    if side != UNCLEAR and not landing and settle_side(oscillator, amplitude, side, top, harmonic):
+    if side != UNCLEAR and not landing and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic):
         return SURE
     if attracted and fill_only_averaged_orbit(oscillator, amplitude, harmonic):
         return SURE
     if landing:
         if not lands_attractive(oscillator):
             return LEAP
-        if side == ATTRACTIVE and settle_side(oscillator, amplitude, side, top, harmonic):
+        if side == ATTRACTIVE and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic):
             return SURE
         return LEAP if narrowest_amplitude_ratio(lever) > 1.0 else DOUBTFUL  # the curve may not lead to where it lands
     open_side = side == UNCLEAR and attracted and narrowest_amplitude_ratio(lever) <= 1.0
@@ -104,7 +104,7 @@ def find_orbit_at_low_q(
             return DOUBTFUL
     elif decide(oscillator, amplitude, 1.0, top) == UNCLEAR:
         return DOUBTFUL
-    return SURE if settle_side(oscillator, amplitude, REPULSIVE, top, harmonic) else DOUBTFUL
+    return SURE if fill_setpoint_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic) else DOUBTFUL
 
 
 @kernel
@@ -142,7 +142,9 @@ def worst_amplitude(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def settle_side(oscillator: Oscillator, amplitude: float, side: int, top: Maximum, harmonic: HarmonicOrbit) -> bool:
+def fill_setpoint_orbit_on_side(
+    oscillator: Oscillator, amplitude: float, side: int, top: Maximum, harmonic: HarmonicOrbit
+) -> bool:
     """Fill `harmonic` with the averaged orbit of this side at the setpoint; False where a fold is near."""
     p, lever = oscillator.p, oscillator.lever
     if has_longrange(p) and amplitude < narrowest_amplitude_ratio(lever) * free_amplitude(lever):

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.second_drive import felt_by_second_mode, hold_second_mode, pass_period, window
-from phasemap._kernels.excitation import seen_phasor
+from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.march import march_period
@@ -88,7 +88,7 @@ class Errors(NamedTuple):
 def begin_lock_in(lever: np.ndarray, acc: PeriodResult, lock_in: LockIn) -> None:
     """Let a lock-in show the phasor of the last period, as the detector sees it."""
     clear(lock_in)
-    cosine, sine = seen_phasor(lever, acc.cos, acc.sin)
+    cosine, sine = detected_phasor(lever, acc.cos, acc.sin)
     lock_in.low_cos = lock_in.from_cos = lock_in.last_cos = cosine
     lock_in.low_sin = lock_in.from_sin = lock_in.last_sin = sine
 
@@ -121,7 +121,7 @@ def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers,
             return False
         add_period(total.period, acc)
         lock_in.least_depth = min(lock_in.least_depth, acc.deepest)
-        cosine, sine = seen_phasor(lever, acc.cos, acc.sin)
+        cosine, sine = detected_phasor(lever, acc.cos, acc.sin)
         x = keep * lock_in.low_cos + (1.0 - keep) * cosine
         y = keep * lock_in.low_sin + (1.0 - keep) * sine
         from_x, from_y = lock_in.from_cos, lock_in.from_sin
@@ -147,7 +147,7 @@ def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers,
 @kernel
 def mean_phasor(lever: np.ndarray, total: Total) -> tuple[float, float]:
     """Mean phasor [m] that the detector sees."""
-    return seen_phasor(lever, total.period.cos / total.count, total.period.sin / total.count)
+    return detected_phasor(lever, total.period.cos / total.count, total.period.sin / total.count)
 
 
 @kernel

@@ -16,7 +16,7 @@ from phasemap._kernels.lever import beside_resonance, free_amplitude, reach_of
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum, attractive_mismatch
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
-from phasemap._kernels.orbits.response.orbit import Fit, Room
+from phasemap._kernels.orbits.response.orbit import Fit, ResponseWorkspace
 from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
 from phasemap._kernels.orbits.response.state import PassState
 from phasemap._kernels.records import clear
@@ -89,9 +89,9 @@ def decide_exactly(
 
 
 @kernel
-def maximum_of_exact_mismatch(oscillator: Oscillator, amplitude: float, room: Room) -> float:
-    """Maximum over the gap of the exact orbits' mismatch, near room.fit.gap; updates room.fit; NaN if not near."""
-    middle, f, state = room.fit.gap, room.nodes, room.state
+def maximum_of_exact_mismatch(oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace) -> float:
+    """Maximum over the gap of the exact orbits' mismatch, near that of `workspace.fit`, updated; NaN if not near."""
+    middle, f, state = workspace.fit.gap, workspace.nodes, workspace.state
     h0 = attractive_mismatch_of_exact_orbit(oscillator, amplitude, middle, f, state)
     depth = f.w[middle_of(f)] - middle
     # Within the contact: where it begins there is a kink.
@@ -103,25 +103,27 @@ def maximum_of_exact_mismatch(oscillator: Oscillator, amplitude: float, room: Ro
         return math.nan
     at = middle - rise / bend
     h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at, f, state)
-    room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
+    workspace.fit.gap, workspace.fit.mismatch, workspace.fit.curvature = at, h, bend
     return h if abs(h - h0 + 0.5 * rise * rise / bend) < SURE_OF_IT * abs(h) + END_PHASE else math.nan
 
 
 @kernel
-def decide_by_refined_maximum(oscillator: Oscillator, setpoint: float, amplitude: float, room: Room) -> int:
+def decide_by_refined_maximum(
+    oscillator: Oscillator, setpoint: float, amplitude: float, workspace: ResponseWorkspace
+) -> int:
     """Side on which the tip passes the amplitude, by a refined maximum of the exact mismatch; or UNCLEAR.
 
     Where the branch is narrowest is known for harmonic orbits. Of the maxima around that amplitude, not below the
     setpoint, the least counts.
     """
     lever = oscillator.lever
-    highest = maximum_of_exact_mismatch(oscillator, amplitude, room)
+    highest = maximum_of_exact_mismatch(oscillator, amplitude, workspace)
     if amplitude < (1.0 + SPREAD) * narrowest_amplitude_ratio(lever) * free_amplitude(lever):
-        at, h, bend = room.fit.gap, room.fit.mismatch, room.fit.curvature
-        above = maximum_of_exact_mismatch(oscillator, (1.0 + SPREAD) * amplitude, room)
-        room.fit.gap = at
-        below = maximum_of_exact_mismatch(oscillator, (1.0 - SPREAD) * amplitude, room)
-        room.fit.gap, room.fit.mismatch, room.fit.curvature = at, h, bend
+        at, h, bend = workspace.fit.gap, workspace.fit.mismatch, workspace.fit.curvature
+        above = maximum_of_exact_mismatch(oscillator, (1.0 + SPREAD) * amplitude, workspace)
+        workspace.fit.gap = at
+        below = maximum_of_exact_mismatch(oscillator, (1.0 - SPREAD) * amplitude, workspace)
+        workspace.fit.gap, workspace.fit.mismatch, workspace.fit.curvature = at, h, bend
         slope, curved = 0.5 * (above - below), 0.5 * (above + below) - highest
         if not (curved > 0.0 and abs(slope) < 4.0 * curved):
             return UNCLEAR
@@ -133,18 +135,20 @@ def decide_by_refined_maximum(oscillator: Oscillator, setpoint: float, amplitude
 
 
 @kernel
-def fill_orbit_outside_maximum(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, room: Room) -> bool:
+def fill_orbit_outside_maximum(
+    oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
+) -> bool:
     """Fill `harmonic` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
 
     The mismatch goes with the square of the distance from its maximum.
     """
-    at, highest, fall = room.fit.gap, room.fit.mismatch, 0.5 * room.fit.curvature
-    state = room.state
+    at, highest, fall = workspace.fit.gap, workspace.fit.mismatch, 0.5 * workspace.fit.curvature
+    state = workspace.state
     for _ in range(MOST_STEPS_TO_END):
         if not (highest > 0.0 and fall < 0.0):
             return False
         x = math.sqrt(-highest / fall)
-        h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at + x, room.nodes, state)
+        h = attractive_mismatch_of_exact_orbit(oscillator, amplitude, at + x, workspace.nodes, state)
         fall = (h - highest) / (x * x)
         if abs(h) < END_MISMATCH * highest and state.push < 0.0:
             harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude = (

@@ -27,7 +27,7 @@ from phasemap._kernels.continuation.step import (
     mark_point,
     next_point,
 )
-from phasemap._kernels.engagement.averaged import LEAP, SURE, settle_side, worst_amplitude
+from phasemap._kernels.engagement.averaged import LEAP, SURE, fill_setpoint_orbit_on_side, worst_amplitude
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.side_from_far import leaps, side_reached_from_far
 from phasemap._kernels.excitation import likely_amplitude
@@ -36,7 +36,12 @@ from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, ne
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, REPULSIVE, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.impact import begin_impact
-from phasemap._kernels.orbits.collocation.near import MOST_STEPS_NEARBY, orbit_near, refine_orbit, tolerance_of
+from phasemap._kernels.orbits.collocation.near import (
+    MOST_STEPS_NEARBY,
+    exact_orbit_from_harmonic,
+    refine_orbit,
+    tolerance_of,
+)
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
 from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, new_orbit_like
@@ -52,8 +57,8 @@ HIGHER = (0.3, 0.7)  # of the way from the narrowest amplitude to the free one: 
 NEARER = (0.2, 0.5, 0.8)
 
 
-class Rooms(NamedTuple):
-    """Orbits to work with; `found` is the one at the setpoint."""
+class CurveWorkspace(NamedTuple):
+    """Orbits by collocation with which a curve is followed; `found` is the one at the setpoint."""
 
     orbit: Orbit
     saved: Orbit
@@ -61,20 +66,20 @@ class Rooms(NamedTuple):
 
 
 @kernel
-def at_amplitude(oscillator: Oscillator, amplitude: float) -> Wanted:
+def tip_amplitude_wanted(oscillator: Oscillator, amplitude: float) -> Wanted:
     """The orbit of amplitude A [m]."""
     return Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
 
 
 @kernel
-def at_seen(oscillator: Oscillator, seen: float) -> Wanted:
+def detected_amplitude_wanted(oscillator: Oscillator, seen: float) -> Wanted:
     """The orbit that the detector sees with an amplitude [m]."""
     return Wanted(ENTRY_SEEN, seen, tolerance_of(oscillator))
 
 
 @kernel
-def roughly(lever: np.ndarray, wanted: Wanted, side: int) -> float:
-    """A [m] of the orbit wanted on a side of the resonance, roughly where only the detector's amplitude is known."""
+def rough_tip_amplitude(lever: np.ndarray, wanted: Wanted, side: int) -> float:
+    """Amplitude A [m] of the orbit wanted on a side of the resonance, roughly where the detected one is wanted."""
     return wanted.value if wanted.entry == ENTRY_A else likely_amplitude(lever, wanted.value, side)
 
 
@@ -145,9 +150,9 @@ def descend_by_turn(
 
 
 @kernel
-def lower_along_curve(path: Path, wanted: Wanted, point: Point, rooms: Rooms) -> int:
-    """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, in `found` of the rooms."""
-    orbit, saved, found = rooms
+def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWorkspace) -> int:
+    """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, in `curve.found`."""
+    orbit, saved, found = curve
     amplitude, step, way = wanted.value, FIRST_ARC_STEP, Descent()
     way.lowest = math.inf
     highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
@@ -179,12 +184,12 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
         return False
     if not near_resonance(lever) or leaps(oscillator):
         return False
-    amplitude = roughly(lever, wanted, ATTRACTIVE)
+    amplitude = rough_tip_amplitude(lever, wanted, ATTRACTIVE)
     harmonic, top, worst, sure = HarmonicOrbit(), Maximum(), worst_amplitude(lever, amplitude), False
     for share in HIGHER:
         higher = worst + share * (free - worst)
         side = side_reached_from_far(oscillator, higher, top)
-        sure = side == ATTRACTIVE and settle_side(oscillator, higher, side, top, harmonic)
+        sure = side == ATTRACTIVE and fill_setpoint_orbit_on_side(oscillator, higher, side, top, harmonic)
         if sure:
             break
     if not sure or not begin_harmonic(oscillator, orbit, harmonic, 0):
@@ -197,34 +202,37 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
 
 
 @kernel
-def engage_along_exact_curve(path: Path, wanted: Wanted, rooms: Rooms) -> int:
-    """Exact orbit that holds what is wanted after the approach from far, in `found` of the rooms.
+def engage_along_exact_curve(path: Path, wanted: Wanted, curve: CurveWorkspace) -> int:
+    """Exact orbit that holds what is wanted after the approach from far, in `curve.found`.
 
     NOT_CONVERGED where only time tells.
     """
-    orbit, point = rooms.orbit, Point()
+    orbit, point = curve.orbit, Point()
     if not start_on_branch(path, wanted, point, orbit):
-        status = start_far(path, orbit, roughly(path.lever, wanted, ATTRACTIVE))
+        status = start_far(path, orbit, rough_tip_amplitude(path.lever, wanted, ATTRACTIVE))
         clear(point)
         point.tangent_u = -1.0
         if status != col.GOOD or not mark_point(path, orbit, point):
             return col.NOT_CONVERGED
-    return lower_along_curve(path, wanted, point, rooms)
+    return lower_along_curve(path, wanted, point, curve)
 
 
 @kernel
-def _orbit_near(oscillator: Oscillator, harmonic: HarmonicOrbit, rooms: Rooms, row: np.ndarray) -> bool:
-    """Exact orbit near the averaged one, in `found` of the rooms: whether it is on its branch, and can be held."""
-    done, away = orbit_near(oscillator, harmonic, rooms.found, row)
+def _found_on_averaged_branch(
+    oscillator: Oscillator, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
+) -> bool:
+    """True if the exact orbit near the averaged one, left in `curve.found`, is on its branch and can be held."""
+    done, away = exact_orbit_from_harmonic(oscillator, harmonic, curve.found, row)
     same = (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0)
     near = away < largest_branch_distance(oscillator.lever, harmonic.amplitude)
     return done == col.GOOD and same and near
 
 
 @kernel
-def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> int:
+def _repulsive_orbit_from_larger_amplitude(path: Path, wanted: Wanted, curve: CurveWorkspace) -> int:
     """Repulsive orbit at the setpoint of a lever of low Q, from one of larger amplitude that a short contact holds."""
-    oscillator, amplitude, orbit = standing_at(path, 0.0), roughly(path.lever, wanted, REPULSIVE), rooms.orbit
+    oscillator, orbit = standing_at(path, 0.0), curve.orbit
+    amplitude = rough_tip_amplitude(path.lever, wanted, REPULSIVE)
     for share in NEARER:
         higher = amplitude + share * (free_amplitude(path.lever) - amplitude)
         if not begin_impact(oscillator, orbit, higher, 0):
@@ -235,29 +243,31 @@ def _orbit_from_nearer(path: Path, wanted: Wanted, rooms: Rooms) -> int:
         if status != col.GOOD or not (head_of(orbit).push > 0.0 and mark_point(path, orbit, point)):
             continue
         if point.floquet < 1.0 and point.value[wanted.entry] > wanted.value:
-            return lower_along_curve(path, wanted, point, rooms)
+            return lower_along_curve(path, wanted, point, curve)
     return col.NOT_CONVERGED
 
 
 @kernel(shared=True)
-def orbit_along_curve(oscillator: Oscillator, wanted: Wanted, repulsive: bool, rooms: Rooms, row: np.ndarray) -> int:
-    """Exact orbit at which a tip stops that is lowered, in `found` of the rooms and its row; returns a status.
+def orbit_along_curve(
+    oscillator: Oscillator, wanted: Wanted, repulsive: bool, curve: CurveWorkspace, row: np.ndarray
+) -> int:
+    """Exact orbit at which a tip stops that is lowered, in `curve.found` and its row; returns a status.
 
     `repulsive`: whether it is known to be a repulsive one.
     """
     path, done = fixed_path(oscillator), col.NOT_CONVERGED
     if repulsive and low_q(oscillator.lever):
-        done = _orbit_from_nearer(path, wanted, rooms)
+        done = _repulsive_orbit_from_larger_amplitude(path, wanted, curve)
     if done != col.GOOD:
-        done = engage_along_exact_curve(path, wanted, rooms)
+        done = engage_along_exact_curve(path, wanted, curve)
     if done == col.GOOD:
-        done = refine_orbit(oscillator, rooms.found, row)
+        done = refine_orbit(oscillator, curve.found, row)
     return feedback_status(row) if done == col.GOOD else done
 
 
 @kernel(shared=True)
 def exact_orbit(
-    oscillator: Oscillator, wanted: Wanted, surety: int, harmonic: HarmonicOrbit, rooms: Rooms, row: np.ndarray
+    oscillator: Oscillator, wanted: Wanted, surety: int, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
 ) -> int:
     """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
 
@@ -266,16 +276,16 @@ def exact_orbit(
     if surety == LEAP:
         row[:] = math.nan
         return col.NOT_CONVERGED
-    if surety == SURE and _orbit_near(oscillator, harmonic, rooms, row):
+    if surety == SURE and _found_on_averaged_branch(oscillator, harmonic, curve, row):
         return col.GOOD
     repulsive = surety == SURE and harmonic.push > 0.0
-    done = orbit_along_curve(oscillator, wanted, repulsive, rooms, row)
+    done = orbit_along_curve(oscillator, wanted, repulsive, curve, row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):
         done = col.NOT_CONVERGED
     return done
 
 
 @kernel
-def new_rooms(lever: np.ndarray, tables: np.ndarray) -> Rooms:
-    """Room for orbits of this lever."""
-    return Rooms(new_orbit(lever, tables), new_orbit(lever, tables), new_orbit(lever, tables))
+def new_curve_workspace(lever: np.ndarray, tables: np.ndarray) -> CurveWorkspace:
+    """A workspace for the orbits of this lever."""
+    return CurveWorkspace(new_orbit(lever, tables), new_orbit(lever, tables), new_orbit(lever, tables))

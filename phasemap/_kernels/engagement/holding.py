@@ -40,7 +40,7 @@ def hold(
     status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
     if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and lingering(oscillator) == 0:
         again = row.copy()
-        if settle_near(oscillator, amplitude, step_size, most_periods, False, again):
+        if hold_orbit_near_row(oscillator, amplitude, step_size, most_periods, False, again):
             copy(again, row)
     if status != col.NOT_SETTLED:
         return status
@@ -48,7 +48,9 @@ def hold(
 
 
 @kernel
-def settle(oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray) -> int:
+def hold_from_row(
+    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
+) -> int:
     """Hold an amplitude [m] in time, starting from the orbit in the result row, which is filled anew.
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
@@ -60,7 +62,7 @@ def settle(oscillator: Oscillator, amplitude: float, step_size: float, most_peri
 
 
 @kernel
-def settle_near(
+def hold_orbit_near_row(
     oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, forms: bool, row: np.ndarray
 ) -> bool:
     """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, which is filled anew.
@@ -78,7 +80,7 @@ def settle_near(
 
 
 @kernel
-def settle_remembering(
+def hold_over_remembering_surface(
     oscillator: Oscillator,
     amplitude: float,
     step_size: float,
@@ -96,14 +98,14 @@ def settle_remembering(
         return col.PENDING
     if has_one_orbit(p, lever):
         fill_row_of_harmonic(lever, harmonic, row)
-        return settle(oscillator, amplitude, step_size, most_periods, row)
+        return hold_from_row(oscillator, amplitude, step_size, most_periods, row)
     near = min(most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for finer in (1.0, SECOND_TRY):
         fill_row_of_harmonic(lever, harmonic, row)
-        if settle_near(oscillator, amplitude, finer * step_size, near, False, row):
+        if hold_orbit_near_row(oscillator, amplitude, finer * step_size, near, False, row):
             return col.GOOD
     fill_row_of_harmonic(lever, harmonic, row)
-    return col.GOOD if settle_near(oscillator, amplitude, step_size, most_periods, True, row) else col.PENDING
+    return col.GOOD if hold_orbit_near_row(oscillator, amplitude, step_size, most_periods, True, row) else col.PENDING
 
 
 @kernel

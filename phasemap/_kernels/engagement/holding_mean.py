@@ -31,7 +31,7 @@ from phasemap._kernels.engagement.averages import (
     with_average,
 )
 from phasemap._kernels.engagement.lowering import STILL_MOTION
-from phasemap._kernels.excitation import seen_phasor, sees_tip
+from phasemap._kernels.excitation import detected_phasor, sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis
 from phasemap._kernels.lever import free_amplitude, mode_of
 from phasemap._kernels.orbits.orbit_nodes import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
@@ -57,7 +57,7 @@ LENGTH_SOUGHT = 2e-12  # the same [m]
 MEAN_MISS = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
 WORST_PHASE = math.radians(0.05)  # standard error with which a mean still counts as held [rad]
 WORST_LENGTH = 1e-11  # the same [m]
-SERIES_START = 64  # averages that are kept, before room is made for more
+SERIES_START = 64  # averages that are kept, before workspace is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which groups miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
@@ -144,7 +144,7 @@ def take_group(
         z0 += lock_in.total.offset / count
         cosine += lock_in.total.period.cos
         sine += lock_in.total.period.sin
-    x, y = seen_phasor(lever, cosine / count, sine / count)
+    x, y = detected_phasor(lever, cosine / count, sine / count)
     from_x, from_y, short = lock_in.from_cos, lock_in.from_sin, amplitude - math.hypot(x, y)
     of.groups += 1
     of.short += short

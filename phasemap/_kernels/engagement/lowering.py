@@ -19,7 +19,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.side_from_far import forces_are_plain, leaps
 from phasemap._kernels.engagement.stuck import in_contact_throughout
-from phasemap._kernels.excitation import seen_phasor
+from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator, has_hysteresis, has_longrange, longrange_force
 from phasemap._kernels.lever import free_amplitude, near_resonance, reach_of
 from phasemap._kernels.numerics import copy
@@ -221,7 +221,7 @@ def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip,
         if many > 1:
             late_x, late_y = 0.5 * (last_x + acc.cos), 0.5 * (last_y + acc.sin)
             behind = 1.0 / (1.0 - (1.0 - 1.0 / ring) ** many)
-        late_x, late_y = seen_phasor(lever, late_x, late_y)
+        late_x, late_y = detected_phasor(lever, late_x, late_y)
         seen.cos += (late_x - seen.cos) / behind
         seen.sin += (late_y - seen.sin) / behind
         off = math.hypot(seen.cos, seen.sin) - fall.amplitude
@@ -274,7 +274,7 @@ def fall_to_setpoint(
     ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), PeriodFlow(), 0
     if not march_tip(oscillator, tolerance.step_size, tip):
         return TIME_SPENT
-    seen.cos, seen.sin = seen_phasor(lever, acc.cos, acc.sin)
+    seen.cos, seen.sin = detected_phasor(lever, acc.cos, acc.sin)
     seen.held, from_z0 = 0 if pace > 0.0 else 1, u[Z0]
     fall = Fall(amplitude, pace, tolerance.step_size, falls_gently(oscillator))
     if seen.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.step_size, pace, tip, flow):

@@ -8,12 +8,17 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.exact_orbit import Rooms, at_amplitude, new_rooms, orbit_along_curve
+from phasemap._kernels.engagement.exact_orbit import (
+    CurveWorkspace,
+    new_curve_workspace,
+    orbit_along_curve,
+    tip_amplitude_wanted,
+)
 from phasemap._kernels.engagement.side_from_far import forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
-from phasemap._kernels.orbits.collocation.near import orbit_near
+from phasemap._kernels.orbits.collocation.near import exact_orbit_from_harmonic
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_of_row
 from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
@@ -24,72 +29,77 @@ from phasemap._kernels.orbits.orbit_nodes import (
     nodes_from_response,
     read_nodes,
 )
-from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution, refine
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, nodes_of_solution, refine
 from phasemap._kernels.orbits.result_row import same_orbit
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
 ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may differ
 
 
-class Again(NamedTuple):
-    """Room for orbits that are solved again."""
+class RowWorkspace(NamedTuple):
+    """Workspace for orbits of result rows, which are solved again."""
 
     at: OrbitNodes
-    room: Room
+    response: ResponseWorkspace
     limits: np.ndarray
     harmonic: HarmonicOrbit
     row: np.ndarray
-    rooms: Rooms
+    curve: CurveWorkspace
 
 
 @kernel
-def room_again(lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, room: Room) -> Again:
-    """Room for orbits that are solved again, with these nodes and the room of the passes."""
+def new_row_workspace(
+    lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, response: ResponseWorkspace
+) -> RowWorkspace:
+    """A workspace with these nodes, and that of the passes."""
     limits = np.array([AGAIN_PHASE, AGAIN_HEIGHT])
-    return Again(at, room, limits, HarmonicOrbit(), np.zeros(col.COLUMNS), new_rooms(lever, tables))
+    return RowWorkspace(
+        at, response, limits, HarmonicOrbit(), np.zeros(col.COLUMNS), new_curve_workspace(lever, tables)
+    )
 
 
 @kernel(shared=True)
-def nodes_of(oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.ndarray, again: Again) -> bool:
+def nodes_of(
+    oscillator: Oscillator, row: np.ndarray, averaged: bool, kept: np.ndarray, workspace: RowWorkspace
+) -> bool:
     """Fill the nodes of a result row of the tip; False where its orbit is not found again.
 
     An orbit that is `averaged` is harmonic; the nodes of another one are `kept` behind the row (shape (any,)), or it is
     solved again.
     """
     if len(kept) > 0 and kept[KEPT_COUNT] > 0.0:
-        read_nodes(kept, again.at)
+        read_nodes(kept, workspace.at)
         return True
     if averaged:
-        fill_harmonic_nodes(oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], again.at)
+        fill_harmonic_nodes(oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], workspace.at)
         return True
-    fill_harmonic_of_row(oscillator.lever, row, again.harmonic)
-    side = REPULSIVE if again.harmonic.push > 0.0 else ATTRACTIVE
+    fill_harmonic_of_row(oscillator.lever, row, workspace.harmonic)
+    side = REPULSIVE if workspace.harmonic.push > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
     if faint:
-        if _by_passes(oscillator, row, side, again):
+        if _by_passes(oscillator, row, side, workspace):
             return True
-        fill_harmonic_of_row(oscillator.lever, row, again.harmonic)  # which passes began elsewhere
-    orbit = again.rooms.orbit
-    done, _ = orbit_near(oscillator, again.harmonic, orbit, again.row)
-    if done != col.GOOD or not same_orbit(again.row, row):
-        done = orbit_along_curve(
-            oscillator, at_amplitude(oscillator, row[col.AMPLITUDE]), side == REPULSIVE, again.rooms, again.row
-        )
-        orbit = again.rooms.found
-    if done != col.GOOD or not same_orbit(again.row, row):
-        return not faint and _by_passes(oscillator, row, side, again)  # what holds the harmonics roughly
-    nodes_from_collocation(oscillator, orbit, again.at)
+        fill_harmonic_of_row(oscillator.lever, row, workspace.harmonic)  # which passes began elsewhere
+    orbit = workspace.curve.orbit
+    done, _ = exact_orbit_from_harmonic(oscillator, workspace.harmonic, orbit, workspace.row)
+    if done != col.GOOD or not same_orbit(workspace.row, row):
+        wanted = tip_amplitude_wanted(oscillator, row[col.AMPLITUDE])
+        done = orbit_along_curve(oscillator, wanted, side == REPULSIVE, workspace.curve, workspace.row)
+        orbit = workspace.curve.found
+    if done != col.GOOD or not same_orbit(workspace.row, row):
+        return not faint and _by_passes(oscillator, row, side, workspace)  # what holds the harmonics roughly
+    nodes_from_collocation(oscillator, orbit, workspace.at)
     return True
 
 
 @kernel
-def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, again: Again) -> bool:
+def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, workspace: RowWorkspace) -> bool:
     """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
-    amplitude, room, harmonic = row[col.AMPLITUDE], again.room, again.harmonic
+    amplitude, response, harmonic = row[col.AMPLITUDE], workspace.response, workspace.harmonic
     if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, harmonic)):
         return False
-    found = refine(oscillator, harmonic, again.limits, room)
-    if not found or not abs(room.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
+    found = refine(oscillator, harmonic, workspace.limits, response)
+    if not found or not abs(response.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
         return False
-    nodes_from_response(nodes_of_solution(room), amplitude, room.state.centre, again.at)
+    nodes_from_response(nodes_of_solution(response), amplitude, response.state.centre, workspace.at)
     return True

@@ -33,7 +33,7 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import Room, refine, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, slope_is_clear
 from phasemap._kernels.records import clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
@@ -45,7 +45,9 @@ MOST_STEPS = 60
 
 
 @kernel
-def averaged_on(oscillator: Oscillator, amplitude: float, side: int, harmonic: HarmonicOrbit, room: Room) -> int:
+def averaged_orbit_on_branch(
+    oscillator: Oscillator, amplitude: float, side: int, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
+) -> int:
     """Fill `harmonic` with the averaged orbit on this side; NO_STABLE_ORBIT if there is surely none, PENDING in doubt.
 
     In doubt about the attractive side it lies outside of where the branch ends, from where Newton's method comes
@@ -58,37 +60,37 @@ def averaged_on(oscillator: Oscillator, amplitude: float, side: int, harmonic: H
     if not has_longrange(p):
         repelled = contact_force(law, 0.0, p) >= 0.0
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
-    top = room.top
+    top = workspace.top
     if side == ATTRACTIVE:
         decided = decide(oscillator, amplitude, low_q_margin_factor(lever), top)
         if decided == UNCLEAR:
-            room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-            decided = decide_exactly(oscillator, amplitude, top, room.nodes, room.state, room.fit)
+            workspace.fit.gap = workspace.fit.mismatch = workspace.fit.curvature = math.nan
+            decided = decide_exactly(oscillator, amplitude, top, workspace.nodes, workspace.state, workspace.fit)
         if decided == UNCLEAR:
-            highest = maximum_of_exact_mismatch(oscillator, amplitude, room)
+            highest = maximum_of_exact_mismatch(oscillator, amplitude, workspace)
             if abs(highest) >= CLOSEST:
                 decided = ATTRACTIVE if highest > 0.0 else REPULSIVE
         if decided == REPULSIVE:
             return col.NO_STABLE_ORBIT
         if decided == UNCLEAR or not top.mismatch > 0.0:
-            beside(oscillator, amplitude, top, harmonic)
+            start_outside_maximum(oscillator, amplitude, top, harmonic)
             return col.PENDING
     else:
         find_mismatch_maximum(oscillator, amplitude, math.inf, top)
     if fill_averaged_orbit_on_side(oscillator, amplitude, side, top, harmonic):
         return col.GOOD
     if side == ATTRACTIVE:
-        beside(oscillator, amplitude, top, harmonic)
+        start_outside_maximum(oscillator, amplitude, top, harmonic)
         return col.PENDING
     drag, gap = drag_at_balance(oscillator, amplitude, top)
     if abs(drag) < DAMPED * low_q_margin_factor(lever):
-        drag = exact_drag(oscillator, amplitude, gap, room)
+        drag = exact_drag(oscillator, amplitude, gap, workspace)
         return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
     return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
 
 
 @kernel
-def beside(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> None:
+def start_outside_maximum(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> None:
     """Fill `harmonic` with a harmonic orbit outside of the strongest pull."""
     c = 1.0 + (top.gap + BESIDE * (reach_of(oscillator.p) + abs(top.gap))) / amplitude
     push, drag, mean = harmonics(oscillator, amplitude, c)
@@ -131,16 +133,16 @@ def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) ->
 
 
 @kernel
-def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, room: Room) -> float:
+def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     lever = oscillator.lever
     before = gap + APART * min(gap, -reach_of(oscillator.p))
-    attractive_mismatch_of_exact_orbit(oscillator, amplitude, before, room.nodes, room.state)
-    push_before = room.state.push
+    attractive_mismatch_of_exact_orbit(oscillator, amplitude, before, workspace.nodes, workspace.state)
+    push_before = workspace.state.push
     for _ in range(MOST_SECANTS):
         h, push = (
-            attractive_mismatch_of_exact_orbit(oscillator, amplitude, gap, room.nodes, room.state),
-            room.state.push,
+            attractive_mismatch_of_exact_orbit(oscillator, amplitude, gap, workspace.nodes, workspace.state),
+            workspace.state.push,
         )
         if not math.isfinite(h):
             return math.nan
@@ -151,12 +153,17 @@ def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, room: Room)
 
 
 @kernel
-def orbit_on(
-    oscillator: Oscillator, amplitude: float, side: int, limits: np.ndarray, harmonic: HarmonicOrbit, room: Room
+def refined_orbit_on_branch(
+    oscillator: Oscillator,
+    amplitude: float,
+    side: int,
+    limits: np.ndarray,
+    harmonic: HarmonicOrbit,
+    workspace: ResponseWorkspace,
 ) -> int:
-    """Find the orbit on a side of the resonance by `averaged_on`, and then exactly, in room.state where GOOD."""
-    done = averaged_on(oscillator, amplitude, side, harmonic, room)
+    """Find the averaged orbit on a side of the resonance, and GOOD with the exact one near it in `workspace.state`."""
+    done = averaged_orbit_on_branch(oscillator, amplitude, side, harmonic, workspace)
     if done != col.GOOD:
         return done
-    exact = refine(oscillator, harmonic, limits, room)
-    return col.GOOD if exact and slope_is_clear(oscillator, limits, room) else col.PENDING
+    exact = refine(oscillator, harmonic, limits, workspace)
+    return col.GOOD if exact and slope_is_clear(oscillator, limits, workspace) else col.PENDING

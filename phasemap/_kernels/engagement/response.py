@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import GOOD, KNOWN, NOT_CONVERGED, PENDING
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, settle_side, worst_amplitude
+from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, fill_setpoint_orbit_on_side, worst_amplitude
 from phasemap._kernels.engagement.end_of_attractive_branch import (
     decide_by_refined_maximum,
     decide_exactly,
@@ -26,46 +26,51 @@ from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_of_harmonic
 from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.orbit import Room, grazes, refine, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, grazes, refine, slope_is_clear
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 
 
 @kernel(shared=True)
 def cheap_orbit(
-    oscillator: Oscillator, amplitude: float, surety: int, limits: np.ndarray, harmonic: HarmonicOrbit, room: Room
+    oscillator: Oscillator,
+    amplitude: float,
+    surety: int,
+    limits: np.ndarray,
+    harmonic: HarmonicOrbit,
+    workspace: ResponseWorkspace,
 ) -> int:
-    """Exact orbit in room.state: GOOD; KNOWN where only `harmonic` is sure; PENDING where the decision does not hold.
+    """Exact orbit in workspace.state: GOOD; KNOWN where only `harmonic` is sure; PENDING where the side is in doubt.
 
     NOT_CONVERGED where only time tells.
     """
     lever = oscillator.lever
     if surety == SURE:
-        if refine(oscillator, harmonic, limits, room):
+        if refine(oscillator, harmonic, limits, workspace):
             return GOOD
         return PENDING if grazes(oscillator.p, harmonic) else KNOWN
     if surety != UNDECIDED:
         return PENDING
     worst = worst_amplitude(lever, amplitude)
-    room.fit.gap = room.fit.mismatch = room.fit.curvature = math.nan
-    side = decide_exactly(oscillator, worst, room.top, room.nodes, room.state, room.fit)
+    workspace.fit.gap = workspace.fit.mismatch = workspace.fit.curvature = math.nan
+    side = decide_exactly(oscillator, worst, workspace.top, workspace.nodes, workspace.state, workspace.fit)
     if side == UNCLEAR:
-        side = decide_by_refined_maximum(oscillator, amplitude, worst, room)
+        side = decide_by_refined_maximum(oscillator, amplitude, worst, workspace)
     if side == UNCLEAR:
         return PENDING
-    known = settle_side(oscillator, amplitude, side, room.top, harmonic)
+    known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
     if side == REPULSIVE:
         if not known:
             return PENDING
         if rebounds(oscillator, harmonic.push):
             return NOT_CONVERGED
-        return GOOD if refine(oscillator, harmonic, limits, room) else KNOWN
-    if known and refine(oscillator, harmonic, limits, room) and slope_is_clear(oscillator, limits, room):
+        return GOOD if refine(oscillator, harmonic, limits, workspace) else KNOWN
+    if known and refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace):
         return GOOD
     if worst != amplitude:
-        maximum_of_exact_mismatch(oscillator, amplitude, room)
-    if not fill_orbit_outside_maximum(oscillator, amplitude, harmonic, room):
+        maximum_of_exact_mismatch(oscillator, amplitude, workspace)
+    if not fill_orbit_outside_maximum(oscillator, amplitude, harmonic, workspace):
         return PENDING
-    if not (refine(oscillator, harmonic, limits, room) and slope_is_clear(oscillator, limits, room)):
+    if not (refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):
         return KNOWN
     harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
     return GOOD

@@ -44,7 +44,7 @@ from phasemap._kernels.engagement.lowering import (
     too_far,
 )
 from phasemap._kernels.engagement.stuck import sticks
-from phasemap._kernels.excitation import seen_phasor
+from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, slowest_decay
 from phasemap._kernels.orbits.time.many_periods import find_pattern, shorten
@@ -213,7 +213,7 @@ def engage_ringing(
                 way.turns += 1
             periods.pattern, wait = 1, FIRST_LOOK
             begin_lock_in(lever, acc, lock_in)
-            way.cos, way.sin = seen_phasor(lever, acc.cos, acc.sin)
+            way.cos, way.sin = detected_phasor(lever, acc.cos, acc.sin)
             way.before, way.still = math.inf, 0.0
         ends = move_until(
             Oscillator(law, p, slow),

@@ -54,7 +54,7 @@ def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np
     """Fill in the harmonics `first` ... of a load at the nodes: its sums with cos(n theta) and -sin(n theta).
 
     By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
-    nothing is stored. `load` (shape (5, MOST_NODES)): first that of each node, the rest is room. `out` (shape (2,
+    nothing is stored. `load` (shape (5, MOST_NODES)): first that of each node, the rest is workspace. `out` (shape (2,
     any)): filled.
     """
     cosine, sine, even, odd, even_last, odd_last = at.cos, at.sin, load[1], load[2], load[3], load[4]
@@ -199,8 +199,8 @@ def _fill_losses(lever: np.ndarray, waves: np.ndarray, resolved: int, row: np.nd
         row[LOSSES + i] = 2.0 * math.pi * omega * mode.rate * lever[col.STIFFNESS] / mode.share * total
 
 
-class LoadRoom(NamedTuple):
-    """Room for a load at the nodes and its harmonics."""
+class LoadWorkspace(NamedTuple):
+    """Workspace for a load at the nodes and its harmonics."""
 
     load: np.ndarray  # shape (5, MOST_NODES)
     slopes: np.ndarray  # shape (2, SLOPE_HARMONICS)
@@ -209,21 +209,23 @@ class LoadRoom(NamedTuple):
 
 
 @kernel
-def room_for_loads(harmonics: int) -> LoadRoom:
-    """Room for so many harmonics of the force."""
+def new_load_workspace(harmonics: int) -> LoadWorkspace:
+    """A workspace for so many harmonics of the force."""
     yields = np.zeros((2, 1 + SLOPE_HARMONICS), np.complex128)
-    return LoadRoom(np.zeros((5, MOST_NODES)), np.zeros((2, SLOPE_HARMONICS)), yields, np.zeros((2, harmonics)))
+    return LoadWorkspace(np.zeros((5, MOST_NODES)), np.zeros((2, SLOPE_HARMONICS)), yields, np.zeros((2, harmonics)))
 
 
 @kernel
-def fill_force_integrals(oscillator: Oscillator, at: OrbitNodes, second: int, room: LoadRoom, row: np.ndarray) -> None:
+def fill_force_integrals(
+    oscillator: Oscillator, at: OrbitNodes, second: int, workspace: LoadWorkspace, row: np.ndarray
+) -> None:
     """Fill in GRADIENT and DRAG of a row from the nodes of its orbit, and what else is asked for.
 
-    SIDEBANDS are filled in where the `second` mode is driven, AT_REST or IN_LOOP; WAVES where the room is for
+    SIDEBANDS are filled in where the `second` mode is driven, AT_REST or IN_LOOP; WAVES where the workspace is for
     col.HARMONICS of the force, or for LOSS_HARMONICS, which LOSSES take.
     """
     law, p, lever = oscillator
-    count, (load, slopes, yields, waves) = at.count, room
+    count, (load, slopes, yields, waves) = at.count, workspace
     gradient, drag = _slope_load(law, p, at, count, load)
     gradient += _jump_slope(law, p, at)
     row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)

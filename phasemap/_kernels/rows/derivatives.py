@@ -15,18 +15,18 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.seen import SLOPES, SeenRoom, by_passes_at_seen
-from phasemap._kernels.excitation import show
+from phasemap._kernels.engagement.seen import SLOPES, DetectedWorkspace, response_orbit_at_detected_amplitude
+from phasemap._kernels.excitation import detected_signal
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.averaged.branch import (
     MEASURED_OFFSET,
     MEASURED_PHASE,
-    detector_signal,
+    detector_signal_of_harmonic_orbit,
     fill_signal_and_slopes,
     held_root,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
 
 
 class Setpoints(NamedTuple):
@@ -63,7 +63,7 @@ def averaged_phases(law: Law, rows: np.ndarray, setpoints: Setpoints, search: bo
         amplitude, c, slope = held_root(oscillator, amplitudes[i], sides[i], search, (math.nan, places[i]))
         if slope < 0.0:
             places[i] = c
-            phases[i] = detector_signal(oscillator, amplitude, c).phase
+            phases[i] = detector_signal_of_harmonic_orbit(oscillator, amplitude, c).phase
 
 
 @kernel
@@ -104,7 +104,11 @@ def exact_block(
     orbit is not sound.
     """
     levers, amplitudes, sides, places = setpoints
-    room, row, slopes = SeenRoom(HarmonicOrbit(), Room(), limits), np.zeros(col.COLUMNS), np.zeros(SLOPES)
+    workspace, row, slopes = (
+        DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits),
+        np.zeros(col.COLUMNS),
+        np.zeros(SLOPES),
+    )
     for i in range(len(rows)):
         p = parameters(rows[i])
         for j in range(len(amplitudes)):
@@ -112,10 +116,10 @@ def exact_block(
             good[i, j] = False
             if sides[i, j] == 0:
                 continue
-            fill_harmonic_orbit(room.harmonic, 1.0, places[i, j], 0.0, 0.0, 0.0)
+            fill_harmonic_orbit(workspace.harmonic, 1.0, places[i, j], 0.0, 0.0, 0.0)
             oscillator = Oscillator(law, p, levers[j])
-            done = by_passes_at_seen(oscillator, amplitudes[j], sides[i, j], room, row, slopes)
+            done = response_orbit_at_detected_amplitude(oscillator, amplitudes[j], sides[i, j], workspace, row, slopes)
             good[i, j] = done == col.GOOD
             if done == col.GOOD:
-                values[i, j, MEASURED_PHASE] = show(levers[j], row[col.AMPLITUDE], row[col.PHASE])[1]
+                values[i, j, MEASURED_PHASE] = detected_signal(levers[j], row[col.AMPLITUDE], row[col.PHASE])[1]
                 values[i, j, MEASURED_OFFSET] = row[col.TIP_OFFSET]

@@ -15,18 +15,23 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact_orbit import at_amplitude, exact_orbit, new_rooms
-from phasemap._kernels.engagement.orbit_of_row import Again, nodes_of, room_again
-from phasemap._kernels.engagement.seen import SeenRoom, by_collocation_at_seen, by_passes_at_seen, move_to_seen
+from phasemap._kernels.engagement.exact_orbit import exact_orbit, new_curve_workspace, tip_amplitude_wanted
+from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
+from phasemap._kernels.engagement.seen import (
+    DetectedWorkspace,
+    exact_orbit_at_detected_amplitude,
+    move_to_detected_amplitude,
+    response_orbit_at_detected_amplitude,
+)
 from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.near import orbit_from, orbit_near, tolerance_of
+from phasemap._kernels.orbits.collocation.near import exact_orbit_from_exact, exact_orbit_from_harmonic, tolerance_of
 from phasemap._kernels.orbits.collocation.system import new_orbit
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_of_row, load_harmonic_orbit
-from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, room_for_loads
+from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, new_load_workspace
 from phasemap._kernels.orbits.orbit_nodes import (
     FELT_IM,
     FELT_RE,
@@ -36,7 +41,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
     keep_nodes,
     nodes_from_collocation,
 )
-from phasemap._kernels.orbits.response.orbit import Room
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
 from phasemap._kernels.orbits.result_row import has_periodic_orbit, same_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
@@ -47,7 +52,7 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
     """Orbit by collocation of every row whose status is PENDING, near the harmonic orbit it holds if any."""
     out, status, solver = answers
-    rooms = new_rooms(pixels.lever, tables)
+    curve = new_curve_workspace(pixels.lever, tables)
     harmonic, top, at = HarmonicOrbit(), Maximum(), OrbitNodes()
     for i in range(len(out)):
         if status[i] != col.PENDING:
@@ -57,26 +62,26 @@ def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
         if math.isnan(harmonic.tip_offset):
             surety = engage_by_averaging(oscillator, amplitude, harmonic, top)
         row[:] = math.nan
-        wanted = at_amplitude(oscillator, amplitude)
-        status[i], solver[i] = exact_orbit(oscillator, wanted, surety, harmonic, rooms, row), col.ORBIT
+        wanted = tip_amplitude_wanted(oscillator, amplitude)
+        status[i], solver[i] = exact_orbit(oscillator, wanted, surety, harmonic, curve, row), col.ORBIT
         if status[i] != col.GOOD:
             row[:] = math.nan
             continue
-        estimate_errors(oscillator, rooms.found, row)
+        estimate_errors(oscillator, curve.found, row)
         if out.shape[1] > col.COLUMNS:
-            nodes_from_collocation(oscillator, rooms.found, at)
+            nodes_from_collocation(oscillator, curve.found, at)
             keep_nodes(at, out[i])
 
 
 @kernel
-def rows_beside(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
+def replace_by_exact_rows(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
     """Replace each result row of the tip by that of the exact orbit beside it; `done` says where there is one."""
     orbit, harmonic, row = new_orbit(pixels.lever, tables), HarmonicOrbit(), np.zeros(col.COLUMNS)
     for i in range(len(out)):
         oscillator, near = oscillator_of(pixels, i), out[i]
         fill_harmonic_of_row(pixels.lever, near, harmonic)
         harmonic.amplitude = pixels.amplitudes[i]
-        status, _ = orbit_near(oscillator, harmonic, orbit, row)
+        status, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
         done[i] = status == col.GOOD and same_orbit(row, near)
         if done[i]:
             estimate_errors(oscillator, orbit, row)
@@ -100,11 +105,10 @@ def nearby_rows(
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
-            done = (
-                orbit_from(oscillator, harmonic, orbit, row)
-                if warm
-                else orbit_near(oscillator, harmonic, orbit, row)[0]
-            )
+            if warm:
+                done = exact_orbit_from_exact(oscillator, harmonic, orbit, row)
+            else:
+                done, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
             if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < away[i]:
                 break
             done = col.NOT_CONVERGED
@@ -130,10 +134,10 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
         for _ in range(MOST_STARTS):
             if math.isnan(harmonic.tip_offset):
                 break
-            done, _ = orbit_near(oscillator, harmonic, orbit, row)
+            done, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
             if done == col.GOOD and not sees_tip(pixels.lever):
                 tolerance = tolerance_of(oscillator)
-                done = move_to_seen(oscillator, pixels.amplitudes[i], tolerance, orbit, row, slopes[i])
+                done = move_to_detected_amplitude(oscillator, pixels.amplitudes[i], tolerance, orbit, row, slopes[i])
             if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (side > 0):
                 status[i], solver[i] = col.GOOD, col.ORBIT
                 estimate_errors(oscillator, orbit, row)
@@ -153,43 +157,44 @@ def seen_rows(pixels: Pixels, tables: np.ndarray, limits: np.ndarray, answers: A
     own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by that give the rest.
     """
     (out, status, solver), seen = answers, pixels.amplitudes
-    room, rooms = SeenRoom(HarmonicOrbit(), Room(), limits), new_rooms(pixels.lever, tables)
+    workspace = DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits)
+    curve = new_curve_workspace(pixels.lever, tables)
     for i in range(len(out)):
         oscillator, row = oscillator_of(pixels, i), out[i, : col.COLUMNS]
         row[:], slopes[i, :] = math.nan, math.nan
         if has_hysteresis(oscillator.p):
             status[i] = col.NOT_CONVERGED  # between far and the setpoint there may be no periodic orbit
             continue
-        status[i] = by_passes_at_seen(oscillator, seen[i], 0, room, row, slopes[i])
+        status[i] = response_orbit_at_detected_amplitude(oscillator, seen[i], 0, workspace, row, slopes[i])
         solver[i] = col.CORRECTED
         if status[i] != col.GOOD:
             known = status[i] == col.KNOWN
-            status[i] = by_collocation_at_seen(oscillator, seen[i], known, room, rooms, row, slopes[i])
+            status[i] = exact_orbit_at_detected_amplitude(oscillator, seen[i], known, workspace, curve, row, slopes[i])
             solver[i] = col.ORBIT
 
 
 @kernel
-def _finds_nodes(oscillator: Oscillator, solved: SolvedRows, i: int, again: Again) -> bool:
+def _finds_nodes(oscillator: Oscillator, solved: SolvedRows, i: int, workspace: RowWorkspace) -> bool:
     """Fill the nodes of row i; False where it has no periodic orbit, or that is not found again."""
     row, kept = solved.rows[i], solved.kept
     return has_periodic_orbit(row) and nodes_of(
-        oscillator, row, solved.averaged[i], kept[i if kept.shape[1] > 0 else 0], again
+        oscillator, row, solved.averaged[i], kept[i if kept.shape[1] > 0 else 0], workspace
     )
 
 
 @kernel
 def force_rows(pixels: Pixels, tables: np.ndarray, second: int, solved: SolvedRows, harmonics: int) -> None:
     """Fill in what `fill_force_integrals` does for so many harmonics of the force, in rows that have an orbit."""
-    at, room = OrbitNodes(), room_for_loads(harmonics)
-    again = room_again(pixels.lever, tables, at, Room())
+    at, loads = OrbitNodes(), new_load_workspace(harmonics)
+    workspace = new_row_workspace(pixels.lever, tables, at, ResponseWorkspace())
     for i in range(len(solved.rows)):
         oscillator = oscillator_of(pixels, i)
         if solved.kept.shape[1] > 0 and solved.kept[i, KEPT_COUNT] == SECOND_IN_TIME:
             row, kept = solved.rows[i], solved.kept[i]
             row[col.GRADIENT], row[col.DRAG] = kept[FELT_RE], 0.0
             row[col.SIDEBANDS], row[col.SIDEBANDS + 1] = 0.0, -kept[FELT_IM]
-        elif _finds_nodes(oscillator, solved, i, again):
-            fill_force_integrals(oscillator, at, second, room, solved.rows[i])
+        elif _finds_nodes(oscillator, solved, i, workspace):
+            fill_force_integrals(oscillator, at, second, loads, solved.rows[i])
 
 
 @kernel
@@ -199,8 +204,8 @@ def adhesion_rows(pixels: Pixels, tables: np.ndarray, bare: np.ndarray, solved: 
     `bare` are the rows of the same contacts without adhesion and bias.
     """
     at = OrbitNodes()
-    again = room_again(pixels.lever, tables, at, Room())
+    workspace = new_row_workspace(pixels.lever, tables, at, ResponseWorkspace())
     for i in range(len(solved.rows)):
         oscillator = oscillator_of(pixels, i)
-        if _finds_nodes(oscillator, solved, i, again):
+        if _finds_nodes(oscillator, solved, i, workspace):
             fill_adhesion_integrals(oscillator, parameters(bare[i]), at, solved.rows[i])

@@ -13,9 +13,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.other_branch import orbit_on
+from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
 from phasemap._kernels.engagement.response import cheap_orbit, choose
-from phasemap._kernels.engagement.seen import SeenRoom, on_side_at_seen
+from phasemap._kernels.engagement.seen import DetectedWorkspace, branch_orbit_at_detected_amplitude
 from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
@@ -26,7 +26,7 @@ from phasemap._kernels.orbits.harmonic_orbit import (
     store_harmonic_orbit,
 )
 from phasemap._kernels.orbits.orbit_nodes import FAINT_DRIVE, OrbitNodes, keep_nodes, nodes_from_response
-from phasemap._kernels.orbits.response.orbit import Room, nodes_of_solution
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, nodes_of_solution
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
@@ -39,23 +39,23 @@ def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, answers: Answe
     (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
-    room, at, harmonic, waiting = Room(), OrbitNodes(), HarmonicOrbit(), 0
+    workspace, at, harmonic, waiting = ResponseWorkspace(), OrbitNodes(), HarmonicOrbit(), 0
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage_by_averaging(oscillator, amplitude, harmonic, room.top)
-        status[i] = cheap_orbit(oscillator, amplitude, surety, limits, harmonic, room)
+        surety = engage_by_averaging(oscillator, amplitude, harmonic, workspace.top)
+        status[i] = cheap_orbit(oscillator, amplitude, surety, limits, harmonic, workspace)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.KNOWN:
                 store_harmonic_orbit(harmonic, row)
                 status[i] = col.PENDING
         else:
-            solver[i] = choose(lever, harmonic, nodes_of_solution(room), room.state, average, limits, row)
+            solver[i] = choose(lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
-                    f = nodes_of_solution(room)
-                    nodes_from_response(f, amplitude, room.state.centre, at)
+                    f = nodes_of_solution(workspace)
+                    nodes_from_response(f, amplitude, workspace.state.centre, at)
                     keep_nodes(at, out[i])
     return waiting
 
@@ -107,13 +107,15 @@ def side_rows(pixels: Pixels, side: int, limits: np.ndarray, allowed: np.ndarray
     NaN.
     """
     out, status, solver = answers
-    room, harmonic, waiting = Room(), HarmonicOrbit(), 0
+    workspace, harmonic, waiting = ResponseWorkspace(), HarmonicOrbit(), 0
     for i in range(len(out)):
         if status[i] == col.PENDING:
-            status[i] = orbit_on(oscillator_of(pixels, i), pixels.amplitudes[i], side, limits, harmonic, room)
+            status[i] = refined_orbit_on_branch(
+                oscillator_of(pixels, i), pixels.amplitudes[i], side, limits, harmonic, workspace
+            )
             if status[i] == col.GOOD:
-                f = nodes_of_solution(room)
-                solver[i] = choose(pixels.lever, harmonic, f, room.state, True, allowed, out[i])
+                f = nodes_of_solution(workspace)
+                solver[i] = choose(pixels.lever, harmonic, f, workspace.state, True, allowed, out[i])
             else:
                 waiting += leave(harmonic, status[i], out[i])
     return waiting
@@ -132,11 +134,13 @@ def leave(harmonic: HarmonicOrbit, status: int, row: np.ndarray) -> bool:
 def seen_side_rows(pixels: Pixels, side: int, limits: np.ndarray, answers: Answers, slopes: np.ndarray) -> int:
     """`side_rows` where the detector does not see the tip; `slopes` (shape (n, SLOPES)): as for `exact.seen_rows`."""
     out, status, solver = answers
-    room, waiting = SeenRoom(HarmonicOrbit(), Room(), limits), 0
+    workspace, waiting = DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits), 0
     for i in range(len(out)):
         if status[i] == col.PENDING:
             oscillator, solver[i] = oscillator_of(pixels, i), col.CORRECTED
-            status[i] = on_side_at_seen(oscillator, pixels.amplitudes[i], side, room, out[i], slopes[i])
+            status[i] = branch_orbit_at_detected_amplitude(
+                oscillator, pixels.amplitudes[i], side, workspace, out[i], slopes[i]
+            )
             if status[i] != col.GOOD:
-                waiting += leave(room.harmonic, status[i], out[i])
+                waiting += leave(workspace.harmonic, status[i], out[i])
     return waiting

@@ -9,12 +9,12 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import sure_orbit
-from phasemap._kernels.engagement.holding import settle, settle_remembering
+from phasemap._kernels.engagement.holding import hold_from_row, hold_over_remembering_surface
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.relaxing_contact import ContactMemory, TapRoom
+from phasemap._kernels.orbits.response.relaxing_contact import ContactMemory, TapWorkspace
 from phasemap._kernels.orbits.response.relaxing_orbit import refine_relaxing
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
@@ -29,7 +29,7 @@ def march_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndar
     for i in range(len(out)):
         oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
         if status[i] == col.GOOD:
-            status[i] = settle(oscillator, amplitude, step_size, most_periods, out[i])
+            status[i] = hold_from_row(oscillator, amplitude, step_size, most_periods, out[i])
         else:
             status[i] = engage_by_march(oscillator, amplitude, step_size, most_periods, out[i])
         if status[i] != col.GOOD:
@@ -48,10 +48,10 @@ def second_drive_rows(pixels: Pixels, step_size: float, most_periods: int, out: 
 
 @kernel
 def remembering_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndarray, status: np.ndarray) -> None:
-    """Motion over surfaces that remember, as `settle_remembering` finds it."""
+    """Motion over surfaces that remember, as `hold_over_remembering_surface` finds it."""
     harmonic, top = HarmonicOrbit(), Maximum()
     for i in range(len(out)):
-        status[i] = settle_remembering(
+        status[i] = hold_over_remembering_surface(
             oscillator_of(pixels, i), pixels.amplitudes[i], step_size, most_periods, top, harmonic, out[i]
         )
 
@@ -63,13 +63,13 @@ def relaxing_rows(pixels: Pixels, limits: np.ndarray, answers: Answers) -> None:
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
-    harmonic, top, room = HarmonicOrbit(), Maximum(), TapRoom(Nodes(), ContactMemory(), PassState())
+    harmonic, top, workspace = HarmonicOrbit(), Maximum(), TapWorkspace(Nodes(), ContactMemory(), PassState())
     for i in range(len(out)):
         oscillator = oscillator_of(pixels, i)
         status[i], out[i] = col.PENDING, math.nan
         if not oscillator.p[col.RELAXATION] > 0.0 or oscillator.p[col.SPECTRUM] != 0.0:
             continue
         sure = sure_orbit(oscillator, pixels.amplitudes[i], top, harmonic)
-        if sure and refine_relaxing(oscillator, harmonic, limits, room):
-            fill_row_from_passes(pixels.lever, room.nodes, room.state, out[i])
+        if sure and refine_relaxing(oscillator, harmonic, limits, workspace):
+            fill_row_from_passes(pixels.lever, workspace.nodes, workspace.state, out[i])
             status[i], solver[i] = col.GOOD, col.CORRECTED

@@ -22,7 +22,7 @@ from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import attraction
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import Room, refine
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine
 from phasemap._kernels.quadrature import gauss
 from phasemap._kernels.records import clear, record
 
@@ -115,7 +115,7 @@ def share_rows(
 
     limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
     """
-    room, harmonic = Room(), HarmonicOrbit()
+    workspace, harmonic = ResponseWorkspace(), HarmonicOrbit()
     attractive, repulsive = Shift(), Shift()
     for i in range(len(rows)):
         oscillator, amplitude = Oscillator(law, parameters(rows[i]), lever), amplitudes[i]
@@ -126,7 +126,7 @@ def share_rows(
         for j in range(len(orbits)):
             load_harmonic_orbit(orbits[j], harmonic)
             harmonic.mismatch_slope = mismatch_slope(oscillator, harmonic)
-            if refine(oscillator, harmonic, limits, room):
+            if refine(oscillator, harmonic, limits, workspace):
                 c, push = centre_height(harmonic) / amplitude, harmonic.push
                 pull = pull_of(oscillator, amplitude, c)
                 if push < 0.0 and attractive.attraction != 0.0:
@@ -134,7 +134,7 @@ def share_rows(
                 side = repulsive if push > 0.0 else attractive
                 side.attraction = (KAPPA_OF_SHORT_PUSH - kappa_of_pull(1.0, reach, amplitude, c)) * pull
                 side.push = (KAPPA_OF_SHORT_PUSH - kappa_of_push(c)) * (push - pull)
-                side.exact = KAPPA_OF_SHORT_PUSH * push - (room.state.tip_offset - harmonic.tip_offset)
+                side.exact = KAPPA_OF_SHORT_PUSH * push - (workspace.state.tip_offset - harmonic.tip_offset)
         shares = _solve_shares(attractive, repulsive)
         out[i, 0], out[i, 1] = shares.attraction, shares.push
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import low_q
-from phasemap._kernels.rows.beside import PLACE, exact_block_beside
 from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
+from phasemap._kernels.rows.exact_derivatives import PLACE, exact_block_with_derivatives
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
@@ -111,7 +111,7 @@ class Model:
             return found
         from phasemap._kernels.quadrature import TABLES
 
-        exact_block_beside(self.law, rows, STEP, setpoints, search, TABLES, found)
+        exact_block_with_derivatives(self.law, rows, STEP, setpoints, search, TABLES, found)
         return found
 
     def phases(self, q: Array, places: Array, asked: NDArray[np.bool_] | None = None, search: bool = False) -> Array:

@@ -16,7 +16,7 @@ from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.collocation.path import HELD_AMPLITUDE, held_value
 from phasemap._kernels.orbits.time.landing import land_on, state_in_row
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.experiment.lever import show
+from phasemap.experiment.lever import detected_signal
 from phasemap.results.status import Status
 from phasemap.solvers.continuation.curves import Curves, Piece, settling_periods
 from phasemap.solvers.in_time import ETA
@@ -38,7 +38,7 @@ def move_in_time(
     status = move(oscillator, target, ETA, MOST_PERIODS, state, row[: col.COLUMNS])
     if status != col.GOOD:
         row[: col.COLUMNS] = np.nan
-    row[col.SEEN] = show(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])[0]
+    row[col.SEEN] = detected_signal(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])[0]
     return int(status), row
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import likely_amplitude, next_amplitude, sees_tip, show
+from phasemap._kernels.excitation import detected_signal, likely_amplitude, next_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import mismatch, phase_of, reach_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
@@ -109,12 +109,12 @@ def fill_averaged_orbit_near(oscillator: Oscillator, amplitude: float, side: int
 
 
 @kernel
-def detector_signal(oscillator: Oscillator, amplitude: float, c: float) -> DetectorSignal:
+def detector_signal_of_harmonic_orbit(oscillator: Oscillator, amplitude: float, c: float) -> DetectorSignal:
     """Signal of the detector on a harmonic orbit, and the mismatch of its drive."""
     lever = oscillator.lever
     push, drag, mean = harmonics(oscillator, amplitude, c)
     phase, offset = phase_and_offset(lever, amplitude, c, push, drag, mean)
-    seen, turned = show(lever, amplitude, phase)
+    seen, turned = detected_signal(lever, amplitude, phase)
     return DetectorSignal(mismatch(lever, amplitude, push, drag), seen, turned, offset)
 
 
@@ -135,7 +135,7 @@ def held_root(
             return amplitude, c, slope
         push, drag, mean = harmonics(oscillator, amplitude, c)
         phase, _ = phase_and_offset(lever, amplitude, c, push, drag, mean)
-        miss = show(lever, amplitude, phase)[0] - held
+        miss = detected_signal(lever, amplitude, phase)[0] - held
         if abs(miss) < (EXACT_HOLD if step < MOST_ROOT_STEPS - 1 else ENOUGH_HOLD) * held:
             return amplitude, c, slope
         following = next_amplitude(lever, held, amplitude, phase, miss, before)
@@ -159,22 +159,22 @@ def fill_signal_and_slopes(
     law, p, lever = oscillator
     amplitude, c = at
     reach = reach_of(p)
-    here = detector_signal(oscillator, amplitude, c)
+    here = detector_signal_of_harmonic_orbit(oscillator, amplitude, c)
     values[MEASURED_PHASE], values[MEASURED_OFFSET] = here.phase, here.offset
     small, wide = C_DIFFERENCE * mismatch_scale(reach, amplitude, c), AMPLITUDE_DIFFERENCE * amplitude
-    there = detector_signal(oscillator, amplitude, c + small)
+    there = detector_signal_of_harmonic_orbit(oscillator, amplitude, c + small)
     h_c, v_c, phase_c, offset_c = (
         (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
         (there.phase - here.phase) / small, (there.offset - here.offset) / small,
     )  # fmt: skip
     h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
     if not sees_tip(lever):
-        there = detector_signal(oscillator, amplitude + wide, c)
+        there = detector_signal_of_harmonic_orbit(oscillator, amplitude + wide, c)
         h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
         phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
     for k in range(len(rows) - 1):
         other = parameters(rows[1 + k, i])
-        there = detector_signal(Oscillator(law, other, lever), amplitude, c)
+        there = detector_signal_of_harmonic_orbit(Oscillator(law, other, lever), amplitude, c)
         # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
         h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
         both = h_c * v_a - h_a * v_c

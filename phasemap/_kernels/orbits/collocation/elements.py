@@ -29,9 +29,9 @@ from phasemap._kernels.orbits.collocation.system import (
     close_ring,
     element_of,
     head_of,
-    in_other_room,
     mode_count,
     motion_of_mode,
+    spare_orbit,
 )
 from phasemap._kernels.quadrature import (
     CONTACT_COUNTS,
@@ -254,7 +254,7 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
 @kernel(shared=True)
 def lay_again(oscillator: Oscillator, orbit: Orbit, level: int) -> bool:
     """Lay the elements anew where the contacts now are, and carry the motion over; False if there are too many."""
-    other = in_other_room(orbit)
+    other = spare_orbit(orbit)
     if not find_contacts(oscillator.p, orbit) or not lay_elements(oscillator, other, orbit, level):
         return False
     interpolate_motion(orbit, other)

@@ -34,10 +34,10 @@ from phasemap._kernels.orbits.collocation.system import (
     head_of,
     hold_amplitude,
     hold_parameter,
-    in_other_room,
     mode_count,
+    new_orbit_of_size,
     no_drift,
-    room_for,
+    spare_orbit,
 )
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 from phasemap._kernels.records import assign
@@ -61,7 +61,7 @@ def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> No
     """
     p, lever = oscillator.p, oscillator.lever
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = math.nan, math.nan
-    head, kept, other = Head(), head_of(orbit), in_other_room(orbit)
+    head, kept, other = Head(), head_of(orbit), spare_orbit(orbit)
     assign(head, kept)
     laid = find_contacts(p, orbit) and lay_elements(oscillator, other, orbit, head.level)
     assign(kept, head)
@@ -93,7 +93,7 @@ def _have_same_elements(orbit: Orbit, places: Orbit) -> bool:
 def _cut_elements_in_two(orbit: Orbit, places: Orbit) -> Orbit:
     """The orbit on elements cut in two, which lie where those of `places` do."""
     count = head_of(orbit).count
-    halves = room_for(2 * count, mode_count(orbit), orbit.tables)
+    halves = new_orbit_of_size(2 * count, mode_count(orbit), orbit.tables)
     assign(head_of(halves), head_of(orbit))
     head_of(halves).count = 0
     w, u = np.empty(NODES + 2), np.empty(NODES + 2)

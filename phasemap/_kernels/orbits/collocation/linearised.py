@@ -251,7 +251,7 @@ def _chain_element(
 ) -> None:  # fmt: skip
     """States at the end of an element by the unknowns, from those at its start; adds what its force does to (P, S).
 
-    `scratch`: what a change of m does like a force (`_fill_drift_of_motion`), and room of shape (states, NODES) and
+    `scratch`: what a change of m does like a force (`_fill_drift_of_motion`), and arrays of shape (states, NODES) and
     (NODES,).
     """
     one, forces = element_of(orbit, e), orbit.forces[e]

@@ -118,7 +118,9 @@ def solve_near(
 
 
 @kernel(shared=True)
-def orbit_near(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> tuple[int, float]:
+def exact_orbit_from_harmonic(
+    oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray
+) -> tuple[int, float]:
     """Exact orbit from a harmonic one: its row, and how far it is from it [m].
 
     The status is that under feedback; which orbit it is, is for the caller to see. It is as near as tip offset or depth
@@ -136,7 +138,7 @@ def orbit_near(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, ro
 
 
 @kernel
-def orbit_from(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> int:
+def exact_orbit_from_exact(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> int:
     """Exact orbit from another one, with amplitude, tip offset, P and S of a harmonic one: its status and row."""
     head = head_of(orbit)
     head.amplitude, head.tip_offset = harmonic.amplitude, harmonic.tip_offset

@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import seen_amplitude
+from phasemap._kernels.excitation import detected_amplitude_of_orbit
 from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange, longrange_force
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
 from phasemap._kernels.numerics import MOST_SQUARINGS, factor, spectral_radius
@@ -33,8 +33,8 @@ from phasemap._kernels.orbits.collocation.system import (
     element_of,
     head_of,
     hold_amplitude,
+    hold_detected_amplitude,
     hold_parameter,
-    hold_seen,
     motion_of_mode,
     no_drift,
     surface_force,
@@ -135,7 +135,7 @@ def allowed_displacement(oscillator: Oscillator, level: int) -> float:
 
 
 @kernel
-def settled(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
+def last_step_within_tolerance(lever: np.ndarray, orbit: Orbit, tolerance: float) -> bool:
     """True if the last step was within the tolerance of an exact orbit."""
     head = head_of(orbit)
     return head.change < tolerance and head.turn < DRIVE_TOLERANCE * lever[col.DRIVE]
@@ -176,7 +176,7 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
         oscillator, drift = standing_at(path, m), drift_at(path, m) if along else no_drift()
         p, lever = oscillator.p, oscillator.lever
         if seen > 0.0:
-            held = hold_seen(lever, orbit, seen)
+            held = hold_detected_amplitude(lever, orbit, seen)
         if head.equations != EQUATIONS_CURRENT and not linearise_orbit(oscillator, orbit, drift):
             return col.NOT_CONVERGED, step
         first, other = (held_equation(path, m), held) if along else (held, hold_parameter(orbit))
@@ -208,7 +208,7 @@ def is_seen(lever: np.ndarray, head: Head, seen: float) -> bool:
     """Whether the detector sees an amplitude [m], or need not."""
     if seen <= 0.0:
         return True
-    return abs(seen - seen_amplitude(lever, head.amplitude, head.push, head.drag)) < HELD_EXACTLY * seen
+    return abs(seen - detected_amplitude_of_orbit(lever, head.amplitude, head.push, head.drag)) < HELD_EXACTLY * seen
 
 
 @kernel
@@ -219,7 +219,7 @@ def solve_at_amplitude(oscillator: Oscillator, orbit: Orbit, level: int, toleran
 
 
 @kernel
-def solve_at_seen(oscillator: Oscillator, orbit: Orbit, seen: float, tolerance: float) -> int:
+def solve_at_detected_amplitude(oscillator: Oscillator, orbit: Orbit, seen: float, tolerance: float) -> int:
     """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; return the status."""
     limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_HELD_STEPS, False, False, seen)
     return solve_orbit(fixed_path(oscillator), orbit, hold_amplitude(orbit), limits)[0]

@@ -1,4 +1,4 @@
-"""Types of an orbit by collocation: its elements, what is unknown of it, the room to work on it, the surface's force.
+"""Types of an orbit by collocation: its elements, what is unknown of it, the workspace for it, the surface's force.
 
 With the time origin at the first harmonic of the tip, z = A cos(theta) + sum w_i(theta), theta = omega tau, and for
 each mode of the lever
@@ -18,7 +18,7 @@ import numpy as np
 
 from phasemap._kernels.columns import DAMPING, MOST_MODES, RELEASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import (
     Law,
     contact_force,
@@ -136,7 +136,7 @@ class Head:
 
 
 class Orbit(NamedTuple):
-    """A periodic orbit and the room to work on it: arrays, for it is too large for a stack."""
+    """A periodic orbit and the workspace for it: arrays, for it is too large for a stack."""
 
     elements: np.ndarray  # a row of words for each, and one for the end of the last; see `element_of`
     head: np.ndarray  # shape (1, words); see `head_of`
@@ -147,7 +147,7 @@ class Orbit(NamedTuple):
     chained: np.ndarray  # shape (states + 2, unknowns + 1); the chained equations
     system: np.ndarray  # shape (unknowns, unknowns + 1); the same with those of the drive and of what is held, solved
     tables: np.ndarray  # `phasemap._kernels.quadrature.TABLES`
-    other_elements: np.ndarray  # room to lay the elements anew, see `in_other_room`
+    other_elements: np.ndarray  # to lay the elements anew, see `spare_orbit`
     other_head: np.ndarray
     other_modes: np.ndarray
 
@@ -173,8 +173,8 @@ def motion_of_mode(orbit: Orbit, e: int, i: int) -> ModeMotion:
 
 
 @kernel(light=True)
-def room_for(elements: int, modes: int, tables: np.ndarray) -> Orbit:
-    """Return an orbit's room for so many elements, and modes of the lever."""
+def new_orbit_of_size(elements: int, modes: int, tables: np.ndarray) -> Orbit:
+    """Return an orbit of so many elements at most, and of a lever of so many modes."""
     unknowns = STATE + 2 * modes
     laid = np.zeros((elements + 1, ELEMENT_WORDS)), np.zeros((1, HEAD_WORDS))
     motion = np.zeros(((elements + 1) * modes, MOTION_WORDS))
@@ -190,19 +190,19 @@ def room_for(elements: int, modes: int, tables: np.ndarray) -> Orbit:
 
 @kernel(light=True)
 def new_orbit(lever: np.ndarray, tables: np.ndarray) -> Orbit:
-    """Return an orbit's room for this lever."""
-    return room_for(MOST_ELEMENTS, modes_of(lever), tables)
+    """Return an orbit of this lever, to be filled."""
+    return new_orbit_of_size(MOST_ELEMENTS, modes_of(lever), tables)
 
 
 @kernel(light=True)
 def new_orbit_like(orbit: Orbit) -> Orbit:
-    """Return room for an orbit of the same lever."""
-    return room_for(MOST_ELEMENTS, mode_count(orbit), orbit.tables)
+    """Return another orbit of the same lever, to be filled."""
+    return new_orbit_of_size(MOST_ELEMENTS, mode_count(orbit), orbit.tables)
 
 
 @kernel(light=True)
-def in_other_room(orbit: Orbit) -> Orbit:
-    """Return an orbit with its elements, head and motion in the other room."""
+def spare_orbit(orbit: Orbit) -> Orbit:
+    """Return the orbit whose elements, head and motion are the spare arrays of this one."""
     elements, head, modes, forces, chain, chained, system, tables, other, other_head, other_modes = orbit
     return Orbit(other, other_head, other_modes, forces, chain, chained, system, tables, elements, head, modes)
 
@@ -220,13 +220,16 @@ def hold_offset(z0: float) -> Equation:
 
 
 @kernel
-def hold_seen(lever: np.ndarray, orbit: Orbit, seen: float) -> Equation:
+def hold_detected_amplitude(lever: np.ndarray, orbit: Orbit, seen: float) -> Equation:
     """The equation that holds the amplitude that the detector sees [m], linearised about an orbit."""
     head = head_of(orbit)
     of = (head.amplitude, head.push, head.drag)
-    by_a, by_p = seen_rate(lever, of, (1.0, 0.0, 0.0)), seen_rate(lever, of, (0.0, 1.0, 0.0))
-    by_s = seen_rate(lever, of, (0.0, 0.0, 1.0))
-    lacks = seen - seen_amplitude(lever, head.amplitude, head.push, head.drag)
+    by_a, by_p = (
+        detected_amplitude_rate(lever, of, (1.0, 0.0, 0.0)),
+        detected_amplitude_rate(lever, of, (0.0, 1.0, 0.0)),
+    )
+    by_s = detected_amplitude_rate(lever, of, (0.0, 0.0, 1.0))
+    lacks = seen - detected_amplitude_of_orbit(lever, head.amplitude, head.push, head.drag)
     return Equation(0.0, by_a, 0.0, lacks + by_a * of[0] + by_p * of[1] + by_s * of[2], by_p, by_s)
 
 

@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels.columns import DAMPING, DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, STIFFNESS
+from phasemap._kernels.columns import DAMPING, DRIVE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.excitation import seen_amplitude, seen_rate
+from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
-from phasemap._kernels.lever import drive_needed, mode_of, modes_of, static_compliance
+from phasemap._kernels.lever import drive_needed, mode_of, modes_of, phase_rate, static_compliance
 from phasemap._kernels.numerics import copy, factor, substitute
 from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
@@ -46,8 +46,8 @@ MOST_OF_DEPTH = 0.4  # that a step may change the depth by
 BY_PASS, BY_CENTRE, BY_AMPLITUDE, CAUSES = 0, 1, 2, 3  # of changes of g: r, and e and A by one
 
 
-class Scratch(NamedTuple):
-    """Room for the equations of n nodes in contact."""
+class NewtonWorkspace(NamedTuple):
+    """Workspace for the equations of n nodes in contact."""
 
     w: np.ndarray  # shape (ALL_CUT,); the motion before the pass [m]
     u: np.ndarray
@@ -59,20 +59,20 @@ class Scratch(NamedTuple):
 
 
 @kernel
-def new_scratch(nodes: Nodes, wanted: bool) -> Scratch:
-    """Room for the nodes of a contact, or none."""
+def new_newton_workspace(nodes: Nodes, wanted: bool) -> NewtonWorkspace:
+    """A workspace for the nodes of a contact, or an empty one."""
     n, all_nodes = N * parts_of(nodes) if wanted else 0, len(nodes.w)
-    return Scratch(
+    return NewtonWorkspace(
         np.empty(all_nodes), np.empty(all_nodes), np.empty((2, n)), np.empty((n, n)), np.empty(n, np.int64),
         np.empty((CAUSES, n)), np.empty((CAUSES, 3)),
     )  # fmt: skip
 
 
 @kernel
-def keep_motion(nodes: Nodes, scratch: Scratch) -> None:
+def keep_motion(nodes: Nodes, workspace: NewtonWorkspace) -> None:
     """Keep the motion before a pass."""
-    copy(nodes.w, scratch.w)
-    copy(nodes.u, scratch.u)
+    copy(nodes.w, workspace.w)
+    copy(nodes.u, workspace.u)
 
 
 @kernel
@@ -88,9 +88,9 @@ def surface_stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[fl
 
 
 @kernel(fastmath=ANY_ORDER)
-def _fill_system(lever: np.ndarray, nodes: Nodes, scratch: Scratch) -> None:
+def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) -> None:
     """Fill in 1 - kappa R - gamma R'."""
-    omega, parts, m, (kappa, gamma) = lever[OMEGA], parts_of(nodes), scratch.system, scratch.answer
+    omega, parts, m, (kappa, gamma) = lever[OMEGA], parts_of(nodes), workspace.system, workspace.answer
     n, mean, along, across = N * parts, 0.0, 0.0, 0.0
     m[:, :] = 0.0
     for i in range(modes_of(lever)):
@@ -141,17 +141,17 @@ def _fill_system(lever: np.ndarray, nodes: Nodes, scratch: Scratch) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _fill_rates(nodes: Nodes, scratch: Scratch) -> None:
+def _fill_rates(nodes: Nodes, workspace: NewtonWorkspace) -> None:
     """Fill in mean, P and S of the changes of g."""
     for i in range(CAUSES):
-        mean, push, drag, change = 0.0, 0.0, 0.0, scratch.changes[i]
+        mean, push, drag, change = 0.0, 0.0, 0.0, workspace.changes[i]
         for k in range(N * parts_of(nodes)):
             j = contact_node(k)
             share = weight_of_node(nodes, j) * change[k]
             mean += share
             push += share * nodes.cos[j]
             drag += share * nodes.sin[j]
-        scratch.rates[i, 0], scratch.rates[i, 1], scratch.rates[i, 2] = (
+        workspace.rates[i, 0], workspace.rates[i, 1], workspace.rates[i, 2] = (
             mean / (2.0 * math.pi),
             push / math.pi,
             drag / math.pi,
@@ -159,22 +159,22 @@ def _fill_rates(nodes: Nodes, scratch: Scratch) -> None:
 
 
 @kernel
-def _fill_changes(oscillator: Oscillator, nodes: Nodes, state: PassState, scratch: Scratch) -> bool:
+def _fill_changes(oscillator: Oscillator, nodes: Nodes, state: PassState, workspace: NewtonWorkspace) -> bool:
     """Solve for the changes of g with e, A and the pass, and of its harmonics; False where equations are singular."""
-    n, (kappa, gamma), changes = N * parts_of(nodes), scratch.answer, scratch.changes
+    n, (kappa, gamma), changes = N * parts_of(nodes), workspace.answer, workspace.changes
     for k in range(n):
         j = contact_node(k)
-        d = max(state.amplitude * nodes.cos[j] + scratch.w[j] - state.centre, 0.0)
-        kappa[k], gamma[k] = surface_stiffness(oscillator, d, scratch.u[j] - state.amplitude * nodes.sin[j])
-        changes[BY_PASS, k] = kappa[k] * (nodes.w[j] - scratch.w[j]) + gamma[k] * (nodes.u[j] - scratch.u[j])
+        d = max(state.amplitude * nodes.cos[j] + workspace.w[j] - state.centre, 0.0)
+        kappa[k], gamma[k] = surface_stiffness(oscillator, d, workspace.u[j] - state.amplitude * nodes.sin[j])
+        changes[BY_PASS, k] = kappa[k] * (nodes.w[j] - workspace.w[j]) + gamma[k] * (nodes.u[j] - workspace.u[j])
         changes[BY_CENTRE, k] = -kappa[k]
         changes[BY_AMPLITUDE, k] = kappa[k] * nodes.cos[j] - gamma[k] * nodes.sin[j]
-    _fill_system(oscillator.lever, nodes, scratch)
-    if not factor(scratch.system, n, scratch.order):
+    _fill_system(oscillator.lever, nodes, workspace)
+    if not factor(workspace.system, n, workspace.order):
         return False
     for i in range(CAUSES):
-        substitute(scratch.system, n, scratch.order, changes[i])
-    _fill_rates(nodes, scratch)
+        substitute(workspace.system, n, workspace.order, changes[i])
+    _fill_rates(nodes, workspace)
     return True
 
 
@@ -192,56 +192,55 @@ def _step(lever: np.ndarray, state: PassState, h: float, hold: bool, rates: np.n
     state.slope, state.mean_slope, state.push_slope, state.drag_slope = h_by_e, by_e[0], by_e[1], by_e[2]
     if state.seen == 0.0:
         return -h / h_by_e, 0.0
-    x_by_a, y_by_a = by_a[1] + lever[DYNAMIC_STIFFNESS], lever[DYNAMIC_LOSS] - by_a[2]
+    x_by_a, y_by_a = drive_needed(lever, 1.0, by_a[1], by_a[2])
     h_by_a = twice * (x * x_by_a + y * y_by_a)
-    miss = seen_amplitude(lever, *orbit) - state.seen
-    miss += seen_rate(lever, orbit, (0.0, rates[BY_PASS, 1], rates[BY_PASS, 2]))
+    miss = detected_amplitude_of_orbit(lever, *orbit) - state.seen
+    miss += detected_amplitude_rate(lever, orbit, (0.0, rates[BY_PASS, 1], rates[BY_PASS, 2]))
     by_centre, by_amplitude = (
-        seen_rate(lever, orbit, (0.0, by_e[1], by_e[2])),
-        seen_rate(lever, orbit, (1.0, by_a[1], by_a[2])),
+        detected_amplitude_rate(lever, orbit, (0.0, by_e[1], by_e[2])),
+        detected_amplitude_rate(lever, orbit, (1.0, by_a[1], by_a[2])),
     )
     # along the curve, on which e changes so with A
     turn = -h_by_a / h_by_e
-    x_along, y_along = x_by_a + turn * by_e[1], y_by_a - turn * by_e[2]
     state.seen_by_a = by_amplitude + turn * by_centre
-    state.phase_by_a = (x_along * y - x * y_along) / (x * x + y * y)
+    state.phase_by_a = phase_rate(x, y, x_by_a + turn * by_e[1], y_by_a - turn * by_e[2])
     state.offset_by_a = turn - static_compliance(lever) * (by_a[0] + turn * by_e[0])
     amplitude = (by_centre * h / h_by_e - miss) / state.seen_by_a
     return turn * amplitude - h / h_by_e, amplitude
 
 
 @kernel
-def _cut_short(nodes: Nodes, state: PassState, centre: float, amplitude: float, scratch: Scratch) -> float:
+def _cut_short(nodes: Nodes, state: PassState, centre: float, amplitude: float, workspace: NewtonWorkspace) -> float:
     """Share of a step in motion, e and A that is taken: less than all where it changes the depth by too much."""
     deepest, most = 0.0, 0.0
     for k in range(N * parts_of(nodes)):
         j = contact_node(k)
-        deepest = max(deepest, state.amplitude * nodes.cos[j] + scratch.w[j] - state.centre)
-        most = max(most, abs(nodes.w[j] - scratch.w[j] + amplitude * nodes.cos[j] - centre))
+        deepest = max(deepest, state.amplitude * nodes.cos[j] + workspace.w[j] - state.centre)
+        most = max(most, abs(nodes.w[j] - workspace.w[j] + amplitude * nodes.cos[j] - centre))
     share = min(MOST_OF_DEPTH * deepest / most, 1.0)
     for j in range(count_of(nodes) if share < 1.0 else 0):
-        nodes.w[j] = scratch.w[j] + share * (nodes.w[j] - scratch.w[j])
-        nodes.u[j] = scratch.u[j] + share * (nodes.u[j] - scratch.u[j])
+        nodes.w[j] = workspace.w[j] + share * (nodes.w[j] - workspace.w[j])
+        nodes.u[j] = workspace.u[j] + share * (nodes.u[j] - workspace.u[j])
     return share
 
 
 @kernel
-def shortened_lift(nodes: Nodes, state: PassState, lift: float, scratch: Scratch) -> float:
+def shortened_lift(nodes: Nodes, state: PassState, lift: float, workspace: NewtonWorkspace) -> float:
     """The lift [m] by a plain pass, which is cut short with it."""
-    return _cut_short(nodes, state, lift, 0.0, scratch) * lift
+    return _cut_short(nodes, state, lift, 0.0, workspace) * lift
 
 
 @kernel
 def newton_pass(
-    oscillator: Oscillator, nodes: Nodes, state: PassState, h: float, hold: bool, scratch: Scratch
+    oscillator: Oscillator, nodes: Nodes, state: PassState, h: float, hold: bool, workspace: NewtonWorkspace
 ) -> tuple[bool, float]:
     """Step of Newton's method in place of a pass, with the mismatch h; False if there is none, else what is left of h.
 
     With `hold` the centre e stays, and A.
     """
-    lever, rates, changes = oscillator.lever, scratch.rates, scratch.changes
+    lever, rates, changes = oscillator.lever, workspace.rates, workspace.changes
     respond(nodes, lever, state.mean_force, state.push, state.drag)
-    if not _fill_changes(oscillator, nodes, state, scratch):
+    if not _fill_changes(oscillator, nodes, state, workspace):
         return False, h
     centre, amplitude = _step(lever, state, h, hold, rates)
     for k in range(N * parts_of(nodes)):
@@ -250,7 +249,7 @@ def newton_pass(
         )
     mean, push, drag = rates[BY_PASS] + centre * rates[BY_CENTRE] + amplitude * rates[BY_AMPLITUDE]
     respond(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag)
-    share = _cut_short(nodes, state, centre, amplitude, scratch)
+    share = _cut_short(nodes, state, centre, amplitude, workspace)
     state.centre += share * centre
     state.amplitude += share * amplitude
     move_nodes(nodes, state.amplitude, state.centre)

@@ -34,7 +34,7 @@ class Fit:
 
 
 @record
-class Room:
+class ResponseWorkspace:
     """Scratch memory of the cheap path."""
 
     nodes: Nodes
@@ -59,9 +59,9 @@ def largest_branch_distance(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def nodes_of_solution(room: Room) -> Nodes:
-    """Nodes that hold the orbit of `room.state`: those that cut its contact into as many parts."""
-    return room.nodes if room.state.parts == parts_of(room.nodes) else room.finer
+def nodes_of_solution(workspace: ResponseWorkspace) -> Nodes:
+    """Nodes that hold the orbit of `workspace.state`: those that cut its contact into as many parts."""
+    return workspace.nodes if workspace.state.parts == parts_of(workspace.nodes) else workspace.finer
 
 
 @kernel
@@ -72,37 +72,39 @@ def grazes(p: np.ndarray, harmonic: HarmonicOrbit) -> bool:
 
 
 @kernel
-def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, room: Room) -> bool:
+def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, workspace: ResponseWorkspace) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = harmonic.amplitude, centre_height(harmonic)
-    if _pass_from(oscillator, harmonic, e, limits, room):
+    if _pass_from(oscillator, harmonic, e, limits, workspace):
         return True
     if not grazes(oscillator.p, harmonic):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach_of(oscillator.p)
-    return _pass_from(oscillator, harmonic, e, limits, room)
+    return _pass_from(oscillator, harmonic, e, limits, workspace)
 
 
 @kernel(shared=True)
-def _pass_from(oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: np.ndarray, room: Room) -> bool:
+def _pass_from(
+    oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: np.ndarray, workspace: ResponseWorkspace
+) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.
 
     Beside resonance, where contacts are long, they go on at nodes that cut them in two.
     """
-    lever, f, state = oscillator.lever, room.nodes, room.state
+    lever, f, state = oscillator.lever, workspace.nodes, workspace.state
     clear(state)
     state.amplitude, state.centre, state.slope, state.seen = (
         harmonic.amplitude,
         centre,
         harmonic.mismatch_slope,
-        room.seen,
+        workspace.seen,
     )
     if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
     found = converge(oscillator, f, state, False, limits[0], limits[1])
-    other, cut = room.finer, beside_resonance(lever) or modes_of(lever) > 1
+    other, cut = workspace.finer, beside_resonance(lever) or modes_of(lever) > 1
     most_parts = FEW_PARTS if modes_of(lever) == 1 or by_newton(lever, state) else MOST_PARTS
     while (
         found == UNRESOLVED
@@ -135,9 +137,9 @@ def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState)
 
 
 @kernel
-def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, room: Room) -> bool:
-    """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of room.state."""
-    f, here, there = nodes_of_solution(room), room.state, room.other
+def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, workspace: ResponseWorkspace) -> bool:
+    """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
+    f, here, there = nodes_of_solution(workspace), workspace.state, workspace.other
     assign(there, here)
     move = SLOPE_STEP * here.amplitude
     there.amplitude += move

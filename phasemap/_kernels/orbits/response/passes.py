@@ -20,7 +20,7 @@ from phasemap._kernels.lever import (
     static_compliance,
 )
 from phasemap._kernels.orbits.response.motion import respond
-from phasemap._kernels.orbits.response.newton_pass import keep_motion, new_scratch, newton_pass, shortened_lift
+from phasemap._kernels.orbits.response.newton_pass import keep_motion, new_newton_workspace, newton_pass, shortened_lift
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -267,21 +267,21 @@ def converge(
     lever, nearest = oscillator.lever, middle_of(f) if f.touches == 1 else OUT
     newton = f.touches == 1 and by_newton(lever, state)
     harmonic, h = state.passes == 0, mismatch(lever, state.amplitude, state.push, state.drag)
-    scratch = new_scratch(f, newton)
+    workspace = new_newton_workspace(f, newton)
     first_pass(lever, state)
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
         if newton:
-            keep_motion(f, scratch)
+            keep_motion(f, workspace)
         if newton and not (harmonic and passes == 0):
-            good, h = newton_pass(oscillator, f, state, h, hold, scratch)
+            good, h = newton_pass(oscillator, f, state, h, hold, workspace)
             if not good:
                 return NO_ORBIT
         else:
             respond(f, lever, state.mean_force, state.push, state.drag)
             lift = f.w[nearest] - before
             if newton:
-                lift = shortened_lift(f, state, lift, scratch)
+                lift = shortened_lift(f, state, lift, workspace)
             h = balance_drive(oscillator, f, state, math.nan if hold else lift)
         state.passes += 1
         nodes = quadrature_error(lever, f, state)

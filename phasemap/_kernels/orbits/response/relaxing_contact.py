@@ -67,7 +67,7 @@ class ContactMemory:
     kept: np.ndarray = column(2 * N + 1)  # exp(-angle between / T)
 
 
-class TapRoom(NamedTuple):
+class TapWorkspace(NamedTuple):
     """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
 
     nodes: Nodes
@@ -154,9 +154,9 @@ def lay_relaxing(nodes: Nodes, entry: float, turn: float, exit_: float) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def follow_contact(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
+def follow_contact(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) -> None:
     """Fill d, D and Y at the nodes in contact, and d' at the early ones."""
-    nodes, memory, state = room
+    nodes, memory, state = workspace
     amplitude, centre = state.amplitude, state.centre
     time, turn = lever[OMEGA] * p[col.RELAXATION], nodes.theta[TURN_NODE]
     early, late = (turn - nodes.theta[ENTRY]) / time, (nodes.theta[EXIT] - turn) / time
@@ -184,9 +184,9 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def look_back(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
+def look_back(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) -> None:
     """Correct by a Newton step at which early instants the edge was as at late nodes; fill in d, D and Y there."""
-    nodes, memory, _ = room
+    nodes, memory, _ = workspace
     time, kappa, turn = lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING], nodes.theta[TURN_NODE]
     half = turn - nodes.theta[ENTRY]
     for j in range(N, 2 * N):
@@ -215,13 +215,13 @@ def look_back(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def relay_relaxing(p: np.ndarray, lever: np.ndarray, room: TapRoom) -> None:
+def relay_relaxing(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) -> None:
     """Move the nodes to where the contact begins, turns and ends now, and the response w [m] with them.
 
     It begins where the depth amplitude cos + w - e is 0, turns where that is largest, and ends where the depth is that
     of the dent, RELAXING times the depth that the arm has seen: one step of Newton's method each.
     """
-    nodes, memory, state = room
+    nodes, memory, state = workspace
     amplitude, centre = state.amplitude, state.centre
     theta, i, j = nodes.theta, TOUCH + N - 1, LATE
     before = nodes.re
@@ -256,9 +256,9 @@ def _added(sums: NodeSums, nodes: Nodes, i: int, weight: float, amplitude: float
 
 
 @kernel(fastmath=ANY_ORDER)
-def relaxing_force(oscillator: Oscillator, room: TapRoom) -> NodeSums:
+def relaxing_force(oscillator: Oscillator, workspace: TapWorkspace) -> NodeSums:
     """Fill g at the nodes from what is remembered; mean, P, S of g, its work and the virial sum."""
-    (law, p, lever), (nodes, memory, state) = oscillator, room
+    (law, p, lever), (nodes, memory, state) = oscillator, workspace
     amplitude, centre = state.amplitude, state.centre
     inverse_k, kappa, sums = 1.0 / lever[STIFFNESS], p[col.RELAXING], (0.0, 0.0, 0.0, 0.0, 0.0)
     pull, stiff = contact_force(law, 0.0, p) * inverse_k, 1.5 * p[col.CONTACT] * inverse_k

@@ -49,7 +49,7 @@ from phasemap._kernels.orbits.response.passes import (
 from phasemap._kernels.orbits.response.relaxing_contact import (
     END_NODE,
     ContactMemory,
-    TapRoom,
+    TapWorkspace,
     dent_of,
     follow_contact,
     lay_relaxing,
@@ -74,22 +74,22 @@ LEAST_LATE_SHARE = 0.3  # least share of the contact's later half that a step le
 
 
 @kernel
-def evaluate_relaxing(oscillator: Oscillator, room: TapRoom) -> float:
+def evaluate_relaxing(oscillator: Oscillator, workspace: TapWorkspace) -> float:
     """Fill the state from the force at the nodes; returns the mismatch of the drive."""
     p, lever = oscillator.p, oscillator.lever
-    state = room.state
-    follow_contact(p, lever, room)
-    look_back(p, lever, room)
-    mean, push, drag, work, virial = relaxing_force(oscillator, room)
+    state = workspace.state
+    follow_contact(p, lever, workspace)
+    look_back(p, lever, workspace)
+    mean, push, drag, work, virial = relaxing_force(oscillator, workspace)
     state.mean_force, state.push, state.drag, state.loss, state.virial = mean, push, drag, work, virial
     return mismatch(lever, state.amplitude, push, drag)
 
 
 @kernel
-def start_relaxing(oscillator: Oscillator, room: TapRoom) -> bool:
+def start_relaxing(oscillator: Oscillator, workspace: TapWorkspace) -> bool:
     """Lay the harmonic orbit with the amplitude and e of the state; False if it is out of this method's range."""
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = room
+    f, m, state = workspace
     amplitude, e, time, kappa = state.amplitude, state.centre, lever[OMEGA] * p[col.RELAXATION], p[col.RELAXING]
     if not LEAST_EDGE_COSINE < e / amplitude < 1.0:
         return False
@@ -103,7 +103,7 @@ def start_relaxing(oscillator: Oscillator, room: TapRoom) -> bool:
     exit_ = edge
     for _ in range(MOST_ENDS):
         lay_relaxing(f, -edge, 0.0, exit_)
-        follow_contact(p, lever, room)
+        follow_contact(p, lever, workspace)
         d, seen = m.depth[END_NODE], m.seen[END_NODE]
         move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)
         exit_ = min(max(exit_ + move, LEAST_LATE_SHARE * exit_), edge)
@@ -112,27 +112,27 @@ def start_relaxing(oscillator: Oscillator, room: TapRoom) -> bool:
     for j in range(N):
         m.place[N + j] = 1.0 - GAUSS_X[j]
     for _ in range(MOST_LOOK_BACKS):
-        look_back(p, lever, room)
-    evaluate_relaxing(oscillator, room)
+        look_back(p, lever, workspace)
+    evaluate_relaxing(oscillator, workspace)
     return True
 
 
 @kernel
-def balance_relaxing(oscillator: Oscillator, room: TapRoom, lift: float) -> float:
+def balance_relaxing(oscillator: Oscillator, workspace: TapWorkspace, lift: float) -> float:
     """Move the centre e until the drive needed is that given, at fixed w, as passes without memory do."""
     p, lever = oscillator.p, oscillator.lever
-    state = room.state
+    state = workspace.state
     state.centre += lift
-    relay_relaxing(p, lever, room)
-    h = evaluate_relaxing(oscillator, room)
+    relay_relaxing(p, lever, workspace)
+    h = evaluate_relaxing(oscillator, workspace)
     for _ in range(MOST_MOVES):
         if abs(h) < LIFT_LEFT * abs(lift * state.slope) and state.push_slope != 0.0:
             break
         before = (h, state.mean_force, state.push, state.drag)
         move = -h / state.slope
         state.centre += move
-        relay_relaxing(p, lever, room)
-        h = evaluate_relaxing(oscillator, room)
+        relay_relaxing(p, lever, workspace)
+        h = evaluate_relaxing(oscillator, workspace)
         update_slopes(state, move, h, before)
     return h
 
@@ -154,15 +154,15 @@ def relaxation_quadrature_error(p: np.ndarray, nodes: Nodes, memory: ContactMemo
 
 
 @kernel
-def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, room: TapRoom) -> int:
+def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, workspace: TapWorkspace) -> int:
     """Repeat passes from a harmonic orbit that touches until errors are below the limits, as `converge` does."""
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = room
+    f, m, state = workspace
     first_pass(lever, state)
     for passes in range(MOST_PASSES):
         before = f.w[LATE]
         respond(f, lever, state.mean_force, state.push, state.drag)
-        h = balance_relaxing(oscillator, room, f.w[LATE] - before)
+        h = balance_relaxing(oscillator, workspace, f.w[LATE] - before)
         state.passes += 1
         nodes = quadrature_error(lever, f, state) + relaxation_quadrature_error(p, f, m)
         ratio = after_pass(lever, state, h, f.w[LATE], nodes)
@@ -176,9 +176,9 @@ def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, room: TapRoom)
 
 
 @kernel
-def taps_once(room: TapRoom, dent: float, recovery: float) -> bool:
+def taps_once(workspace: TapWorkspace, dent: float, recovery: float) -> bool:
     """Whether depth and edge grow up to the turn, and nothing that the next taps meet is left of the dents of all."""
-    f, m, _ = room
+    f, m, _ = workspace
     for j in range(N):
         if not (m.rate[j] > 0.0 and 0.0 <= m.place[N + j] <= 1.0):
             return False
@@ -215,23 +215,23 @@ def energy_defect(lever: np.ndarray, nodes: Nodes, state: PassState) -> float:
 
 
 @kernel
-def slow_flow_is_stable(oscillator: Oscillator, room: TapRoom) -> bool:
+def slow_flow_is_stable(oscillator: Oscillator, workspace: TapWorkspace) -> bool:
     """True if disturbances of amplitude and phase decay in the slow flow: theory, Eq. (memory-11).
 
     What a tap takes may fall with the amplitude, by more than what air takes rises. Leaves the state as it was, and the
     nodes at a larger amplitude.
     """
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = room
+    f, m, state = workspace
     loss, mean, push, drag, virial = state.loss, state.mean_force, state.push, state.drag, state.virial
     amplitude, e, step = state.amplitude, state.centre, AMPLITUDE_STEP * m.depth[N - 1]
     state.amplitude += step
-    relay_relaxing(p, lever, room)
-    evaluate_relaxing(oscillator, room)
+    relay_relaxing(p, lever, workspace)
+    evaluate_relaxing(oscillator, workspace)
     respond(f, lever, state.mean_force, state.push, state.drag)
     state.centre = e - mean + state.mean_force
-    relay_relaxing(p, lever, room)
-    evaluate_relaxing(oscillator, room)
+    relay_relaxing(p, lever, workspace)
+    evaluate_relaxing(oscillator, workspace)
     more = (state.loss - loss) / step
     state.amplitude, state.centre = amplitude, e
     state.loss, state.mean_force, state.push, state.drag, state.virial = loss, mean, push, drag, virial
@@ -239,13 +239,15 @@ def slow_flow_is_stable(oscillator: Oscillator, room: TapRoom) -> bool:
 
 
 @kernel
-def refine_relaxing(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, room: TapRoom) -> bool:
+def refine_relaxing(
+    oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, workspace: TapWorkspace
+) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if passes find it within `limits` and it is sound.
 
     One that does not touch has nothing to remember. A lever of several modes is left to others.
     """
     p, lever = oscillator.p, oscillator.lever
-    f, m, state = room
+    f, m, state = workspace
     e = centre_height(harmonic)
     if modes_of(lever) > 1:
         return False
@@ -259,13 +261,13 @@ def refine_relaxing(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.
         if found != FOUND or not on_same_branch(lever, harmonic, state):
             return False
         return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
-    if not start_relaxing(oscillator, room) or converge_relaxing(oscillator, limits, room) != FOUND:
+    if not start_relaxing(oscillator, workspace) or converge_relaxing(oscillator, limits, workspace) != FOUND:
         return False
     dent, recovery = dent_of(p, lever, m)
-    if not (taps_once(room, dent, recovery) and on_same_branch(lever, harmonic, state)):
+    if not (taps_once(workspace, dent, recovery) and on_same_branch(lever, harmonic, state)):
         return False
     state.work = energy_defect(lever, f, state)
     i, j, amplitude = TOUCH + N - 1, LATE, state.amplitude
     state.apex = apex_between(amplitude, f.theta[i], f.w[i], f.u[i], f.theta[j], f.w[j], f.u[j])[0]
     state.apex = max(state.apex, amplitude * f.cos[i] + f.w[i], amplitude * f.cos[j] + f.w[j])
-    return orbit_is_kept(oscillator, f, state, dent, recovery) and slow_flow_is_stable(oscillator, room)
+    return orbit_is_kept(oscillator, f, state, dent, recovery) and slow_flow_is_stable(oscillator, workspace)

@@ -231,7 +231,7 @@ def _kick(
     """Kick small motions of each mode by the surface's answer at node j.
 
     `turns` (shape (3 modes,)): growth, cosine and sine of each mode there.
-    `one` (shape (2, 2 modes)): room.
+    `one` (shape (2, 2 modes)): workspace.
     `motions` (shape (2 modes, 2 modes)): x and y of each mode, a motion in each column.
     """
     law, p, lever = oscillator

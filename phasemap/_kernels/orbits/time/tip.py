@@ -9,7 +9,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import amplitude_seen
+from phasemap._kernels.excitation import detected_amplitude
 from phasemap._kernels.lever import modes_of, slowest_decay, static_share
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, PERIOD_BEGIN, memory_size
@@ -163,7 +163,7 @@ def ring_down_periods(lever: np.ndarray) -> int:
 @kernel
 def amplitude_of(lever: np.ndarray, acc: PeriodResult) -> float:
     """Amplitude [m] that the detector sees in a period: of the first harmonic of z, less that of the lever's base."""
-    return amplitude_seen(lever, acc.sin, acc.cos)
+    return detected_amplitude(lever, acc.sin, acc.cos)
 
 
 @kernel

@@ -13,9 +13,14 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import engage_by_averaging
-from phasemap._kernels.engagement.exact_orbit import Rooms, at_seen, exact_orbit, new_rooms
-from phasemap._kernels.engagement.seen import SLOPES, move_to_seen
-from phasemap._kernels.excitation import likely_amplitude, seen_rates, show
+from phasemap._kernels.engagement.exact_orbit import (
+    CurveWorkspace,
+    detected_amplitude_wanted,
+    exact_orbit,
+    new_curve_workspace,
+)
+from phasemap._kernels.engagement.seen import SLOPES, move_to_detected_amplitude
+from phasemap._kernels.excitation import detected_rates, detected_signal, likely_amplitude
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.branch import MEASURED_OFFSET, MEASURED_PHASE
@@ -36,8 +41,8 @@ from phasemap._kernels.orbits.collocation.system import (
     RZ,
     Orbit,
     head_of,
+    hold_detected_amplitude,
     hold_parameter,
-    hold_seen,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.rows.derivatives import Found, Setpoints
@@ -48,7 +53,7 @@ LAST_CHANGE_BESIDE = 2e-12  # [m], of an orbit; what is left is the square of it
 
 
 @kernel
-def keep_orbit(orbit: Orbit, place: np.ndarray) -> None:
+def store_exact_orbit(orbit: Orbit, place: np.ndarray) -> None:
     """Keep head and elements of an orbit in a place; one with more elements than that holds is not known."""
     place[0], last = math.nan, head_of(orbit).count + 1
     if last > len(place[HEAD_WORDS:]) // ELEMENT_WORDS:
@@ -58,7 +63,9 @@ def keep_orbit(orbit: Orbit, place: np.ndarray) -> None:
 
 
 @kernel
-def orbit_beside(oscillator: Oscillator, held: float, place: np.ndarray, orbit: Orbit, row: np.ndarray) -> bool:
+def exact_orbit_from_stored(
+    oscillator: Oscillator, held: float, place: np.ndarray, orbit: Orbit, row: np.ndarray
+) -> bool:
     """Exact orbit that is seen with the amplitude held [m], from one near by; False where none is found or held."""
     if math.isnan(place[0]):
         return False
@@ -66,47 +73,53 @@ def orbit_beside(oscillator: Oscillator, held: float, place: np.ndarray, orbit: 
     last = head_of(orbit).count + 1
     copy(place[HEAD_WORDS : HEAD_WORDS + last * ELEMENT_WORDS], orbit.elements[:last].reshape(-1))
     share_motion(oscillator.lever, orbit)
-    return lay_again(oscillator, orbit, 0) and hold_here(oscillator, held, orbit, row)
+    return lay_again(oscillator, orbit, 0) and solve_at_held_amplitude(oscillator, held, orbit, row)
 
 
 @kernel
-def hold_here(oscillator: Oscillator, held: float, orbit: Orbit, row: np.ndarray) -> bool:
+def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, row: np.ndarray) -> bool:
     """Solve for the exact orbit seen with the amplitude held [m], from one near it; False where none can be held."""
     tolerance = max(LAST_CHANGE_BESIDE, tolerance_of(oscillator))
-    return move_to_seen(oscillator, held, tolerance, orbit, row, np.zeros(SLOPES)) == col.GOOD
+    return move_to_detected_amplitude(oscillator, held, tolerance, orbit, row, np.zeros(SLOPES)) == col.GOOD
 
 
 @kernel
-def engaged_orbit(oscillator: Oscillator, held: float, rooms: Rooms, row: np.ndarray) -> bool:
+def exact_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
     """Exact orbit seen with the amplitude held [m] that curves lead a tip to from far; False where a tip leaps."""
     top, harmonic = Maximum(), HarmonicOrbit()
     surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
-    done = exact_orbit(oscillator, at_seen(oscillator, held), surety, harmonic, rooms, row)
-    return done == col.GOOD and hold_here(oscillator, held, rooms.found, row)
+    done = exact_orbit(oscillator, detected_amplitude_wanted(oscillator, held), surety, harmonic, curve, row)
+    return done == col.GOOD and solve_at_held_amplitude(oscillator, held, curve.found, row)
 
 
 @kernel
-def fill_slopes(
-    oscillator: Oscillator, orbit: Orbit, held: float, moved: np.ndarray, step: float, slope: np.ndarray
-) -> bool:
-    """Derivative of phase and tip offset by what changes the law's parameters, to `moved`, by a step."""
+def fill_derivatives_by_property(
+    oscillator: Oscillator, orbit: Orbit, held: float, moved_parameters: np.ndarray, log_step: float,
+    derivatives: np.ndarray,
+) -> bool:  # fmt: skip
+    """Derivatives of detected phase and tip offset by a property's logarithm, about the orbit at the amplitude held.
+
+    `moved_parameters`: those of the law with the logarithm larger by `log_step`. Moved as far the other way, they are
+    the other end of a drift, as of a path's parameter by DRIFT_STEP to either side.
+    """
     lever, drift = oscillator.lever, np.empty((2, col.ROW + len(oscillator.lever)))
     for i in range(col.ROW):
-        drift[0, i], drift[1, i] = moved[i], 2.0 * oscillator.p[i] - moved[i]
+        drift[0, i], drift[1, i] = moved_parameters[i], 2.0 * oscillator.p[i] - moved_parameters[i]
     for i in range(len(lever)):
         drift[0, col.ROW + i] = drift[1, col.ROW + i] = lever[i]
     if not linearise_orbit(oscillator, orbit, drift):
         return False
-    if not curve_derivative(lever, orbit, drift, (hold_seen(lever, orbit, held), hold_parameter(orbit))):
+    if not curve_derivative(lever, orbit, drift, (hold_detected_amplitude(lever, orbit, held), hold_parameter(orbit))):
         return False
     head, rate = head_of(orbit), orbit.system[:, RIGHT]
-    _, turn = seen_rates(lever, (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS]))
-    slope[MEASURED_PHASE], slope[MEASURED_OFFSET] = turn * DRIFT_STEP / step, rate[RZ] * DRIFT_STEP / step
+    _, turn = detected_rates(lever, (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS]))
+    derivatives[MEASURED_PHASE] = turn * DRIFT_STEP / log_step
+    derivatives[MEASURED_OFFSET] = rate[RZ] * DRIFT_STEP / log_step
     return True
 
 
 @kernel
-def exact_block_beside(
+def exact_block_with_derivatives(
     law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, tables: np.ndarray, found: Found
 ) -> None:
     """Fill in phase and tip offset of exact orbits near known ones, as `averaged_block` does of averaged ones.
@@ -115,8 +128,8 @@ def exact_block_beside(
     """
     levers, amplitudes, sides, places = setpoints
     values, slopes, good = found
-    rooms, row = new_rooms(levers[0], tables), np.zeros(col.COLUMNS)
-    orbit = rooms.found
+    curve, row = new_curve_workspace(levers[0], tables), np.zeros(col.COLUMNS)
+    orbit = curve.found
     for i in range(rows.shape[1]):
         good[i] = True
         p = parameters(rows[0, i])
@@ -126,13 +139,15 @@ def exact_block_beside(
             if sides[i, j] == 0:
                 continue
             oscillator, held = Oscillator(law, p, levers[j]), amplitudes[j]
-            good[i] = orbit_beside(oscillator, held, places[i, j], orbit, row) or (
-                search and engaged_orbit(oscillator, held, rooms, row)
+            good[i] = exact_orbit_from_stored(oscillator, held, places[i, j], orbit, row) or (
+                search and exact_orbit_from_far(oscillator, held, curve, row)
             )
             if not good[i]:
                 break
-            keep_orbit(orbit, places[i, j])
+            store_exact_orbit(orbit, places[i, j])
             for k in range(len(rows) - 1):
-                good[i] = good[i] and fill_slopes(oscillator, orbit, held, rows[1 + k, i], step, slopes[i, j, :, k])
-            _, values[i, j, MEASURED_PHASE] = show(levers[j], row[col.AMPLITUDE], row[col.PHASE])
+                good[i] = good[i] and fill_derivatives_by_property(
+                    oscillator, orbit, held, rows[1 + k, i], step, slopes[i, j, :, k]
+                )
+            _, values[i, j, MEASURED_PHASE] = detected_signal(levers[j], row[col.AMPLITUDE], row[col.PHASE])
             values[i, j, MEASURED_OFFSET] = row[col.TIP_OFFSET]
