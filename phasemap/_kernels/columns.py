@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 # Columns of a parameter row, shape (ROW,). Contact laws use 0-3, long-range laws 4-7, damping laws 8-11, necks of
-# liquid 12-15.
+# liquid 12-15, films on a rigid base 14 and 15.
 CONTACT = 0
 LONGRANGE = 4
 DAMPING = 8
@@ -22,12 +22,14 @@ RELAXING = 3  # of the same: 1 - E_inf/E_0 [1]
 WITHDRAWN = 2  # of a law with losses: attraction [N] more on the way out of contact
 LOSS_FALL = 6  # of the same: 1 / length [1/m] over which the loss outside contact falls
 LOSS = 7  # of the same: alpha_s [1] of that loss at d = 0
-SPECTRUM = 13  # of the same: address of its relaxation times, see `orbits.time.arms`; 0 where there is one
+SPECTRUM = 9  # of the same, which has no DAMPING: address of its times, see `orbits.time.arms`; 0 where there is one
 RELEASE = 10  # depth [m] at which contact ends, 0 or below: a law with hysteresis draws out a neck
 FORMING = 12  # depth [m] at which a neck forms on the way in, from RELEASE to 0: below 0 where films of liquid meet
 BRIDGE = 13  # attraction [N] of a bridge of liquid on a tip in contact
 BRIDGE_CURVE = 14  # 1 / sqrt(V / (pi R)) [1/m] of a bridge of constant volume V; 0 of any other
 BRIDGE_FALL = 15  # 1 / length [1/m] of a bridge whose force falls as a line; 0 of any other
+THINNESS = 14  # of a law that has no neck: sqrt(R)/h [m^-0.5] of a film on a rigid base; 0 of a half-space
+FILM_SERIES = 15  # of the same: c1 [1], the first coefficient of its law
 
 # Entries of the lever, shape (MODE + MODE_NUMBERS n,) for n modes; see `phasemap.experiment.lever.lever_of`. Motion is
 # that of the tip, forces are over k, and the phase of the drive is that of the force it makes at the tip.

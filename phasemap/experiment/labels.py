@@ -15,8 +15,8 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.fields import Number, Shown, known_as
 from phasemap.experiment.generate.waves import roughness
 from phasemap.experiment.material import Material
-from phasemap.experiment.material_rows import column_of, factorise, more_of, rows_of
-from phasemap.experiment.surface_maps import check_memory, refuse_film, where
+from phasemap.experiment.material_rows import factorise, more_of, rows_of
+from phasemap.experiment.surface_maps import check_memory, where
 
 LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 
@@ -81,10 +81,6 @@ def _material_table(materials: Mapping[int, Material] | Sequence[Material]) -> t
     """Return the labels in order, one row a material as `Surface.unique` has them, and whether some are viscous."""
     labelled = _labelled(materials)
     table, viscous = rows_of(labelled.values())
-    refuse_film(
-        column_of(table, "thickness") is not None
-        and (column_of(table, "relaxation_time") is not None or column_of(table, "relaxation") is not None)
-    )
     return list(labelled), table, viscous
 
 

@@ -41,7 +41,8 @@ class Material(Shown):
     poisson_ratio : float
         Poisson's ratio [1], between -1 and 0.5.
     thickness : float, optional
-        Of a film on a rigid base [m], > 0, for the contact "film"; None is a material without a bottom.
+        Of a film on a rigid base [m], > 0, for the contact "film"; None is a material without a bottom. A film
+        may relax, with a Poisson's ratio that stays.
     relaxed_modulus : float, optional
         E_inf [Pa], > 0 and at most `modulus`, to which a standard linear solid relaxes: E(t) = E_inf + (E - E_inf)
         exp(-t / relaxation_time), theory, Eq. (memory-1). Given together with `relaxation_time`, or None.
@@ -110,8 +111,6 @@ class Material(Shown):
             raise InputError("viscosity", self.viscosity, "either damping or viscosity, not both", hint)
         self._take_spectrum()
         check_relaxation(self.modulus, self.relaxed_modulus, self.relaxation_time, self.damping or self.viscosity)
-        if self.relaxation_time is not None and self.thickness is not None:
-            raise InputError("relaxation_time", self.relaxation_time, "None of a film: only half-spaces remember")
 
     def _take_spectrum(self) -> None:
         """Take the modulus from the spectrum, if there is one."""
@@ -129,8 +128,6 @@ class Material(Shown):
         if self.modulus is not None and not math.isclose(self.modulus, first, rel_tol=1e-9):
             raise InputError("modulus", self.modulus, f"left out beside relaxation, whose modulus is {first:g} Pa")
         object.__setattr__(self, "modulus", first)
-        if self.thickness:
-            raise InputError("thickness", self.thickness, "left out beside relaxation, which is of a half-space")
         given = [name for name in ("damping", "viscosity", "relaxed_modulus", "relaxation_time") if getattr(self, name)]
         if given:
             raise InputError(given[0], getattr(self, given[0]), "left out beside relaxation, which is the loss")

@@ -247,7 +247,6 @@ def check_relaxing(maps: dict[str, Any]) -> None:
     if len(given) < 2:
         missing = "relaxation_time" if given[0] == "relaxed_modulus" else "relaxed_modulus"
         raise InputError(missing, None, f"given together with {given[0]}")
-    refuse_film("thickness" in maps)
     if any(is_lazy(one) for one in maps.values()):
         return
     above = np.atleast_2d(maps["relaxed_modulus"] > maps["modulus"])
@@ -262,7 +261,6 @@ def check_relaxing(maps: dict[str, Any]) -> None:
 
 def _check_spectra(maps: dict[str, Any]) -> None:
     """Refuse maps beside spectra of relaxation that do not go together with them."""
-    refuse_film("thickness" in maps)
     if any(is_lazy(one) for one in maps.values()):
         raise InputError("relaxation", Word("in Dask arrays"), "maps in memory where materials have spectra")
     keys, modulus = np.broadcast_arrays(maps["relaxation"], maps["modulus"])
@@ -272,9 +270,3 @@ def _check_spectra(maps: dict[str, Any]) -> None:
             raise InputError("modulus", float(own.flat[0]), f"that of the spectrum, {first:g} Pa, where there is one")
     if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):
         raise InputError("relaxation", Word("given beside a damping or viscosity"), "one kind of loss on a surface")
-
-
-def refuse_film(film: bool) -> None:
-    """Refuse films among materials that relax."""
-    if film:
-        raise InputError("relaxation_time", Word("given beside a thickness"), "either of them: only half-spaces relax")

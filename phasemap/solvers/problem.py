@@ -99,18 +99,18 @@ def work_of(
     amplitudes = np.array(np.broadcast_to(amplitude, (len(rows),)), dtype=np.float64)
     remembers = scope.interaction.remembering(rows, relaxation)
     if remembers or scope.interaction.law.in_time:
-        check_marched(marched, scope)
+        check_marched(marched, scope, remembers)
     law = scope.interaction.token(remembers)
     if relaxation is not None:
         law = law._replace(arms=most_arms(relaxation))
     return Work(law, rows, lever_of(scope), amplitudes)
 
 
-def check_marched(marched: bool, scope: Microscope) -> None:
+def check_marched(marched: bool, scope: Microscope, remembers: bool = False) -> None:
     """Refuse what goes beyond the march in time, the only one that knows a memory."""
     if not marched:
         hint = "Ask simulate, solve_pixel, contrast or a sweep, with solver 'march' or 'auto'."
-        if scope.interaction.law.in_time:
+        if scope.interaction.law.in_time and not remembers:
             raise InputError(
                 "contact", scope.interaction.law.name, "a dry law without losses, for what is not marched in time", hint
             )

@@ -26,7 +26,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import STABILITY, coded, of_rows, provenance
 from phasemap.solvers.continuation.curves import orbits_of_amplitude, orbits_of_offset
 from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, UNITS, Question, fixed_path
-from phasemap.solvers.problem import check_setpoint, work_of_material
+from phasemap.solvers.problem import check_marched, check_setpoint, work_of_material
 from phasemap.sweeps.follow import distance, parameter, setpoint
 
 OFFSETS = (0.0, 1e-4)  # m, where a tip is held in practice
@@ -315,6 +315,8 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     axis = check_axis("depths", depths, "m", usual=USUAL)
     work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.in_time)
     row, law = work.rows[0], work.law
+    if law.memory:
+        check_marched(False, scope, remembers=True)
     forces = [
         [(contact_force if depth >= ends else longrange_force)(law, depth, row) for depth in axis.tolist()]
         for ends in (row[FORMING], row[RELEASE])

@@ -238,8 +238,6 @@ def test_what_no_neck_can_have_is_refused() -> None:
         Capillary(model="constant")
     with pytest.raises(pm.InputError, match=r"bias is 1\.0; allowed: 0 where the contact is 'capillary': liquid"):
         pm.Interaction("capillary", bias=1.0)
-    with pytest.raises(pm.InputError, match=r"contact is 'capillary'; allowed: 'hertz' or 'dmt' where contacts rem"):
-        pm.solve_pixel(MANY[4], scope_of("capillary"), 0.7)
     for material, name in ((MANY[1], "liquid_film"), (pm.Material(1e9, contact_angle=30.0), "contact_angle")):
         with pytest.raises(pm.InputError, match=rf"{name} is given; allowed: nothing .* 'dmt', which is dry\. The co"):
             pm.solve_pixel(material, scope_of("dmt"), 0.7)

@@ -107,5 +107,5 @@ def test_what_does_not_know_the_losses_refuses_them_in_a_sentence() -> None:
         LossyDMT(0.5)
     with pytest.raises(pm.InputError, match="longrange is 'dlvo'; allowed: 'van der waals' where the contact is"):
         Interaction(LossyDMT(), longrange="dlvo")
-    with pytest.raises(pm.InputError, match="contact is 'lossy dmt'; allowed: 'hertz' or 'dmt' where contacts"):
+    with pytest.raises(pm.InputError, match="contact is 'lossy dmt'; allowed: 'hertz', 'dmt' or 'capillary' where"):
         Interaction(LossyDMT(), withdrawal="ting")

@@ -32,9 +32,10 @@ POISSON = 0.35
 
 
 @njit(cache=True, error_model="numpy")
-def period(d, dx, shares, keep, gain, y, w, f, centre):
+def period(d, dx, stiff, shares, keep, gain, y, w, f, centre):
     """March the elements over a period of depths d; f: integral over x at each time, centre: w(0, t).
 
+    `stiff`: of all elements up to each x, over what one has on a half-space per length; there it is x.
     `y` (arms, x): int (1 - exp(-(t - s)/tau_i)) dw, what each dashpot has crept; `keep`, `gain`: of it and of the new w.
     """
     instant = 1.0 - np.sum(shares * gain)  # of a step of w on f
@@ -53,9 +54,9 @@ def period(d, dx, shares, keep, gain, y, w, f, centre):
             w[i] = new
             force = max(instant * pushed - crept, 0.0)
             if force == 0.0 and before > 0.0:  # the edge, where the line through the last two is 0
-                total -= 0.5 * before * dx * (1.0 - before / (before - instant * pushed + crept))
+                total -= 0.5 * before * (stiff[i] - stiff[i - 1]) * (1.0 - before / (before - instant * pushed + crept))
             if i > 0:
-                total += 0.5 * (before + force) * dx
+                total += 0.5 * (before + force) * (stiff[i] - stiff[i - 1])
             before = force
         if before > 0.0:
             total = math.nan  # the grid is too small
@@ -77,12 +78,13 @@ class Surface:
         self.dx = math.sqrt(1.3 * deepest) / (steps // 10)
         count = steps // 10 + 2
         self.y, self.w = np.zeros((len(moduli), count)), np.zeros(count)
+        self.stiff = one.get("stiff", lambda x: x)(self.dx * np.arange(count))
 
     def force(self, d: np.ndarray) -> np.ndarray:
         """Periodic force [N] under a periodic depth [m], once the elements repeat themselves."""
         f, centre, last = np.empty(len(d)), np.empty(len(d)), np.full(len(d), np.inf)
         for _ in range(3000):
-            period(d, self.dx, self.shares, self.keep, self.gain, self.y, self.w, f, centre)
+            period(d, self.dx, self.stiff, self.shares, self.keep, self.gain, self.y, self.w, f, centre)
             if np.abs(f - last).max() < 1e-9 * np.abs(f).max() + 1e-30:
                 break
             last = f.copy()
@@ -91,7 +93,10 @@ class Surface:
         radius = self.one["radius"]
         pull = 2 * math.pi * self.one["adhesion"] * radius
         gap = np.maximum(centre - d, 0.0)
-        return 1.5 * self.stiffness * math.sqrt(radius) * f - pull / (1 + gap / self.one["decay_length"]) ** 2
+        attraction = -pull / (1 + gap / self.one["decay_length"]) ** 2
+        if "neck" in self.one:
+            attraction += self.one["neck"](gap)
+        return 1.5 * self.stiffness * math.sqrt(radius) * f + attraction
 
 
 def turned(depth: np.ndarray, force: np.ndarray, one: dict) -> tuple[np.ndarray, complex]:
@@ -203,7 +208,8 @@ def ting(one: dict, amplitude: float, deepest: float, count: int) -> tuple[np.nd
     relaxed = np.full(count, one["equilibrium"])  # E over the interval that ends so many steps before
     for modulus, time in zip(one["moduli"], one["times"], strict=True):
         relaxed += modulus * time / h * -np.expm1(-h / time) * np.exp(-lags * h / time)
-    steps, volumes, force = np.diff(d), np.diff(d**1.5), np.zeros(count)
+    steps, force = np.diff(d), np.zeros(count)
+    volumes = np.diff(one.get("elastic", lambda depth: depth**1.5)(d))
     for i in range(1, count):
         kernel = relaxed[i - 1 :: -1]
         pressed, end = i, 1.0
@@ -225,7 +231,7 @@ def check(one: dict) -> float:
     theta = 2 * math.pi * (np.arange(steps) / steps - 0.5)
     f, centre = np.empty(steps), np.empty(steps)
     d = amplitude * (np.cos(theta) - 1) + deepest
-    period(d, surface.dx, surface.shares, surface.keep, surface.gain, surface.y, surface.w, f, centre)
+    period(d, surface.dx, surface.stiff, surface.shares, surface.keep, surface.gain, surface.y, surface.w, f, centre)
     t, exact = ting(one, amplitude, deepest, 3001)
     found = np.interp(
         t * 2 * math.pi * one["drive_frequency"], theta, 1.5 * surface.stiffness * math.sqrt(one["radius"]) * f

@@ -482,7 +482,6 @@ def test_a_scene_says_it_with_units(tmp_path: Path) -> None:
         ({"relaxed_modulus": 3e9}, "at most modulus"),
         ({"viscosity": 20.0}, "relaxation_time"),
         ({"relaxation_time": -1.0}, "relaxation_time is -1"),
-        ({"thickness": 20e-9}, "relaxation_time"),
     ],
 )
 def test_numbers_that_are_no_solid_are_refused_of_a_material_and_a_surface(

@@ -60,6 +60,7 @@ def remembering_rows(pixels: Pixels, step_size: float, most_periods: int, out: n
 def relaxing_rows(pixels: Pixels, limits: np.ndarray, answers: Answers) -> None:
     """Orbit of every row after engagement where averaging is sure of it and passes find it; the others are PENDING.
 
+    Passes know half-spaces of one relaxation time.
     limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
@@ -67,7 +68,8 @@ def relaxing_rows(pixels: Pixels, limits: np.ndarray, answers: Answers) -> None:
     for i in range(len(out)):
         oscillator = oscillator_of(pixels, i)
         status[i], out[i] = col.PENDING, math.nan
-        if not oscillator.p[col.RELAXATION] > 0.0 or oscillator.p[col.SPECTRUM] != 0.0:
+        p = oscillator.p
+        if not p[col.RELAXATION] > 0.0 or p[col.SPECTRUM] != 0.0 or p[col.THINNESS] != 0.0:
             continue
         sure = sure_orbit(oscillator, pixels.amplitudes[i], top, harmonic)
         if sure and refine_relaxing(oscillator, harmonic, limits, workspace):

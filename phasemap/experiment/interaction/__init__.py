@@ -76,7 +76,7 @@ class Interaction(Shown):
     withdrawal : {"linear", "ting"}
         How a contact with damping or viscosity lets go. "linear": the damper pulls the surface up behind the tip, as
         in Wang (1999). "ting": it only pushes (Ting 1966), contact ends where its force falls to 0, and the surface
-        comes back by itself: theory, Eq. (memory-7). For "hertz" and "dmt", marched in time.
+        comes back by itself: theory, Eq. (memory-7). For "hertz", "dmt" and "capillary", marched in time.
     longrange : str or LongRange
         Force outside contact: "van der waals", by `decay_length` alone; or in a liquid "dlvo", "hydration" or
         "solvation", beside it; or "lennard-jones", whose gap at contact is the decay length. An object, `DLVO`,
@@ -115,7 +115,7 @@ class Interaction(Shown):
         self._check_longrange(law)
         check_choice("withdrawal", self.withdrawal, WITHDRAWALS)
         if self.withdrawal == "ting":
-            check_half_space(law)
+            check_memory(law, relaxes=False)
             if self.damping_exponent != law.spread:
                 raise InputError("damping_exponent", self.damping_exponent, f"{law.spread:g} with withdrawal 'ting'")
 
@@ -196,8 +196,10 @@ class Interaction(Shown):
         if relaxation is not None:
             rows[:, col.CONTACT] *= relaxation[:, 3]
         if relaxation is not None and relaxation[:, 0].any():
-            check_half_space(self.law)
-            rows[:, [col.RELAXATION, col.RELAXING, col.SPECTRUM]] = relaxation[:, :3]
+            check_memory(self.law, relaxes=True)
+            some = relaxation[:, 0] > 0
+            for place, column in zip((col.RELAXATION, col.RELAXING, col.SPECTRUM), relaxation.T, strict=False):
+                rows[some, place] = column[some]
             return True
         if self.withdrawal != "ting" or not rows[:, col.DAMPING].any():
             return False
@@ -272,7 +274,9 @@ class Interaction(Shown):
             raise InputError(given, Word("given"), allowed, "The contact 'capillary' takes it.")
         with np.errstate(all="ignore"):  # a material that the law cannot have ends as NaN
             try:
-                for j, column in enumerate(law.columns_on(contact_stiffness, adhesion, radius, film)):
+                if film is not None:
+                    rows[:, [col.THINNESS, col.FILM_SERIES]] = law.films(radius, film)
+                for j, column in enumerate(law.columns(contact_stiffness, adhesion, radius)):
                     rows[:, j] = column
                 rows[:, col.RELEASE] = law.release(contact_stiffness, adhesion, radius) + 0.0  # no -0
                 exponent = self.damping_exponent  # alpha_s = alpha1 (d/R)^n (Wang 1999, Eq. 4): theory, Eq. (model-15)
@@ -331,7 +335,10 @@ class Interaction(Shown):
             return np.where(np.abs(energies) < 1e-9 * np.abs(rows[:, 4] * rows[:, col.RELEASE]), 0.0, energies)
 
 
-def check_half_space(law: ContactLaw) -> None:
-    """Refuse a law other than that of a sphere on a half-space, whose contacts alone are known to remember."""
-    if law.force is not hertzian or law.lossy:
-        raise InputError("contact", law.name, "'hertz' or 'dmt' where contacts remember what was done to them")
+def check_memory(law: ContactLaw, *, relaxes: bool) -> None:
+    """Refuse a law whose contacts are not known to remember, as the material relaxes or as withdrawal after Ting."""
+    if law.force not in (hertzian, Capillary.force, Film.force if relaxes else None) or law.lossy:
+        allowed = "'hertz', 'dmt' or 'capillary' where withdrawal is 'ting'"
+        if relaxes:
+            allowed = "'hertz', 'dmt', 'capillary' or 'film' where materials relax"
+        raise InputError("contact", law.name, allowed)

@@ -108,14 +108,13 @@ class ContactLaw(ABC):
         """At most four parameters p[0] ... p[3] of the formulas; by default K [Pa], w [J/m2] and R [m]."""
         return contact_stiffness, adhesion, radius
 
-    def columns_on(
-        self, contact_stiffness: Array, adhesion: Array, radius: float, film: Array | None
-    ) -> tuple[Array | float, ...]:
-        """The same on films, of Poisson's ratio [1] and thickness [m], shape (n, 2); by default these are refused."""
-        if film is not None:
-            allowed = f"nothing where the contact is {self.name!r}, which is that of a half-space"
-            raise InputError("thickness", Word("given"), allowed, "The contact 'film' takes it.")
-        return self.columns(contact_stiffness, adhesion, radius)
+    def films(self, radius: float, film: Array) -> Array:
+        """p[THINNESS] and p[FILM_SERIES] of a law that `takes_film`, shape (n, 2); of others films are refused.
+
+        `film` (shape (n, 2)): Poisson's ratio [1] and thickness [m].
+        """
+        allowed = f"nothing where the contact is {self.name!r}, which is that of a half-space"
+        raise InputError("thickness", Word("given"), allowed, "The contact 'film' takes it.")
 
     def radius_at(self, depth: Array, radius: float) -> Array:
         """Radius of the contact [m] at a depth [m]; by default sqrt(R d), that of a sphere."""

@@ -9,50 +9,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from phasemap._kernels.columns import CONTACT, PULL
-from phasemap._kernels.forces import power_law, power_law_slope
+from phasemap._kernels.columns import CONTACT, FILM_SERIES, PULL, THINNESS
+from phasemap._kernels.forces import film_series, power_law, power_law_slope
 from phasemap._shared.arrays import Array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.experiment.interaction.base import SphereLaw
 
 BASES = ("bonded", "slipping")
-WIDEST = 2.0  # contact radius over thickness up to which the series is fitted
 DEGREE = 24  # of the series of c1
-CENTRE = 0.9  # of the first coefficients
-THINNESS, FIRST = 2, 3  # columns of the law beside its contact and its pull
-
-
-def _powers(t: float) -> tuple[float, float, float]:
-    """Coefficients of x^2, x^3 and x^4 of the fitted series, t = first coefficient - CENTRE."""
-    return (
-        1.32920246 + t * (2.37147636 + t * (-2.30935455 + t * (-4.03649926 + t * (-0.927510326 + t * 115.657925)))),
-        -0.183261927 + t * (2.82193415 + t * (20.0884532 + t * (20.2524733 + t * (-1.15993138 + t * -592.346688)))),
-        -0.0395170592 + t * (-1.09589989 + t * (-6.15504566 + t * (-10.472953 + t * (51.6806828 + t * 661.043985)))),
-    )
-
-
-def _share(x: float, first: float) -> float:
-    """Force over that on a half-space, at x = sqrt(R d)/h; a line beyond WIDEST."""
-    a, b, c = _powers(first - CENTRE)
-    y = min(x, WIDEST)
-    share = 1.0 + y * (first + y * (a + y * (b + y * c)))
-    return share + (x - y) * (first + y * (2.0 * a + y * (3.0 * b + y * 4.0 * c)))
-
-
-def _rise(x: float, first: float) -> float:
-    """Derivative of `_share` with respect to x."""
-    a, b, c = _powers(first - CENTRE)
-    y = min(x, WIDEST)
-    return first + y * (2.0 * a + y * (3.0 * b + y * 4.0 * c))
-
-
-def _bend(x: float, first: float) -> float:
-    """Derivative of `_rise`."""
-    if x > WIDEST:
-        return 0.0
-    a, b, c = _powers(first - CENTRE)
-    return 2.0 * a + x * (6.0 * b + x * 12.0 * c)
 
 
 def first_coefficient(poisson_ratio: Array, base: str) -> Array:
@@ -105,9 +70,8 @@ class Film(SphereLaw):
     Examples
     --------
     >>> import numpy as np
-    >>> rows = [Film().columns_on(np.array([1e9]), np.array([0.0]), 1e-8, np.array([[0.5, h]])) for h in (1.0, 5e-9)]
-    >>> [round(float(Film.force(1e-9, [column[0] for column in row])) * 1e9, 2) for row in rows]
-    [3.16, 8.65]
+    >>> Film().films(1e-8, np.array([[0.5, 5e-9]])).round(2).tolist()
+    [[20000.0, 1.13]]
     """
 
     base: str = "bonded"
@@ -119,44 +83,35 @@ class Film(SphereLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
-        return p[CONTACT] * d * math.sqrt(d) * _share(p[THINNESS] * math.sqrt(d), p[FIRST]) - p[PULL]
+        share, _, _ = film_series(p[THINNESS] * math.sqrt(d), p[FILM_SERIES])
+        return p[CONTACT] * d * math.sqrt(d) * share - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
         root = math.sqrt(d)
         x = p[THINNESS] * root
-        return p[CONTACT] * root * (1.5 * _share(x, p[FIRST]) + 0.5 * x * _rise(x, p[FIRST]))
+        share, rise, _ = film_series(x, p[FILM_SERIES])
+        return p[CONTACT] * root * (1.5 * share + 0.5 * x * rise)
 
     @staticmethod
     def damping(d: float, p: Array) -> float:
         x = p[THINNESS] * math.sqrt(d)
-        return power_law(d, p) * (_share(x, p[FIRST]) + x * _rise(x, p[FIRST]) / 3.0)
+        share, rise, _ = film_series(x, p[FILM_SERIES])
+        return power_law(d, p) * (share + x * rise / 3.0)
 
     @staticmethod
     def damping_slope(d: float, p: Array) -> float:
         if d <= 0.0:
             return power_law_slope(d, p)
         x = p[THINNESS] * math.sqrt(d)
-        rise = _rise(x, p[FIRST])
-        more = (4.0 * rise + x * _bend(x, p[FIRST])) * x / (6.0 * d)
-        return power_law_slope(d, p) * (_share(x, p[FIRST]) + x * rise / 3.0) + power_law(d, p) * more
+        share, rise, bend = film_series(x, p[FILM_SERIES])
+        more = (4.0 * rise + x * bend) * x / (6.0 * d)
+        return power_law_slope(d, p) * (share + x * rise / 3.0) + power_law(d, p) * more
 
-    def columns_on(
-        self, contact_stiffness: Array, adhesion: Array, radius: float, film: Array | None
-    ) -> tuple[Array | float, ...]:
-        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = the attraction [N].
-
-        And p[THINNESS] = sqrt(R)/h [m^-0.5], p[FIRST] = c1 [1].
-        """
-        hertzian = contact_stiffness * math.sqrt(radius), self.pull(contact_stiffness, adhesion, radius)
-        if film is None:
-            return *hertzian, 0.0, CENTRE
+    def films(self, radius: float, film: Array) -> Array:
+        """p[THINNESS] = sqrt(R)/h [m^-0.5], p[FILM_SERIES] = c1 [1]."""
         poisson_ratio, thickness = film.T
         if self.base == "bonded" and (poisson_ratio < 0).any():
             worst = float(poisson_ratio[poisson_ratio < 0][0])
             raise InputError("poisson_ratio", worst, "a number between 0 and 0.5 where the contact is 'film'")
-        return *hertzian, math.sqrt(radius) / thickness, first_coefficient(poisson_ratio, self.base)
-
-    def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
-        """Those of a film without end, on which the force is that of DMT."""
-        return self.columns_on(contact_stiffness, adhesion, radius, None)
+        return np.column_stack([math.sqrt(radius) / thickness, first_coefficient(poisson_ratio, self.base)])

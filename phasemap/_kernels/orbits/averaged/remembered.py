@@ -19,6 +19,7 @@ from phasemap._kernels.law import Law, Oscillator, contact_force, has_longrange,
 from phasemap._kernels.lever import distance_to_pole, reach_of
 from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.time.arms import Arms, fill_arms, recovery_of
+from phasemap._kernels.orbits.time.surface_memory import Layer, layer_of, pressed_to
 from phasemap._kernels.quadrature import gauss
 
 TapSums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(theta)
@@ -86,7 +87,8 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
     """Integrals of the force of a solid that relaxes [N], and theta where the contact ends."""
     arms = Arms()
     fill_arms(p, arms)
-    n, m2 = arms.count, 0.5 * (1 - c)
+    n, m2, of_material = arms.count, 0.5 * (1 - c), layer_of(p)
+    layer = Layer(of_material.thinness * math.sqrt(amplitude), of_material.first)  # of lengths over the amplitude
     m, start = math.sqrt(m2), -2 * math.asin(math.sqrt(m2))
     tap, scale = (c, start), 1.5 * p[col.CONTACT] * amplitude**1.5
     sums, growing = (0.0, 0.0, 0.0), np.empty((len(_COS), 2 + 2 * n))
@@ -97,7 +99,7 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
         slope = math.sqrt(1 - m2 * _SIN[i] * _SIN[i])
         d, theta = (1 - c) * _COS[i] * _COS[i], -2 * math.asin(m * _SIN[i])
         cosine, sine = d + c, -2 * m * _SIN[i] * slope
-        whole, weight = 2 / 3 * d * math.sqrt(d), _WEIGHTS[i] * 2 * m * _COS[i] / slope
+        whole, weight = pressed_to(layer, math.sqrt(d), d)[0], _WEIGHTS[i] * 2 * m * _COS[i] / slope
         force = whole
         for a in range(n):
             time = omega / arms.rate[a]
@@ -116,11 +118,10 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
         found = _angle_of_equal_edge(arms, omega, tap, row, q2, -back * theta, -theta)
         back = -found.theta / theta
         q, sine = math.sqrt(q2), math.sin(found.theta)
-        force = q * found.depth - q * q2 / 3
+        force = pressed_to(layer, q, found.depth)[0]
         for a in range(n):
-            kept = arms.slope[a]
-            y = q * arms.value[a] - q * q2 / 3 - kept * (q * row[2 + a] - q * q2 / 3 - row[2 + n + a])
-            force -= arms.share[a] * y
+            seen, before = pressed_to(layer, q, arms.value[a])[0], pressed_to(layer, q, row[2 + a])[0]
+            force -= arms.share[a] * (seen - arms.slope[a] * (before - row[2 + n + a]))
         weight *= math.sin(theta) * found.rate  # d theta / d theta_1
         sums = _added(sums, -weight * scale * force, found.depth + c, sine)
     first = np.zeros(2 + n)

@@ -7,7 +7,8 @@ dtau = 2 q ds, w the dent at the edge, and y, D and Y for each arm (`arms`),
     Y' = 2 q (q d - q^3/3 - Y)/tau + y q',    F = (3/2) K0 sqrt(R) (q d - q^3/3 - sum kappa Y)
 
 (theory, Eqs. (memory-4) and (memory-5)). Where a Kelvin-Voigt surface lets go, its edge is at q^2 = d + t0 d'. Out of
-contact the tip is attracted by a surface that comes back with the time tau_c.
+contact the tip is attracted by a surface that comes back with the time tau_c, over which a neck of liquid may hold it.
+On a film the elements have the weights of `surface_memory.pressed_to`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, has_longrange, longrange_force
+from phasemap._kernels.law import Law, contact_force, has_longrange, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import surface_memory as on
 from phasemap._kernels.orbits.time.arms import Arms, multiply_by
@@ -39,7 +40,6 @@ from phasemap._kernels.records import column, record
 _X, _W = gauss(10)
 FAR_LENGTHS = _X / (1 - _X)  # to infinity, with weights: exact for what falls with their square
 FAR_WEIGHTS = _W / (1 - _X) ** 2
-THIRD = 1 / 3
 
 
 class Pace(NamedTuple):
@@ -61,6 +61,7 @@ class Memory:
     """State of the contact now, beside its elements."""
 
     mode: int
+    held: int  # 1 in a neck of liquid, off the surface
     dented: int  # 1 over a dent that is not forgotten
     dents: np.ndarray = column(col.MOST_ARMS)  # under a tip that is off the surface, when it left it [m]
     since: float  # when the tip left it [1/omega_c]
@@ -80,6 +81,7 @@ class Relaxing(NamedTuple):
     edge_slope: float  # its derivative there, over k
     m: np.ndarray  # what it remembers: `surface_memory`
     stiff: float  # (3/2) K0 sqrt(R)/k [m^(-1/2)]
+    layer: on.Layer
     arms: Arms
     t0: float  # of a Kelvin-Voigt surface, 0 of others
     pace: Pace
@@ -96,6 +98,8 @@ class Pressed(NamedTuple):
     speed: float  # slope of x, but where a Kelvin-Voigt surface lets go
     taken: float  # of the energy into the surface, over stiffness, but in a Kelvin-Voigt contact
     y: float  # dent at the edge [m]
+    whole: float  # what the elements in contact push with before they creep, over stiffness [m^(3/2)]
+    weight: float  # of the element at the edge [1]
 
 
 @first_moved.of(Relaxing)
@@ -125,6 +129,13 @@ def filtered_depth(u: Moved, a: int) -> float:
 
 
 @kernel
+def neck_force(contact: Relaxing, d: float) -> float:
+    """Force in a neck of liquid over k [m] at depth d <= 0; beyond it a tangent, as in `contact.attraction_at`."""
+    force = contact_force(contact.law, -abs(d), contact.p) * contact.compliance
+    return force if d <= 0.0 else 2 * contact.pull - force
+
+
+@kernel
 def work_from_far(law: Law, p: Any, d: float) -> float:
     """Work [J] of the long-range force on a tip that comes to depth d <= 0 over a surface that does not move.
 
@@ -142,13 +153,15 @@ def work_from_far(law: Law, p: Any, d: float) -> float:
 def stored_energy(contact: Relaxing, q: float, d: float, t: float) -> float:
     """Recoverable energy over stiffness [m^2]: of the attraction, or of the springs of a Kelvin-Voigt contact.
 
-    0 in contact with a solid that relaxes, whose steps add up all the work. Where the energy into the surface is not
-    F z' but what dashpots and a recovering dent take, it does not close by itself if steps are too long.
+    0 in a neck and in contact with a solid that relaxes, whose steps add up all the work. Where the energy into the
+    surface is not F z' but what dashpots and a recovering dent take, it does not close by itself if steps are too long.
     """
+    if contact.now.held == 1:
+        return 0.0
     if contact.now.mode == OFF_SURFACE:
         return work_from_far(contact.law, contact.p, d - dent_at(contact, t)[0]) * contact.compliance
     if contact.t0 > 0:
-        return contact.stiff * q * (0.5 * d * d - q * q * (d * THIRD - 0.1 * q * q)) + contact.pull * d
+        return contact.stiff * q * (0.5 * d * d - q * q * (d * on.THIRD - 0.1 * q * q)) + contact.pull * d
     return 0.0
 
 
@@ -195,26 +208,29 @@ def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
 def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pressed:
     """Force of a relaxing surface: x is d off the surface, else where the edge of the contact is [m^(1/2)]."""
     x, v, t, mode, t0 = y.x, y.v, time + y.passed, contact.now.mode, contact.t0
+    if off and contact.now.held == 1:
+        force = neck_force(contact, x - dent_at(contact, t)[0])
+        return Pressed(1.0, x, force, 0.0, v, force * v, 0.0, 0.0, 0.0)
     if off:
         dent, rise = dent_at(contact, t) if has_longrange(contact.p) else (0.0, 0.0)
         force = attraction_at(contact, x - dent)
-        return Pressed(1.0, x, force, 0.0, v, -force * rise, 0.0)
+        return Pressed(1.0, x, force, 0.0, v, -force * rise, 0.0, 0.0, 0.0)
     stiff, arms, xi, w = contact.stiff, contact.arms, x * x, 2 * x
     if mode == on.SHRINKING and t0 > 0:
         force = stiff * x * xi * (2 / 3) + contact.pull
-        return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, -t0 * v)
+        return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, -t0 * v, 0.0, 1.0)
     dent, slope, rise = dent_at_edge(contact, many, y, x, t)
     d = xi + dent
     speed = (v + rise) / (1 + slope)
-    whole = x * (d - xi * THIRD)
+    whole, weight = on.pressed_to(contact.layer, x, d)
     if t0 > 0:
-        return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, dent)
+        return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, dent, whole, weight)
     crept = arms.share[0] * y.inside
     if many:
         for a in range(1, arms.count):
             crept += arms.share[a] * y.arms[2 * (col.MOST_ARMS - 1 - a) + 1]
     force = stiff * (whole - crept) + contact.pull
-    return Pressed(w, d, force, 0.0, speed, w * force * v, dent)
+    return Pressed(w, d, force, 0.0, speed, w * force * v, dent, whole, weight)
 
 
 @fill_own_slopes.of(Relaxing)
@@ -225,14 +241,14 @@ def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y:
     if off:
         return push.taken
     if contact.t0 == 0:
-        arms, whole, w = contact.arms, y.x * (push.depth - y.x * y.x * THIRD), push.w
+        arms, whole, w, edge = contact.arms, push.whole, push.w, push.weight * push.speed
         k.seen = w * (push.depth - y.seen) * arms.rate[0]
-        k.inside = w * (whole - y.inside) * arms.rate[0] + arms.y[0] * push.speed
+        k.inside = w * (whole - y.inside) * arms.rate[0] + arms.y[0] * edge
         if many:
             for i in range(1, arms.count):
                 j = 2 * (col.MOST_ARMS - 1 - i)
                 k.arms[j] = w * (push.depth - y.arms[j]) * arms.rate[i]
-                k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * push.speed
+                k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * edge
         return push.taken
     k.seen = k.inside = 0.0
     if contact.now.mode == on.SHRINKING:

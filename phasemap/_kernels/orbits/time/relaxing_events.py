@@ -24,6 +24,7 @@ from phasemap._kernels.orbits.time.contact import (
     Beam,
     Here,
     Motion,
+    MotionPoint,
     Moved,
     attraction_at_contact,
     edge_of,
@@ -40,7 +41,9 @@ from phasemap._kernels.orbits.time.period import (
     end_step_at_event,
     march_through,
     stop_at_touch,
+    stop_at_turn,
     time_of_crossing,
+    try_turn,
 )
 from phasemap._kernels.orbits.time.relaxing import (
     Memory,
@@ -54,7 +57,7 @@ from phasemap._kernels.orbits.time.relaxing import (
     tip_depth,
     total,
 )
-from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over
+from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over, strays_from_line
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
 from phasemap._kernels.orbits.time.step_density import depth_reached, pull_in_contact
 from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult
@@ -63,14 +66,13 @@ MOST_TURN_STEPS = 50  # of a search for a turn, or for an edge
 NEAR_TURN = 1e-5  # of a step: how far from the turn of the contact
 NEAR_KINK = 1e-12  # the same where the speed of the edge has a step
 JUST_PAST = 1e-9  # of q
-STRAY_SHARE = 0.3  # of a step: how far it may be off a line's
 SHORTEST_SHARE = 1e-4  # of a step's length: the least that is taken
-MOST_NODES_PASSED = 5  # of a dent, in a step
 
 # What happens at the end of a step, beside FIRST_TOUCH.
 LAST_TOUCH = 2
 CONTACT_TURN = 3
 OLD_TURN = 4  # the edge passes where an earlier contact turned
+NECK_BREAKS = 5
 
 
 @kernel
@@ -123,35 +125,25 @@ def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
     return q
 
 
-@kernel
-def off_line(first: float, last: float, way: float, h: float) -> bool:
-    """Whether what moves by `way` in a step strays from a line between the slopes at both ends."""
-    return not abs(way - 0.5 * h * (first + last)) <= STRAY_SHARE * h * max(abs(first), abs(last))
-
-
-@kernel
-def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
-    """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
-
-    Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
-    """
-    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
-    if off_line(of.x, to.x, end.x - u.x, h) or off_line(of.v, to.v, end.v - u.v, h):
-        return True
-    j = int(contact.m[on.OUTER_COUNT]) - MOST_NODES_PASSED
-    if contact.now.mode != on.GROWING or j < 0:
-        return False
-    return u.x < math.sqrt(contact.m[on.node_at(contact.m, True, j) + on.NODE_XI]) < end.x
-
-
 @edge_of.of(Relaxing)
 @kernel(inline=True)
 def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
-    """Return x at which an event is, and its rate: a touch is at the dent that comes back, a pass at an old edge."""
-    if event == FIRST_TOUCH:
+    """Return x at which an event is, and its rate: a touch is at the dent that comes back, a pass at an old edge.
+
+    A neck of liquid forms and breaks at gaps over the dent.
+    """
+    if event in (FIRST_TOUCH, NECK_BREAKS):
         dent, rise = dent_at(contact, time)
-        return dent, -rise
+        if event == NECK_BREAKS:
+            return dent + contact.p[col.RELEASE], -rise
+        return (dent if contact.now.held == 1 else dent + contact.p[col.FORMING]), -rise
     return on.edge_of_old_turn(contact.m) if event == OLD_TURN else 0.0, 0.0
+
+
+@kernel(inline=True)
+def broken(contact: Relaxing, motion: Motion, point: MotionPoint) -> bool:
+    """Whether a neck of liquid would have broken at a point of the step."""
+    return point.at.x < edge_of(contact, NECK_BREAKS, motion.time + point.at.passed)[0]
 
 
 @stop_at_event.of(Relaxing)
@@ -163,7 +155,13 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
     """
     u, end, m, now = motion.here.at, motion.end, contact.m, contact.now
     if now.mode == OFF_SURFACE:
+        if now.held == 1 and u.v < 0 < end.at.v:
+            h, _ = try_turn(here, motion)
+            if broken(contact, motion, motion.trial):
+                stop_at_turn(motion, h)
         stop_at_touch(here, motion)
+        if now.held == 1 and broken(contact, motion, end):
+            end_step_at_event(here, motion, NECK_BREAKS)
         return
     find_slopes(here, motion, end)
     while strays_from_line(contact, motion) and now.share > SHORTEST_SHARE:
@@ -219,7 +217,7 @@ def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
     """
     u, depth = motion.here.at, motion.here.at.x
     motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
-    contact.now.mode, u.x = on.GROWING, 0.0
+    contact.now.mode, contact.now.held, u.x = on.GROWING, 0, 0.0
     rest_dashpots(contact, u, depth)
     motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
     contact.m[on.INNER_COUNT] = 0.0
@@ -235,7 +233,17 @@ def end_contact(contact: Relaxing, motion: Motion) -> None:
     for j in range(arms.count):
         now.dents[j] = arms.value[j]
     now.mode, now.dented, now.since, motion.here.at.x, m[on.INNER_COUNT] = OFF_SURFACE, 1, motion.time, depth, 0.0
+    now.held = 1 if contact.p[col.RELEASE] < 0.0 else 0
     motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
+
+
+@kernel
+def switch_neck(contact: Relaxing, motion: Motion) -> None:
+    """Let a neck of liquid form, or break."""
+    now, x, t = contact.now, motion.here.at.x, motion.time
+    motion.sums.loss += stored_energy(contact, 0.0, x, t)
+    now.held = 1 - now.held
+    motion.sums.loss -= stored_energy(contact, 0.0, x, t)
 
 
 @kernel
@@ -261,8 +269,10 @@ def turn_contact(contact: Relaxing, motion: Motion) -> bool:
 @kernel(inline=True)
 def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
     """Begin, turn or end the contact at the event that ended the step, and keep its edge there; False if it cannot."""
-    event, u, speed = motion.event, motion.here, 0.0
-    if event == FIRST_TOUCH:
+    event, u, speed, forming = motion.event, motion.here, 0.0, contact.p[col.FORMING] < 0.0 and contact.now.held == 0
+    if event == NECK_BREAKS or (event == FIRST_TOUCH and forming):
+        switch_neck(contact, motion)
+    elif event == FIRST_TOUCH:
         begin_contact(contact, here, motion)
     elif event == LAST_TOUCH:
         u.at.x = 0.0
@@ -280,8 +290,8 @@ def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
 
 
 @kernel
-def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
-    """Begin a march on the surface that m remembers, in `contact.m`.
+def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motion) -> None:
+    """Begin a march on the surface that m remembers, in `contact.m`; a tip that `touched` is still in a neck of liquid.
 
     In the contact that it has; or in one that begins at once, where the tip is below the dent; or off the surface.
     """
@@ -294,9 +304,10 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
         q = find_edge(contact, d, u)
         if contact.t0 == 0:
             dent_at_edge(contact, True, u, q, 0.0)
-            u.inside += arms.y[0] * (q - u.x)
+            more = on.pressed_to(contact.layer, q, d)[1] * (q - u.x)
+            u.inside += arms.y[0] * more
             for a in range(1, arms.count):
-                u.arms[2 * (MOST_ARMS - 1 - a) + 1] += arms.y[a] * (q - u.x)
+                u.arms[2 * (MOST_ARMS - 1 - a) + 1] += arms.y[a] * more
         u.x = q
     elif d > dent_at(contact, 0.0)[0]:  # all elements touched at the same time
         now.mode, u.x = on.GROWING, 0.0
@@ -312,6 +323,8 @@ def begin_on_surface(contact: Relaxing, here: Here, motion: Motion) -> None:
         find_slopes(here, motion, motion.here)
         lay_edge(contact, u, 0.0, motion.here.slope.x)
         motion.here.known = 0
+    elif d - dent_at(contact, 0.0)[0] > contact.p[col.RELEASE if touched else col.FORMING]:
+        now.held = 1
     if now.mode != OFF_SURFACE:
         note_expected_depth(contact, here.beam, max(u.x, 0.0), here.beam.z0 + d, u)
     motion.sums.loss = -stored_energy(contact, u.x, d, 0.0)
@@ -357,9 +370,10 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
     stiff, pull = 1.5 * p[col.CONTACT] * compliance, contact_force(law, 0.0, p) * compliance
     edge_force, edge_slope = attraction_at_contact(law, p, compliance)
     pace = pace_over(p, free, step_size, arms.rate[0], met)
-    contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, arms, t0, pace, now)
+    layer = on.layer_of(p)
+    contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, layer, arms, t0, pace, now)
     here = Here(contact, beam)
-    begin_on_surface(contact, here, motion)
+    begin_on_surface(contact, here, y[TOUCHES] != 0.0, motion)
     steps, t = march_through(here, step_size, motion), motion.time
     depth = tip_depth(contact, u, t)
     motion.sums.loss += stored_energy(contact, u.x, depth, t)
@@ -368,6 +382,6 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
         j = 2 * (MOST_ARMS - 1 - a) + 1
         y[on.DASHPOT_DEPTH + a], y[on.INNER_SUM + a] = filtered_depth(u, a), u.inside if a == 0 else u.arms[j]
     on.shift_times(y, t)
-    y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE else 0.0
+    y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE or now.held == 1 else 0.0
     end_period(lever, here, motion, depth, y, acc)
     return steps

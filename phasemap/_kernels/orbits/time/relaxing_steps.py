@@ -10,16 +10,23 @@ from typing import Any
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Law, has_longrange, longrange_force, longrange_slope
+from phasemap._kernels.law import (
+    Law,
+    contact_force,
+    contact_slope,
+    has_longrange,
+    longrange_force,
+    longrange_slope,
+)
 from phasemap._kernels.orbits.time import surface_memory as on
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, MotionPoint, step_length
 from phasemap._kernels.orbits.time.relaxing import Pace, Relaxing, dent_at
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes
 from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
+    approach_square,
     contact_rate,
     flies_freely,
-    flight_rate,
     pull_in_contact,
 )
 
@@ -40,8 +47,11 @@ FLIGHT_STEPS = 2.0  # steps out of contact, over those of `march`, where nothing
 ATTRACTED_STEPS = 1.0  # the same where a force does
 RECOVERY_WEIGHT = 0.25  # of the rate at which a dent under an attracted tip recovers, in the density of steps
 LONGEST_FLIGHT = 0.5  # step [1/omega_c]
+STRAY_SHARE = 0.3  # of a step: how far it may be off a line's
+MOST_NODES_PASSED = 5  # of a dent, in a step
 PAST_TURN = 3e-3  # of q: how far past an old turn an edge has to come to stop there
 PAST_KINK = 1e-6  # the same of a Kelvin-Voigt contact
+IN_NECK = 1e-9  # of the free amplitude: the least gap in a neck, for at none the law's slope is that in contact
 DENT_FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 
@@ -66,10 +76,10 @@ def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
 
 
 @kernel(inline=True)
-def dented_share(law: Law, p: Any, gap: float, dent: float) -> float:
-    """Share of the long-range force that a dent under the tip takes away, at most 1."""
-    force = abs(longrange_force(law, gap, p))
-    less = dent * abs(longrange_slope(law, gap, p))
+def dented_share(law: Law, p: Any, held: bool, gap: float, dent: float) -> float:
+    """Share of the force off the surface that a dent under the tip takes away, at most 1."""
+    force = abs(contact_force(law, gap, p) if held else longrange_force(law, gap, p))
+    less = dent * abs(contact_slope(law, gap, p) if held else longrange_slope(law, gap, p))
     return less / (force + less) if less > 0 else 0.0
 
 
@@ -99,6 +109,27 @@ def pace_over(p: Any, free: float, step_size: float, rate: float, dent: float) -
     return Pace(kelvin, free, flight, step_size, relaxation, past, finer, growth, layers)
 
 
+@kernel
+def off_line(first: float, last: float, way: float, h: float) -> bool:
+    """Whether what moves by `way` in a step strays from a line between the slopes at both ends."""
+    return not abs(way - 0.5 * h * (first + last)) <= STRAY_SHARE * h * max(abs(first), abs(last))
+
+
+@kernel
+def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
+    """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
+
+    Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
+    """
+    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
+    if off_line(of.x, to.x, end.x - u.x, h) or off_line(of.v, to.v, end.v - u.v, h):
+        return True
+    j = int(contact.m[on.OUTER_COUNT]) - MOST_NODES_PASSED
+    if contact.now.mode != on.GROWING or j < 0:
+        return False
+    return u.x < math.sqrt(contact.m[on.node_at(contact.m, True, j) + on.NODE_XI]) < end.x
+
+
 @kernel(inline=True)
 def _contact_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
     """Length of a step in contact [s]: by stiffness, the rate of sinking in, and relaxation."""
@@ -121,17 +152,19 @@ def _contact_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
 @kernel(inline=True)
 def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
     """Length of a step out of contact [1/omega_c]; what is next to nothing of a dent comes back at once."""
-    law, p, u = contact.law, contact.p, motion.here.at
+    law, p, u, held = contact.law, contact.p, motion.here.at, contact.now.held == 1
     dent, rise = dent_at(contact, motion.time)
     if 0.0 < dent < DENT_FORGOTTEN * contact.pace.free:
-        motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
+        if not held:
+            motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
         contact.m[on.OUTER_COUNT] = dent = 0.0
         contact.now.dented = 0
-    if dent == 0.0 and flies_freely(contact, beam):
+    if dent == 0.0 and not held and flies_freely(contact, beam):
         return math.inf
-    density = flight_rate(contact, beam, u.x - dent, u.v)
+    gap = min(u.x - dent, -IN_NECK * contact.pace.free) if held else u.x - dent
+    density = math.sqrt(beam.rate + approach_square(contact, beam, gap, u.v, held))
     if dent > 0:
-        share = dented_share(law, p, u.x - dent, dent)
+        share = dented_share(law, p, held, gap, dent)
         density = math.hypot(density, RECOVERY_WEIGHT * rise / dent * share**0.125)
     return contact.pace.flight / density
 

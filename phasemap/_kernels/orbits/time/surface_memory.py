@@ -1,8 +1,8 @@
 """What a surface remembers: how far its elements were pushed in, inside the contact and outside it.
 
-A linear viscoelastic half-space under a sphere is a row of independent elements under a parabola: that at x has to go
-d - x^2 deep (lengths along x over sqrt(R), theory, Eq. (memory-2)). A dashpot of each element remembers y(x). With
-xi = x^2, and the edge of the contact at x = q:
+A linear viscoelastic half-space under a sphere, or a film on a rigid base, is a row of independent elements under a
+parabola: that at x has to go d - x^2 deep (lengths along x over sqrt(R), theory, Eqs. (memory-2) and (memory-17)). A
+dashpot of each element remembers y(x). With xi = x^2, and the edge of the contact at x = q:
 
 * inside, every dashpot creeps after the same tip: b = D - xi - y, D the tip's depth as a dashpot sees it, decays with
   the relaxation time, so that b at the moment of its first touch says all about an element;
@@ -18,11 +18,14 @@ and 0, those of b likewise, whatever happened before: polynomials are held to th
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from phasemap._kernels import columns as col
 from phasemap._kernels.columns import MOST_ARMS
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.forces import film_series
 from phasemap._kernels.orbits.time.arms import Arms
 
 # Entries of a tip's state over a surface that remembers, after those that `tip` names.
@@ -56,6 +59,37 @@ ARM_WIDTH = 9  # entries of an arm
 STACK_NODES = 128  # most nodes of a stack
 MOST_CURVATURE = 4.0  # bound of second derivatives, see `fit_polynomials`
 OPEN_PEAK = -1.0  # the peak of nodes that were laid by a growth that has not ended yet
+
+THIRD = 1 / 3
+_film_series = kernel(film_series, inline=True)
+
+
+class Layer(NamedTuple):
+    """A film on a rigid base: thinness sqrt(R)/h [m^-0.5], 0 of a half-space, and first coefficient of its law."""
+
+    thinness: float
+    first: float
+
+
+@kernel(inline=True)
+def layer_of(p: Any) -> Layer:
+    """The film that a material is, which has no neck of liquid."""
+    return Layer(p[col.THINNESS] if p[col.RELEASE] == 0.0 else 0.0, p[col.FILM_SERIES])
+
+
+@kernel(inline=True)
+def pressed_to(layer: Layer, q: float, d: float) -> tuple[float, float]:
+    """Force of all elements within the edge q that are pushed to depth d, over (3/2) K sqrt(R), and weight of the last.
+
+    On a half-space the integral of d - x^2; on a film weights m are such that to q = sqrt(d) it is the force of the
+    film's law, and their integral its slope: theory, Eq. (memory-18).
+    """
+    if layer.thinness == 0.0:
+        return q * (d - q * q * THIRD), 1.0
+    x = layer.thinness * q
+    share, rise, bend = _film_series(x, layer.first)
+    stiff = q * (share + x * rise * THIRD)
+    return (d - q * q) * stiff + 2 * THIRD * q * q * q * share, share + x * (5 * rise + x * bend) * THIRD
 
 
 @kernel(light=True)
