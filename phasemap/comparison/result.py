@@ -95,18 +95,13 @@ def compare(
     Returns
     -------
     xarray.Dataset
-        Maps on the pixels of `measured` that both images show: ``measured``, ``simulated`` and ``residual`` (measured
-        less simulated) [degree], ``measured_height`` and ``simulated_height`` [m], levelled, and ``label`` of the
-        region, -1 where pixels are left out: those without a phase, and lines that failed in either image.
-        Numbers: ``offset`` [degree], ``sign``; ``correlation``; ``rmse`` [degree]; ``explained``, the share of the
+        Maps on the pixels of `measured` that both images show, of phases and levelled heights, ``residual`` (measured
+        less simulated) and ``label`` of the region, -1 where pixels are left out: those without a phase, and lines that
+        failed in either image. Numbers, which the page on the file format lists: ``explained`` is the share of the
         measured variance that the simulation takes away, 1 - var(residual) / var(measured), negative if it adds some;
-        ``ssim``, structural similarity; ``wasserstein``, the distance of the histograms [degree]; over "region"
-        ``region_share`` of the pixels, and with "map" ``region_mean``, ``region_median`` and ``region_contrast``, of
-        medians against region 0, for pixels on misplaced edges pull means [degree]; ``crosstalk`` over "map" and
-        "cause": the share R² of its variance that is linear in the measured (for the simulated map: its own) slope
-        dh/dx, the amplitude error, or both, NaN where there is none;
-        ``shift_y`` and ``shift_x`` [m] that were applied, ``registered``, and the correlations of heights and phases
-        before and after over "stage".
+        ``region_contrast`` is of medians, for pixels on misplaced edges pull means; ``crosstalk`` the share R² of the
+        variance that is linear in the measured (for the simulated map: its own) slope dh/dx, the amplitude error, or
+        both, NaN where there is none.
 
     Raises
     ------

@@ -107,11 +107,10 @@ def simulate(
     -------
     xarray.Dataset
         Dims ("y", "x"), row 0 at the top, coordinates in m: height, phase, amplitude, tip_offset, mean_deflection,
-        indentation [m and degree], dissipation, virial [J], branch, status, solver (CF flags), error_phase [degree] and
-        error_height [m] where estimated, energy_closure [1] where the solver has it. `Raster` and `Feedback` have a
-        leading dim "direction", trace and retrace; `Feedback` has height (of the scanner), amplitude_error, phase,
-        amplitude, tip_offset, branch, status and solver, averaged over the time in each pixel, and the gains in its
-        attributes. An image of films has their thickness [m] as a coordinate of its pixels.
+        indentation [m and degree], dissipation, virial [J], flags, and errors where estimated; each says what it is.
+        `Raster` and `Feedback` have a leading dim "direction", trace and retrace; `Feedback` has fewer, averaged over
+        the time in each pixel, with amplitude_error, and the gains in its attributes. An image of films has their
+        thickness [m] as a coordinate of its pixels.
 
     Raises
     ------

@@ -66,33 +66,22 @@ def channels(
     Returns
     -------
     xarray.Dataset
-        With the dims of `image`, and of those what the image has what it takes for:
+        With the dims of `image`, what it has what it takes for, as the page on the file format lists it with formulas:
+        ``dissipation``, ``virial`` and other energies; ``loss_tangent`` as instruments compute it; modes one by one.
 
-        * ``dissipation`` [J], ``dissipation_ev`` [eV], both per cycle, and ``dissipated_power`` [W];
-        * ``drive_energy`` [J], what the drive supplies per cycle: ``dissipation`` of it is lost in the surface, and the
-          rest in the damping of modes, which simulated images have as ``modal_dissipation_1`` ... if asked;
-        * of a lever with several modes, ``modal_amplitude_1`` ... [m] and ``modal_phase_1`` ... [degree]: deflection of
-          each at the tip, at the drive frequency, its phase counted as the detector's;
-        * ``virial`` [J], positive for attraction;
-        * ``loss_tangent`` [1], by the instrument's formula, tan d = E_dis / (2 pi V), V the virial of repulsion: of the
-          tip's motion even where the detector sees the deflection of a lever whose base is driven;
-        * ``loss_tangent_corrected`` [1]: corrected for adhesion and for how hard the tap is, with the energy that the
-          contact stores along the orbit for the virial, and without that of necks; of images simulated with
-          ``variables=["phase", "contact_storage", "adhesion_loss"]``, or ask `simulate` for the channel itself.
-          Amplitude and phase alone do not tell it. NaN where there is no contact to speak of;
-        * of a second mode (``Drive(second=Mode(...))``), where a simulated image has ``mean_gradient``,
-          ``mean_damping``, ``sideband_stiffness`` and ``sideband_loss``: ``mode2_frequency_shift`` [Hz] of AM-FM,
-          ``mode2_amplitude`` [m] and ``mode2_phase`` [degree] of AM-AM, ``effective_stiffness_1`` and
-          ``effective_stiffness_2`` [N/m], and what the instrument makes of them by the formula for a paraboloid on
-          Hertz contact, ``bimodal_modulus`` E* [Pa] and ``bimodal_indentation`` [m]. The second mode is taken to move
-          much less than the tip indents, ``mode2_over_depth`` [1] is how much it does, and the tap to be gentle:
-          ``bimodal_modulus_bound`` [1] is how far the modulus may be from that of two modes integrated in time. The
-          second mode counts as a small one where that is at most 0.01. Images by the solver "march" have both drives
-          integrated: there ``mean_gradient`` and ``sideband_loss`` are what the second mode felt.
+        ``loss_tangent_corrected``, for adhesion and for how hard the tap is, takes images simulated with
+        ``variables=["phase", "contact_storage", "adhesion_loss"]``, or ask `simulate` for the channel itself: amplitude
+        and phase alone do not tell it. NaN where there is no contact to speak of.
 
-        The first four are the orbit's own where the image has ``dissipation`` and ``virial``, and else follow from
-        amplitude and phase (of the first harmonic alone); the attribute ``derived_from`` of each says which. With
-        ``error_`` before its name the standard deviation of each, where any is known. And ``status``, if there.
+        Channels of a second mode (``Drive(second=Mode(...))``) take ``mean_gradient``, ``mean_damping``,
+        ``sideband_stiffness`` and ``sideband_loss``: ``mode2_frequency_shift`` of AM-FM, ``mode2_amplitude`` and
+        ``mode2_phase`` of AM-AM, and ``bimodal_modulus`` by the instrument's formula for a paraboloid on Hertz contact,
+        with ``bimodal_modulus_bound``, how far that may be from two modes integrated in time; at most 0.01 is a small
+        second mode. Images by the solver "march" have both drives integrated.
+
+        Energies are the orbit's own where the image has them, and else follow from the first harmonic's amplitude and
+        phase; the attribute ``derived_from`` says which. With ``error_`` before its name the standard deviation of
+        each, where any is known. And ``status``, if there.
 
     Notes
     -----

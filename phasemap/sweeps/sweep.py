@@ -237,8 +237,7 @@ def orbits(
     Returns
     -------
     xarray.Dataset
-        Dim "orbit", from far to near: tip_offset, amplitude, height, mean_deflection, indentation [m], phase [degree],
-        dissipation, virial [J], floquet, feedback_slope, energy_closure [1], branch and stable (flags). The attribute
+        Dim "orbit", from far to near: variables as of an image, with floquet, feedback_slope and stable. The attribute
         `complete` is 1 if the curve of orbits was followed to its end.
 
     Examples

@@ -214,15 +214,12 @@ def fit_regions(
     Returns
     -------
     xarray.Dataset
-        Over "region": modulus [Pa], adhesion [J/m2], damping [1], their errors and flags as of `invert`, with
-        `ambiguous` where other materials fit as well; `pixels`; over ("region", "property"): `determination`,
-        ``determined``, ``combination_only`` (together with others, not by itself), ``not_identifiable`` or ``given``.
-        Over "image": setpoint, free_amplitude, `phase_zero` [degree] and, up to a constant, `height_zero` [m] with
-        their errors, which `invert` may be given to go on with pixels. Over ("region", "image"):
-        `measured_phase`, `fitted_phase` [degree], `measured_height`, `fitted_height` [m], without zeros and
-        topography, `phase_error`, `height_error`, of the medians, `branch`. `covariance` of the logarithms over
-        ("parameter", "other"); `misfit`, chi2 over degrees of freedom; `label` over ("y", "x"). Sentences in the
-        attributes ``verdict`` and ``advice``.
+        Over "region" materials, their errors and flags as of `invert`, with `ambiguous` where other materials fit as
+        well; over ("region", "property") `determination`, ``determined``, ``combination_only`` (together with others,
+        not by itself), ``not_identifiable`` or ``given``. Over "image" `phase_zero` [degree] and, up to a constant,
+        `height_zero` [m] with their errors, which `invert` may be given to go on with pixels. Over ("region", "image")
+        medians and what was fitted to them, without zeros and topography. The page on the file format lists every
+        variable. Sentences in the attributes ``verdict`` and ``advice``.
 
     Raises
     ------

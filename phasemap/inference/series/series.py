@@ -241,13 +241,11 @@ def series(
     Returns
     -------
     xarray.Dataset
-        Files in order from the gentlest tapping; ``_low`` and ``_high`` are ends of 95 %. Over ("region", "file"):
-        `phase` (median as recorded), `measured_contrast` against region 0, `fitted_contrast`, errors [degree], and
-        `repulsive`, the chance of the repulsive branch. Over "file": `setpoint`, `free_amplitude` [m], `phase_zero`
-        [degree]. Over "region": modulus [Pa], adhesion [J/m2], damping [1], and how well each is known,
-        `determination` as of `fit_regions`. `sign_chance`, of sign 1; `discrepancy`, the factor by which errors are
-        larger than stated, 1 at least. Curves against the setpoint, `draws` of every unknown, and pictures of every
-        file, `image_0`, `labels_0` ... Sentences in the attributes ``verdict``, ``notes``, ``advice``.
+        Files in order from the gentlest tapping; ``_low`` and ``_high`` are ends of 95 %. Contrasts against region 0,
+        measured and fitted [degree], settings and zeros of the files, and over "region" materials, with
+        `determination` as of `fit_regions`; curves against the setpoint, `draws` of every unknown, and pictures of
+        every file, `image_0`, `labels_0` ... The page on the file format lists every variable. Sentences in the
+        attributes ``verdict``, ``notes``, ``advice``.
 
     Raises
     ------

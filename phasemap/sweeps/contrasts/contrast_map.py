@@ -81,25 +81,19 @@ def contrast(
         Dims ("frequency", "free_amplitude", "setpoint"), the first two only where an array was given; "material" leads
         where a variable belongs to one material.
 
-        * `phase`, `phase_spread` [degree], `height`, `indentation` [m], `branch`, `motion`, `status` and `solver` of
-          each material after engaging from far;
-        * `contrast` [degree] and `height_contrast` [m], second less first;
+        * `contrast` [degree] and `height_contrast` [m], second less first; `phase`, `height` and more of each material
+          after engaging from far;
         * `regime` of each material: attractive, repulsive, or bistable where the controller can hold the setpoint in
-          either, whether or not engaging from far leads there. Where contacts remember, that of engaging alone.
+          either, whether or not engaging from far leads there. Where contacts remember, that of engaging alone;
+        * with the dim "inversion", where the contrast passes zero without a jump, and with the dim "jump", where the
+          phase of a material jumps, "to" the side with the larger value of what changes. A contrast below 0.5 degree,
+          which noise hides, has no sign: a map without more of either sign has no inversion. Both are sought on the
+          lines between neighbours of the map, with exact orbits (with averaged ones if `solver` is "averaging"); what
+          happens twice between two neighbours can be missed.
 
-        With the dim "inversion", where the contrast passes zero without a jump: `inversion_setpoint`,
-        `inversion_free_amplitude`, `inversion_frequency` and `inversion_phase`, which both materials have there. With
-        the dim "jump", where the phase of a material jumps: `jump_setpoint`, `jump_free_amplitude`, `jump_frequency`,
-        `jump_material`, its phase and the contrast on both sides, `jump_from_phase`, `jump_to_phase`,
-        `jump_from_contrast` and `jump_to_contrast` (where "to" is at the larger value of what changes), and
-        `jump_inverts`, whether the contrast changes its sign in the jump. A contrast below 0.5 degree, which noise
-        hides, has no sign: a map without more of either sign has no inversion. Both are sought on the lines between
-        neighbours of the map, with exact orbits (with averaged ones if `solver` is "averaging"); what happens twice
-        between two neighbours can be missed.
-
-        Attributes `recommendation`, a sentence, `recommendation_rule`, another, and `best_setpoint`,
-        `best_free_amplitude`, `best_frequency` and `best_contrast`: the point to work at (see Notes),
-        NaN if no point holds both materials.
+        Attributes `recommendation` and `recommendation_rule`, sentences, and `best_setpoint`, `best_free_amplitude`,
+        `best_frequency` and `best_contrast`: the point to work at (see Notes), NaN if no point holds both materials.
+        The page on the file format lists every variable.
 
     Notes
     -----
