@@ -42,7 +42,8 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
     """What is spoken of, and what is said of it."""
     first, second = names_of(found)
     value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
-    left_out = int((found["label"] < 0).sum())
+    left_out, failed = int((found["label"] < 0).sum()), int(value["failed_lines"])
+    lines_left_out = f", of them {failed} {'lines' if failed > 1 else 'line'} unlike the neighbours" if failed else ""
     how = found.attrs.get("sign_from", "fitted")
     counts = "the same sign" if value["sign"] > 0 else f"the other sign ({how})"
     lines = [
@@ -51,7 +52,7 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
         ("residual", f"{value['rmse']:.3g}° rms; histograms {value['wasserstein']:.3g}° apart (Wasserstein)"),
         ("zero, sign", f"zero of the {first} phase: {value['offset']:.2f}°; {counts}"),
         ("registration", _shift(found)),
-        ("left out", f"{left_out} of {found['label'].size} pixels" + _failed(int(value["failed_lines"]))),
+        ("left out", f"{left_out} of {found['label'].size} pixels{lines_left_out}"),
     ]
     if found.sizes["region"] > 1:
         share = 100 * value["region_share_of_variance"]
@@ -167,11 +168,6 @@ def _alike(correlation: float, ssim: float) -> str:
     """Correlation and structural similarity, or why there are none."""
     said = f"correlation {correlation:.3f}" if math.isfinite(correlation) else "no correlation, for one does not vary"
     return said + (f", SSIM {ssim:.3f}" if math.isfinite(ssim) else ", no SSIM")
-
-
-def _failed(lines: int) -> str:
-    """How many of what was left out are whole lines."""
-    return f", of them {lines} {'lines' if lines > 1 else 'line'} unlike the neighbours" if lines else ""
 
 
 def _shift(found: xr.Dataset) -> str:

@@ -106,15 +106,10 @@ def _blocks(job: Job) -> Iterator[Block]:
     while first < lines:
         known = Distinct(max(MOST, pixels))
         last, count = first, 0
-        while last < lines and known.add(_line(job, last)) == pixels:
+        while last < lines and known.add(job.surface.materials(slice(last * pixels, (last + 1) * pixels))) == pixels:
             last, count = last + 1, len(known)
         yield Block(first, last, known.materials[:count], numbers_in(job, known))
         first = last
-
-
-def _line(job: Job, y: int) -> Array:
-    pixels = job.surface.shape[1]
-    return job.surface.materials(slice(y * pixels, (y + 1) * pixels))
 
 
 def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -> TipState:

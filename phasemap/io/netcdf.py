@@ -67,9 +67,12 @@ def load(path: str | os.PathLike[str], sample: int | None = None) -> xr.Dataset:
         if not classic:
             opened(path).close()
         with xr.open_dataset(path, engine="scipy" if classic else "netcdf4") as ds:
-            chosen = ds if sample is None else _pick(ds, sample)
-            check_fits(f"to read {path}", chosen.nbytes, "Take fewer pixels or variables, or one sample.")
-            return chosen.load()
+            if sample is not None and "sample" not in ds.dims:
+                raise InputError("sample", sample, "nothing, for this file holds no ensemble")
+            if sample is not None:
+                ds = ds.isel(sample=whole("sample", sample, 0, ds.sizes["sample"] - 1))
+            check_fits(f"to read {path}", ds.nbytes, "Take fewer pixels or variables, or one sample.")
+            return ds.load()
     except PhasemapError:
         raise
     except Exception as error:  # whatever the libraries meet in a damaged file
@@ -84,10 +87,3 @@ def opened(path: Path) -> netCDF4.Dataset:
         return interruptible(lambda: netCDF4.Dataset(path), LIMIT)
     except EndlessError:
         raise FileError(f"cannot read {path}: it is damaged, so that the library for it comes to no end.") from None
-
-
-def _pick(ds: xr.Dataset, sample: int) -> xr.Dataset:
-    """One sample of an ensemble."""
-    if "sample" not in ds.dims:
-        raise InputError("sample", sample, "nothing, for this file holds no ensemble")
-    return ds.isel(sample=whole("sample", sample, 0, ds.sizes["sample"] - 1))

@@ -30,6 +30,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 STYLES, MARKERS = ("-", "--", ":", "-."), ("o", "s", "^", "D", "v", "P")
 """Lines and symbols of free amplitudes."""
 SURE = 1.96  # standard errors, to either side, of an interval of 95 %
+BARS: dict[str, Any] = {"capsize": 2, "linewidth": 1}  # of errors
 FAILED = "#00e646"  # green is in none of them
 FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points that failed
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import FAILED, MAPS, MARKERS, PALETTE, STYLES, SURE
+from phasemap.plot.colours import BARS, FAILED, MAPS, MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.page import Page, draw_scale_bar, round_numbers, side_lengths
 
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
@@ -73,10 +74,8 @@ def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
                 factor * ds[word][i].values[some] for word in (f"fitted_{name}", f"measured_{name}", f"{name}_error")
             )
             axes.plot(at, fitted, "_" + STYLES[k % len(STYLES)], color=color, linewidth=1.2, markersize=14)
-            axes.errorbar(
-                at, measured, SURE * error, fmt=MARKERS[k % len(MARKERS)], color=color, markersize=4.5, capsize=2,
-                linewidth=1,
-            )  # fmt: skip
+            marker = MARKERS[k % len(MARKERS)]
+            axes.errorbar(at, measured, SURE * error, fmt=marker, color=color, markersize=4.5, **BARS)
     if name == "phase":
         for k, amplitude in enumerate(amplitudes):
             style = MARKERS[k % len(MARKERS)] + STYLES[k % len(STYLES)]
@@ -94,10 +93,9 @@ def _draw_property(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None
         color = PALETTE[i % len(PALETTE)]
         face = color if word in ("determined", "given") else "white"
         ends = [[value * -np.expm1(-error)], [value * np.expm1(error)]]
-        axes.errorbar(
-            [i], [value], ends, fmt="s" if word == "given" else "o", color=color, markerfacecolor=face, markersize=6,
-            capsize=3, linewidth=1.2,
-        )  # fmt: skip
+        fmt = "s" if word == "given" else "o"
+        look: dict[str, Any] = {"color": color, "markerfacecolor": face, "markersize": 6, "capsize": 3}
+        axes.errorbar([i], [value], ends, fmt=fmt, linewidth=1.2, **look)
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     if high < 20 * low:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import MARKERS, PALETTE, STYLES, SURE
+from phasemap.plot.colours import BARS, MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.page import Page, draw_scale_bar
 from phasemap.results.words import of_file
 
@@ -43,7 +43,8 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     """
     if not is_series(ds):
         raise InputError("the series", sorted(map(str, ds.data_vars))[:3], "what phasemap.series returned")
-    shown = _shown(ds)
+    count = ds.sizes["file"]
+    shown = sorted(set(np.linspace(0, count - 1, min(count, MOST)).round().astype(int).tolist()))
     columns = len(shown)
     wide = min((WIDTH - LEFT - MARGIN - BAR - 0.1 * columns) / columns, 2.2)
     tall = wide * max(_shape(ds, i) for i in shown)
@@ -65,12 +66,6 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     bar.set_label("phase relative to region 0 (degrees)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     return page.finished(path, overwrite)
-
-
-def _shown(ds: xr.Dataset) -> list[int]:
-    """Files that are shown: all, or some from the first to the last."""
-    count = ds.sizes["file"]
-    return sorted(set(np.linspace(0, count - 1, min(count, MOST)).round().astype(int).tolist()))
 
 
 def _shape(ds: xr.Dataset, i: int) -> float:
@@ -105,10 +100,8 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             ends = np.abs(np.stack([ds["setpoint_low"].values[some], ds["setpoint_high"].values[some]]) - at)
             size = of_file(ds, "free_amplitude", int(some[0]), 1e9)
             said = f"region {region}" + (f", {size} nm" if ds.sizes["curve"] > 1 else "")
-            axes.errorbar(
-                at, measured, SURE * error, ends, fmt=MARKERS[curve % len(MARKERS)], color=color, markersize=5,
-                capsize=2, linewidth=1, label=f"{said}, measured (95 %)",
-            )  # fmt: skip
+            marker, said = MARKERS[curve % len(MARKERS)], f"{said}, measured (95 %)"
+            axes.errorbar(at, measured, SURE * error, ends, fmt=marker, color=color, markersize=5, label=said, **BARS)
             axes.plot(at, ds["fitted_contrast"].values[region, some], "_", color="0.2", markersize=13)
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "_", color="0.2", markersize=11, label="simulated, median of the draws")

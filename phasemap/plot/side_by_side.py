@@ -77,11 +77,13 @@ def comparison(
     """
     if not is_comparison(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.compare returned")
-    if row is None:
-        row = _middle(ds)
+    if row is None:  # nearest to the middle in which anything is compared
+        rows = np.flatnonzero((ds["label"].values >= 0).any(axis=1))
+        row = int(rows[np.abs(rows - ds.sizes["y"] // 2).argmin()])
     row = whole("row", row, 0, ds.sizes["y"] - 1)
     asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
-    lines = [(word, wrapped) for word, said in lines_of(ds)[1:] for wrapped, word in _wrapped(word, said, 128)]
+    wrapped = ((word, enumerate(textwrap.wrap(said, 128))) for word, said in lines_of(ds)[1:])
+    lines = [("" if i else word, line) for word, texts in wrapped for i, line in texts]
     verdict = textwrap.wrap(f"The images differ in {differences_of(ds)}. {verdict_of(ds)}", 105)
     width, height = side_lengths(ds)
     tall = MAP * min(max(height / width, FLAT), TALL)
@@ -107,17 +109,6 @@ def comparison(
 def is_comparison(ds: xr.Dataset) -> bool:
     """Whether a Dataset is of a comparison."""
     return "residual" in ds and "crosstalk" in ds and "measured" in ds
-
-
-def _wrapped(word: str, said: str, most: int) -> list[tuple[str, str]]:
-    """Lines of a text, of which the first has the word."""
-    return [(line, word if i == 0 else "") for i, line in enumerate(textwrap.wrap(said, most))]
-
-
-def _middle(ds: xr.Dataset) -> int:
-    """The row nearest to the middle in which anything is compared."""
-    rows = np.flatnonzero((ds["label"].values >= 0).any(axis=1))
-    return int(rows[np.abs(rows - ds.sizes["y"] // 2).argmin()])
 
 
 def _limits(ds: xr.Dataset, asked: Colours = CHOSEN) -> tuple[float, float]:

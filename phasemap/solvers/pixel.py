@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -84,14 +83,10 @@ class Pixel:
 
     def __repr__(self) -> str:
         """What a microscopist asks first."""
-        said = ", ".join(f"{name.replace('_', ' ')} {text}" for name, text in self._said(TOLD).items())
+        known = {name: value for name in TOLD if not math.isnan(value := getattr(self, name))}
+        said = ", ".join(f"{name.replace('_', ' ')} {say(x, FLOATS[name].units)}" for name, x in known.items())
         found = f", {self.branch}, solved by {SOLVED_BY.get(self.solver, self.solver)}: {said}" if said else ""
         return f"Pixel({self.status.name.replace('_', ' ')}{found})"
-
-    def _said(self, names: Iterable[str]) -> dict[str, str]:
-        """Numbers that are known, with their units."""
-        known = {name: value for name in names if not math.isnan(value := getattr(self, name))}
-        return {name: say(value, FLOATS[name].units) for name, value in known.items()}
 
 
 @asked_as()

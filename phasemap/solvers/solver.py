@@ -271,7 +271,9 @@ class OnlyInTime(FromFar):
             self._respond(work, far, answers)
             far = far[answers.status[far] != col.GOOD]
         if len(far) and one_mode and not isinstance(self.other, FromFar):
-            self._start_averaged(work, far, answers, accuracy.periods)
+            from phasemap._kernels.rows.marched import remembering_rows
+
+            self._march(remembering_rows, work, far, answers, accuracy.periods)  # from averaged orbits that are sure
             far = far[answers.status[far] != col.GOOD]
         self.engage(work, far, answers, accuracy.periods)
         rest = np.flatnonzero(~(remembers | engaged))
@@ -289,12 +291,6 @@ class OnlyInTime(FromFar):
         some, limits = answers.of(chosen), np.array([ERROR_PHASE, ERROR_HEIGHT])
         relaxing_rows(work.part(chosen).pixels, limits, some)
         answers.put(chosen, some)
-
-    def _start_averaged(self, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
-        """March the chosen rows from their averaged orbits, where averaging is sure of them."""
-        from phasemap._kernels.rows.marched import remembering_rows
-
-        self._march(remembering_rows, work, chosen, answers, periods)
 
 
 def check_integrals(names: list[str]) -> None:

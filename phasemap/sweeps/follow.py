@@ -158,7 +158,8 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         return _dataset_in_time(question, work, about, there_and_back(work, wanted))
     curves = distance_curves(fixed_path(question), wanted, samples)
     parts = segments(curves.pieces, col.TIP_OFFSET)
-    approach = walk(curves, col.TIP_OFFSET, _at(parts, wanted[-1]), parts, True, 0)
+    first = next((part for part in parts if part.row_at(wanted[-1]) is not None), None)  # on the curve from far
+    approach = walk(curves, col.TIP_OFFSET, first, parts, True, 0)
     retract = walk(curves, col.TIP_OFFSET, _last(parts, approach, wanted[0]), parts, False, 1)
     return dataset(curves, about, [approach, retract], question)
 
@@ -216,11 +217,6 @@ def parameter(
     curves.choose(wanted)
     visits = _both(curves) if ratio is None else _both_held(curves, question, name, scale, ratio)
     return dataset(curves, about, visits, question, held)
-
-
-def _at(parts: list[Segment], x: float) -> Segment | None:
-    """The first stable segment at x, in the order of the curve from far."""
-    return next((part for part in parts if part.row_at(x) is not None), None)
 
 
 def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | OffOrbit | None:

@@ -80,8 +80,10 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
     for dim, count, step in zip(("y", "x"), claims.shape, claims.pixel_size, strict=True):
         if dim not in image.coords:
             yield f"there is no coordinate {dim}"
-        elif image.sizes.get(dim) == count and not _near(_from_the_corner(image[dim]), centres(count, step)):
-            yield f"{dim} is not at the centres of pixels of {step:g} m"
+        elif image.sizes.get(dim) == count:
+            places = _from_the_corner(image[dim])
+            if places.dtype.kind not in "fiu" or not np.allclose(places, centres(count, step), rtol=1e-9, atol=0):
+                yield f"{dim} is not at the centres of pixels of {step:g} m"
     names = list(claims.control.directions)
     if names and ("direction" not in image.coords or list(image["direction"].values) != names):
         yield f"direction is not {', '.join(names)}"
@@ -107,10 +109,6 @@ def _from_the_corner(places: xr.DataArray) -> NDArray[Any]:
     falls = places.dims == ("y",) and not _says(places, "long_name", RISING)
     values: NDArray[Any] = places.values
     return values[::-1] if falls else values
-
-
-def _near(values: NDArray[Any], wanted: NDArray[np.float64]) -> bool:
-    return values.dtype.kind in "fiu" and np.allclose(values, wanted, rtol=1e-9, atol=0)
 
 
 def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:

@@ -131,15 +131,12 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     ends = starts + there.slope * half
     back = Program(there.span, there.material[::-1], ends[::-1], -there.slope[::-1], pixels[::-1] + nx)
     parts = [there, back]
-    if overscan > 0:
-        left, right = (_level(2 * overscan * nx * dwell, materials[i], ground[i]) for i in (0, -1))
+    if overscan > 0:  # level ground beyond the outermost pixels
+        span = 2 * overscan * nx * dwell
+        ends_of_line = ((span, materials[i], ground[i], 0.0, -1) for i in (0, -1))
+        left, right = (Program(*(np.array([value]) for value in values)) for values in ends_of_line)
         parts = [left, there, right, right, back, left]
     return Program(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _level(span: float, material: int, height: float) -> Program:
-    """Level ground beyond the outermost pixel."""
-    return Program(*(np.array([value]) for value in (span, material, height, 0.0, -1)))
 
 
 def mean_ground(ground: Array) -> Array:

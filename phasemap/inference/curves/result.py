@@ -177,7 +177,10 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
     names = [parameter.name for parameter in problem.parameters]
     setup = problem.setup_at(q)
     choice = problem.choose(q, Ruler.strict(data))
-    curve = _sweep(setup, data)
+    if data.axis == "frequency":
+        curve = sweep_frequency(setup.material, setup.scope, data.values, tip_offset=setup.height)
+    else:
+        curve = sweep_distance(setup.material, setup.scope, data.values + setup.height)
     off, excused = _off_branch(setup, data, choice, curve)
     _add(curve, data, choice, off)
     own = np.sqrt(np.diag(solution.covariance))
@@ -245,12 +248,6 @@ def _softer(problem: Problem, setup: Setup, error: float) -> list[str]:
         f"The modulus is {how} the {start}: what the tip presses is not that material, but a film on it, or radius, "
         "sensitivity or law are not those of the measurement."
     ]
-
-
-def _sweep(setup: Setup, data: Data) -> xr.Dataset:
-    if data.axis == "frequency":
-        return sweep_frequency(setup.material, setup.scope, data.values, tip_offset=setup.height)
-    return sweep_distance(setup.material, setup.scope, data.values + setup.height)
 
 
 def _off_branch(setup: Setup, data: Data, choice: Choice, curve: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:

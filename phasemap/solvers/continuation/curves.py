@@ -197,9 +197,6 @@ class Curves:
             piece.rows[marked, col.KIND] = np.where(new < 0, col.ON_THE_WAY, col.WANTED)
         self.wanted = wanted
 
-    def _tolerance(self, m: float) -> float:
-        return TIGHT * float(tolerance_of(self.standing(m)))
-
     def _go(self, harmonics: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
         """The last exact orbit next to harmonic ones, and what `exact_orbits_at` found of those that there are."""
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
@@ -210,7 +207,7 @@ class Curves:
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
         start = new_orbit_like(orbit)
         copy_orbit(orbit, start)
-        tolerance = self._tolerance(float(head_of(orbit).parameter))
+        tolerance = TIGHT * float(tolerance_of(self.standing(float(head_of(orbit).parameter))))
         asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
         halves: list[Piece] = []
         for sense in senses:

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
@@ -27,7 +28,7 @@ from phasemap.results.variables import provenance
 from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name, check_marches
-from phasemap.sweeps.contrasts.pair import Axes, Engaged, Pair, borders, regime_of, regimes
+from phasemap.sweeps.contrasts.pair import Axes, Pair, borders, regime_of, regimes
 from phasemap.sweeps.contrasts.result import DIMS, RULE, Choice, choose, record
 from phasemap.sweeps.sweep import check_axis
 
@@ -221,11 +222,11 @@ def _check_names(names: object) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> tuple[Engaged, Array]:
+def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> tuple[Answers, Array]:
     """Every point of the map: what engaging leads to, and the regimes; shapes (2, *map, ...) and (2, *map)."""
     shape = (2, *(len(values) for values in axes))
     count = shape[3]
-    engaged = Engaged(np.full((*shape, col.COLUMNS), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
+    engaged = Answers(np.full((*shape, col.COLUMNS), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))
     regime = np.zeros(shape, np.int8)
 
     def solve(first: int, last: int) -> None:

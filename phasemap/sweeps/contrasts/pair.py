@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
@@ -40,15 +41,6 @@ STANDS_OUT = 2.0  # times the larger of the steps beside it: a step worth lookin
 LARGE = 3.0  # as is any that is larger than this [degree]
 SURE = 2.0  # times the accuracy of the phase: a contrast whose sign is known
 SEEN = 0.5  # contrast [degree] that stands out of the noise of a phase image; below, there is no sign to turn round
-
-
-class Engaged(NamedTuple):
-    """What the controller finds after engaging from far, on each of the two materials."""
-
-    rows: Array  # shape (2, n, COLUMNS)
-    # status, solver: int8, shape (2, n)
-    status: Array
-    solver: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +77,10 @@ class Pair:
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
 
-    def engage(self, work: Work, solver: Solver | None = None) -> Engaged:
-        """The orbits that the controller finds; on one thread, for callers have theirs."""
+    def engage(self, work: Work, solver: Solver | None = None) -> Answers:
+        """The orbits that the controller finds on both, shape (2, n); on one thread, for callers have theirs."""
         rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1)
-        return Engaged(rows.reshape(2, -1, rows.shape[-1]), status.reshape(2, -1), used.reshape(2, -1))
+        return Answers(rows.reshape(2, -1, rows.shape[-1]), status.reshape(2, -1), used.reshape(2, -1))
 
     def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
         """Phases [degree] of both materials at one working point, shape (2,); NaN where there is no orbit.

@@ -14,9 +14,10 @@ import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.units import say
 from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes, motion_of
-from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Engaged, Inversion, Jump
+from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Inversion, Jump
 
 Array = np.ndarray
 
@@ -39,7 +40,7 @@ RULE = (
 def record(
     axes: Axes,
     names: Sequence[str],
-    engaged: Engaged,
+    engaged: Answers,
     regime: Array,
     jumps: Sequence[Jump],
     inversions: Sequence[Inversion],
@@ -104,7 +105,7 @@ class Choice(NamedTuple):
     sentence: str  # where it is, and why
 
 
-def choose(axes: Axes, names: Sequence[str], engaged: Engaged, regime: Array, jumps: Sequence[Jump]) -> Choice:
+def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[Jump]) -> Choice:
     """Choose the point to work at, from arrays of shape (2, frequencies, free amplitudes, setpoints, ...)."""
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
