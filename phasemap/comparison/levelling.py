@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.arrays import as_array
 from phasemap._shared.asked import asked_as
@@ -15,7 +16,6 @@ from phasemap.comparison.scores import outlier_lines
 from phasemap.io.measured import level_plane, level_rows, on_one_turn, row_medians
 
 if TYPE_CHECKING:
-    import xarray as xr
     from numpy.typing import ArrayLike
 
 Array = np.ndarray

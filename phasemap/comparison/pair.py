@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import downwards
@@ -12,8 +13,6 @@ from phasemap._shared.units import readable
 from phasemap.io.measured import on_one_turn
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     Directions = str | tuple[str | None, str | None] | None
 
 CHANNELS = ("height", "phase", "amplitude", "amplitude_error")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
@@ -17,8 +18,6 @@ from phasemap.comparison.scores import correlation_of, skimage
 from phasemap.io.measured import level_rows
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from phasemap.comparison.pair import Directions
 
 Array = np.ndarray

@@ -8,6 +8,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.arrays import as_array
 from phasemap._shared.asked import asked_as
@@ -21,7 +22,6 @@ from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import provenance
 
 if TYPE_CHECKING:
-    import xarray as xr
     from numpy.typing import ArrayLike
 
     from phasemap.comparison.pair import Directions
@@ -236,7 +236,6 @@ def _record(
     first: xr.Dataset, second: xr.Dataset, maps: dict[str, Array], known: Array, label: Array, moved: Registration
 ) -> xr.Dataset:
     """All maps and numbers but the frame."""
-    import xarray as xr
     from scipy.stats import wasserstein_distance
 
     maps = {name: np.where(known, values, np.nan) for name, values in maps.items()}

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
@@ -15,8 +16,6 @@ from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from phasemap.experiment.microscope import Microscope
     from phasemap.experiment.surface import Surface
 
@@ -130,8 +129,6 @@ class Canvas:
 
 def image_of(surface: Surface, arrays: Mapping[str, Any], directions: tuple[str, ...]) -> xr.Dataset:
     """The variables of an image as a Dataset that shares the arrays, which may be lazy."""
-    import xarray as xr
-
     coords = coordinates(*surface.coords())
     dims: tuple[str, ...] = ("y", "x")
     if directions:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array
@@ -15,8 +16,6 @@ from phasemap.experiment.realism import DIGITISED, Realism
 from phasemap.experiment.seen_by_tip import seen_at
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from phasemap.experiment.surface import Surface
 
 

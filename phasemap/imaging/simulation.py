@@ -8,9 +8,10 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
@@ -39,9 +40,6 @@ from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, provenan
 from phasemap.results.words import FORCES, describe_failures, describe_validity
 from phasemap.solvers.problem import Work, check_marched, check_setpoint, forces_of, make_work
 from phasemap.solvers.solver import by_name, check_integrals, check_marches
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = np.ndarray
 
@@ -235,8 +233,6 @@ def _at_one(surface: Surface, scope: Microscope, setpoint: float, asked: _Asked)
 
 def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked) -> xr.Dataset:
     """An image at each setpoint, along a dim of that name."""
-    import xarray as xr
-
     values = [check_setpoint(one) for one in setpoints]
     if len(set(values)) < len(values) or not values:
         raise InputError("setpoint", str(setpoints), "one number, or several different ones")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import SolveError
@@ -18,9 +17,6 @@ from phasemap.results.words import SOLVED_BY
 from phasemap.solvers.problem import check_setpoint, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Orbit, by_name
-
-if TYPE_CHECKING:
-    pass
 
 TOLD = ("phase", "height", "tip_offset", "indentation", "dissipation")
 

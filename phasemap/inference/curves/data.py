@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,10 +22,6 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.inference.verdict import REACH
 from phasemap.solvers.continuation.path import UNITS, Question
 from phasemap.sweeps.sweep import check_axis
-
-if TYPE_CHECKING:
-    pass
-
 
 QUANTITIES = {"amplitude": "m", "phase": "degree"}
 DIRECTIONS = {"frequency": ("up", "down"), "tip_offset": ("approach", "retract")}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError
@@ -16,9 +17,6 @@ from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import losses_of, numbers_of_law
 from phasemap.inference.verdict import PRIOR
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 BINS, FLAT = 30, 5  # of the distances at which something acts on the tip, and of those beyond
 FINE = 100  # parts of a curve, whose means tell where something acts

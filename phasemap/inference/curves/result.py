@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material
@@ -25,9 +25,6 @@ from phasemap.inference.verdict import (
 )
 from phasemap.results.variables import coded, float_attributes
 from phasemap.sweeps.sweep import sweep_distance, sweep_frequency
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SHOWN = {"Pa": ("GPa", 1e-9), "m": ("nm", 1e9), "J m-2": ("J/m²", 1.0), "N m-1": ("N/m", 1.0), "Hz": ("kHz", 1e-3),
          "degree": ("°", 1.0), "Pa s": ("Pa s", 1.0), "1": ("", 1.0), "s": ("µs", 1e6), "N s m-1": ("nN s/m", 1e9),
@@ -171,8 +168,6 @@ def shown(value: float, error: float, unit: str) -> str:
 
 def make_fit(problem: Problem, solution: Solution) -> Fit:
     """Judge a solution."""
-    import xarray as xr
-
     data, q = problem.data, solution.q
     names = [parameter.name for parameter in problem.parameters]
     setup = problem.setup_at(q)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
@@ -32,9 +33,6 @@ from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
 from phasemap.inference.verdict import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, chance, check_prior, put
 from phasemap.results.variables import provenance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -71,8 +69,6 @@ def dataset_of(
     found: Found, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any], how: str
 ) -> xr.Dataset:
     """Materials over these dims, settings over "image", and where all this comes from; places are those of an image."""
-    import xarray as xr
-
     ds, known = xr.Dataset(), FLAGS if dims == ("region",) else FLAGS[:-1]
     for i, name in enumerate(PARAMETERS):
         more = {"ancillary_variables": f"{name}_error flag"}

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import within_half_a_turn
@@ -54,9 +55,6 @@ from phasemap.inference.verdict import (
     say_what_helps,
 )
 from phasemap.results.variables import coded
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._shared.asked import asked_as
@@ -21,9 +21,6 @@ from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import Work, check_setpoint, make_work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 STEP = 3e-3  # of a logarithm; the central difference is then wrong by some 1e-6 of it, more near the end of a branch
 FINE = Accuracy(phase=float(np.degrees(1e-7)), height=1e-14)  # of the orbits that are compared

@@ -10,9 +10,10 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import as_array, as_list, within_half_a_turn
@@ -20,9 +21,6 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import check_setpoint
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -85,8 +83,6 @@ def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArr
 
 def list_of_images(images: object) -> list[xr.Dataset]:
     """The images, over ("y", "x"), of a list or of a Dataset with a leading dim "setpoint" or "image"."""
-    import xarray as xr
-
     if isinstance(images, xr.Dataset):
         dim = next((name for name in ("setpoint", "image") if name in images.dims), None)
         found = [images] if dim is None else [images.isel({dim: i}) for i in range(images.sizes[dim])]

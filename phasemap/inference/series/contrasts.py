@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import permutations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import as_array, within_half_a_turn
@@ -15,9 +16,6 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
 from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]

@@ -7,9 +7,10 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import within_half_a_turn
@@ -17,9 +18,6 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
 from phasemap._shared.units import listed as listed_words
 from phasemap.io.metadata import of_simulation
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 OF_TUNE = {"drive_frequency": 2e-4, "drive_voltage": 0.02, "phase_zero": 5.0, "lock_in_phase": 1.0, "day": 0.5}
 """By which files of one tune differ at most: relatively, or in degrees and days."""

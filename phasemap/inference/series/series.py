@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import as_list, within_half_a_turn
@@ -29,9 +30,6 @@ from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, PRIOR, UNITS, c
 from phasemap.io.measured import one_scan
 from phasemap.results.variables import coded, provenance
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 Array = NDArray[np.float64]
 
 ENDS = (2.5, 97.5)  # percentiles
@@ -49,8 +47,6 @@ def dataset_of(
     labels: Sequence[Labels],
 ) -> xr.Dataset:  # fmt: skip
     """All variables and sentences."""
-    import xarray as xr
-
     state, settings, likeliest = problem.state(draws.x), problem.settings, int(np.argmax(draws.fit))
     names = {"file": list(settings.names), "region": np.arange(len(problem.values)), "property": list(PARAMETERS)}
     ds = xr.Dataset(coords=names)

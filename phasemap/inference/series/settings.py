@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.checks import is_sign
@@ -19,9 +20,6 @@ from phasemap.experiment.presets import levers
 from phasemap.inference.images.stack import FREE, SHARED, numbers_of
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.settings import ANYWHERE, HELD
 from phasemap.inference.verdict import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 
