@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.files import check_target
 from phasemap._shared.quantities import KINDS, NotThatUnit, range_in_si
 
 if TYPE_CHECKING:
@@ -67,7 +68,6 @@ def add_options(parser: argparse.ArgumentParser, *names: str) -> None:
 
 def check_files(arguments: argparse.Namespace) -> None:
     """Refuse, before any work is done, what cannot or should not be written."""
-    from phasemap._shared.files import check_target
     from phasemap.io.netcdf import check_dataset
 
     output, plot = arguments.output, arguments.plot

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.notices import untold
 from phasemap.cli.arguments import add_files, add_options, check_files, conclude, labels_in, one_each, whole
 from phasemap.cli.console import in_two_columns
+from phasemap.experiment.material import Material
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,8 +65,6 @@ def columns_of(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def fit(arguments: argparse.Namespace) -> None:
     """Fit, write what is asked for, and say what was found."""
-    from phasemap._shared.notices import untold
-    from phasemap.experiment.material import Material
     from phasemap.inference.curves.fit import fit_distance
     from phasemap.inference.verdict import PRIOR
     from phasemap.io.curves import read_curve

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import sys
+import threading
 
 from phasemap._shared.interrupts import ending_at_once, leave
 from phasemap.cli.arguments import add_overrides
@@ -31,9 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def explore(arguments: argparse.Namespace) -> None:
     """Serve the page until Ctrl-C."""
-    import sys
-    import threading
-
     sys.setswitchinterval(SWITCH)
     with ending_at_once("the explorer had not started"):
         from phasemap.explorer.explore import serve

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasemap._shared.errors import PhasemapError
+from phasemap._shared.files import check_target
 from phasemap._shared.notices import untold
 from phasemap._shared.units import image_size
 from phasemap.cli.arguments import add_colours, add_files, add_options, add_overrides, colours_of, whole
@@ -47,7 +48,6 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
 
 def plot(arguments: argparse.Namespace) -> None:
     """Draw an image or a sweep into a file."""
-    from phasemap._shared.files import check_target
     from phasemap.io.netcdf import load
     from phasemap.plot import plot as draw
     from phasemap.plot import trace
@@ -72,7 +72,6 @@ def plot(arguments: argparse.Namespace) -> None:
 
 def _load(arguments: argparse.Namespace) -> xr.Dataset:
     """What a file holds: an image, a curve, or what a command wrote; doubts about it are printed."""
-    from phasemap._shared.notices import untold
     from phasemap.io.curves import is_curve, read_curve
     from phasemap.io.netcdf import load
     from phasemap.io.read import NETCDF, read_image
@@ -142,7 +141,6 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def scene(arguments: argparse.Namespace) -> None:
     """Write the scene of a measured image."""
-    from phasemap._shared.files import check_target
     from phasemap.io.read import read_image
     from phasemap.scenes.measured import scene_from
 

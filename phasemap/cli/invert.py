@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli.arguments import (
     SURFACE_UNUSED,
@@ -236,8 +237,6 @@ def _known(setup: Setup, text: str | None) -> dict[int, Material]:
 
 
 def _material(setup: Setup, option: str, name: str) -> Material:
-    from phasemap._shared.checks import check_choice
-
     check_choice(option, name, setup.materials)
     return setup.materials[name]
 

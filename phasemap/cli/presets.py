@@ -8,6 +8,12 @@ import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from phasemap._shared.fields import number_of
+from phasemap._shared.units import UDUNITS, say
+from phasemap.experiment.cantilever import Cantilever
+from phasemap.experiment.material import Material
+from phasemap.experiment.presets import levers, materials, preset_of
+
 if TYPE_CHECKING:
     from phasemap.experiment.presets import Preset
 
@@ -30,15 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def presets(arguments: argparse.Namespace) -> None:
     """List all presets, or show one."""
-    from phasemap.experiment.presets import preset_of
-
     print("\n".join(_shown(preset_of("", arguments.name, "NAME")) if arguments.name else _listed()))
 
 
 def tables() -> Iterator[tuple[str, list[list[str]]]]:
     """Each kind of presets, with a row of heads and one for each of them."""
-    from phasemap.experiment.presets import levers, materials
-
     for kind, every in itertools.groupby([*materials().values(), *levers().values()], lambda one: one.kind):
         ones = list(every)
         columns = list(ones[0].numbers)
@@ -78,11 +80,6 @@ def _said(name: str, preset: Preset) -> str:
 
 
 def _in_unit(name: str, value: float) -> str:
-    from phasemap._shared.fields import number_of
-    from phasemap._shared.units import UDUNITS, say
-    from phasemap.experiment.cantilever import Cantilever
-    from phasemap.experiment.material import Material
-
     unit = number_of(Material if name in Material.__annotations__ else Cantilever, name).unit
     return say(value, UDUNITS.get(unit, unit))
 

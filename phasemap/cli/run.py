@@ -14,6 +14,7 @@ from phasemap._shared.errors import PhasemapError
 from phasemap._shared.fields import in_words
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import unquestioned, untold
+from phasemap._shared.threads import workers_of
 from phasemap._shared.units import ELECTRONVOLT, counted, image_size, say
 from phasemap.cli.arguments import add_files, add_options, add_scene, whole
 from phasemap.cli.console import bar_of, progress_bar, remarks
@@ -196,8 +197,6 @@ FEW = 6  # values that are listed
 
 def run_ensemble(arguments: argparse.Namespace, ensemble: Ensemble, output: Path) -> None:
     """Simulate an ensemble into a file; Ctrl-C says what is kept."""
-    from phasemap._shared.threads import workers_of
-
     if arguments.threads or arguments.strict:
         option = "--threads" if arguments.threads else "--strict"
         raise PhasemapError(f"{option} is for one image; an ensemble takes --workers, and its file counts what failed.")

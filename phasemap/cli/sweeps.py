@@ -9,7 +9,9 @@ import re
 import time
 from typing import TYPE_CHECKING, Any
 
+from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.units import readable
 from phasemap.cli.arguments import (
     SURFACE_UNUSED,
     add_colours,
@@ -83,7 +85,6 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Sweep a material of a scene, write the files asked for, and print a summary."""
-    from phasemap._shared.checks import check_choice
     from phasemap.scenes.scene import load_setup
     from phasemap.solvers.continuation.path import UNITS
 
@@ -121,8 +122,6 @@ def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
 
 def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
     """The material asked for, or the only one."""
-    from phasemap._shared.checks import check_choice
-
     names = list(setup.materials)
     if not names:
         raise PhasemapError("the scene has no [materials]: give one, such as materials.mine.modulus=1e9.")
@@ -209,7 +208,6 @@ def said_of_sweep(found: xr.Dataset) -> list[str]:
     """Say what a sweep found: folds and jumps, and what is missing. Returns lines of a word and what it is."""
     import numpy as np
 
-    from phasemap._shared.units import readable
     from phasemap.results.words import titles
 
     axis = str(found["status"].dims[1])
@@ -294,8 +292,6 @@ def contrast(arguments: argparse.Namespace) -> None:
 
 def _names(setup: Setup, text: str | None) -> tuple[str, str]:
     """The two materials asked for, or the only two."""
-    from phasemap._shared.checks import check_choice
-
     known = list(setup.materials)
     if len(known) < 2:
         raise PhasemapError("the scene has fewer than two [materials], and a contrast needs two.")

@@ -14,6 +14,7 @@ from phasemap._shared.errors import InputError
 from phasemap.comparison.pair import CHANNELS, channels_of
 from phasemap.comparison.scores import outlier_lines
 from phasemap.io.measured import level_plane, level_rows, on_one_turn, row_medians
+from phasemap.results.variables import coded, provenance
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -67,8 +68,6 @@ def level(
     >>> bool(np.allclose(level(image)["height"], 0, atol=1e-24))
     True
     """
-    from phasemap.results.variables import coded, provenance
-
     for name, choice, known in (
         ("height", height, ("rows", "plane")),
         ("phase", phase, ("constant", "rows")),

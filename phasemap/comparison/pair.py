@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from scipy.ndimage import convolve1d
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import downwards
@@ -153,8 +154,6 @@ def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.D
 
 def _averaged(moving: xr.Dataset, fixed: xr.Dataset) -> xr.Dataset:
     """Means over an odd number of pixels; interpolation averages two, so that up to three there is nothing to do."""
-    from scipy.ndimage import convolve1d
-
     moving = moving.copy()
     for axis, dim in enumerate(("y", "x")):
         count = 2 * int((pitch_of(fixed, dim) / pitch_of(moving, dim) - 1) / 2 + 1e-6) + 1

@@ -18,6 +18,7 @@ from phasemap._shared.pixels import coordinates
 from phasemap.comparison.pair import common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
 from phasemap.comparison.scores import correlation_of, is_varied, outlier_lines, share_explained, similarity_of
+from phasemap.io.measured import segment_phase
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import provenance
 
@@ -216,8 +217,6 @@ def _labels(regions: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _regions(first: xr.Dataset, phase: Array, known: Array, regions: Any) -> Array:
     """Labels counted from 0 without gaps, -1 where pixels are left out."""
-    from phasemap.io.measured import segment_phase
-
     if regions is None:
         labels = np.zeros(phase.shape, int)
     elif "label" in first:

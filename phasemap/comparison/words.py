@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from phasemap._shared.units import say
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
 WORTH_SAYING = 0.1  # share of the residual's variance
@@ -94,8 +95,6 @@ def differences_of(found: xr.Dataset) -> str:
 
 def _detail(values: np.ndarray) -> float:
     """Size of the details of a map: pixels along a row over which its correlation, but for noise, falls to 0.8."""
-    import numpy as np
-
     known = np.isfinite(values)
     means = np.nansum(values, axis=1, keepdims=True) / np.maximum(known.sum(axis=1, keepdims=True), 1)
     apart = np.nan_to_num(values - means)

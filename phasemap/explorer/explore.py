@@ -5,9 +5,11 @@ from __future__ import annotations
 import html
 import os
 import shutil
+import sys
 import tempfile
 import threading
 import weakref
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 
@@ -49,8 +51,6 @@ class Explorer:
         All users of this machine can see what a browser is started with. So that is not the address with its token, but
         the name of a file, which only this user can read and which leads there. It is removed when the page is closed.
         """
-        import webbrowser
-
         try:
             folder = tempfile.mkdtemp(prefix="phasemap-")
             self._forget = weakref.finalize(self._server, shutil.rmtree, folder, ignore_errors=True)
@@ -178,8 +178,6 @@ def _given(explored: object, scope: Microscope | None, setpoint: float | None) -
 
 def _no_notebook() -> bool:
     """Whether this is a plain Python, which shows no HTML."""
-    import sys
-
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     return not hasattr(shell, "kernel")

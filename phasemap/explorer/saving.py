@@ -19,6 +19,7 @@ from phasemap.experiment.microscope import PARTS, Mode
 from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting, without_none
+from phasemap.io.netcdf import save
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.tables import read_tables, toml_of, written
 
@@ -53,8 +54,6 @@ def scene_file(setting: Setting) -> File:
         "pixel_size": list(setting.subject.pixel_size),
         "materials": list(setting.materials),
     }
-    from phasemap.io.netcdf import save
-
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as parts:
         parts.writestr(f"{name}.toml", toml_of(tables, heading=HEADING))
@@ -64,8 +63,6 @@ def scene_file(setting: Setting) -> File:
 
 def image_file(setting: Setting) -> File:
     """The whole image as netCDF."""
-    from phasemap.io.netcdf import save
-
     ds = image(setting)
     return File(f"{_name(setting)}.nc", "application/x-netcdf", _written_by(lambda path: save(ds, path), ".nc"))
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS, UNKNOWN_ORBIT, StableOrbits
+from phasemap._kernels.scanning.quasi_static import walk
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
@@ -114,8 +115,6 @@ def _blocks(job: Job) -> Iterator[Block]:
 
 def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -> TipState:
     """Fill in lines to which the tip comes, and return how it leaves them."""
-    from phasemap._kernels.scanning.quasi_static import walk
-
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
     orbits = StableOrbits(*(np.ascontiguousarray(table.values[name]) for name in WALKED))
@@ -154,8 +153,6 @@ def _passed(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.
     How far it stays on a branch of which is not known whether it is there shows step by step: it is asked of twice as
     many pixels ahead each time.
     """
-    from phasemap._kernels.scanning.quasi_static import walk
-
     assert isinstance(job.control, Raster)
     branches, orbits = _interpolated(job, plan, materials)
     slots, ahead = np.empty((len(LINES), *numbers.shape), np.int8), 1

@@ -11,7 +11,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from emcee import EnsembleSampler, State
+from emcee.moves import DEMove
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri
+from scipy.stats import qmc
 
 Array = NDArray[np.float64]
 
@@ -38,9 +43,6 @@ def sample(likelihood: Callable[[Array], Array], size: int, seed: int) -> Draws 
 
     `likelihood`: its logarithm at n combinations, shape (n, size).
     """
-    from emcee import EnsembleSampler, State
-    from emcee.moves import DEMove
-
     done = 0.0
 
     def density(x: Array) -> Array:
@@ -73,7 +75,6 @@ def sample(likelihood: Callable[[Array], Array], size: int, seed: int) -> Draws 
 
 def _step(fit: Array, left: float) -> float:
     """The largest step that leaves enough of the walkers their weight."""
-    from scipy.optimize import brentq
 
     def spare(step: float) -> float:
         weights = np.exp(step * (fit - fit.max()))
@@ -84,9 +85,6 @@ def _step(fit: Array, left: float) -> float:
 
 def prior_draws(size: int, count: int, seed: int) -> Array:
     """Standard normal numbers within the reach that fill the prior evenly, shape (count, size)."""
-    from scipy.special import ndtr, ndtri
-    from scipy.stats import qmc
-
     low = ndtr(-REACH)
     shares = qmc.LatinHypercube(size, rng=seed).random(count)
     drawn: Array = ndtri(low + (1 - 2 * low) * shares)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
@@ -71,8 +72,6 @@ def put(
 
 def chance(chi2: Any, degrees: Any) -> Any:
     """Chance that errors as stated make chi2 at least as large."""
-    from scipy.special import chdtrc
-
     return chdtrc(degrees, chi2)
 
 

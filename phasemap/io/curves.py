@@ -18,6 +18,7 @@ from phasemap._shared.notices import tell
 from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, OF_IMAGES, TEXT, Parts, of_text, of_wave
 from phasemap.io.curve_files import ARCHIVES, is_nanoscope, of_archive, of_nanoscope
 from phasemap.io.metadata import ScanData
+from phasemap.io.netcdf import load
 from phasemap.io.read import NETCDF
 
 FAR = 0.1  # of the points, farthest from the surface, that show the free lever
@@ -93,8 +94,6 @@ def is_curve(path: Path) -> bool:
 
 def _of_sweep(path: Path) -> Parts:
     """A distance sweep as a curve."""
-    from phasemap.io.netcdf import load
-
     ds = load(path)
     if "tip_offset" not in ds.dims or "direction" not in ds.dims:
         raise FileError(

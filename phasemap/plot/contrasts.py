@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from xarray import Dataset
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
@@ -121,8 +122,6 @@ def _shown(ds: xr.Dataset) -> list[int]:
 
 def _head(ds: xr.Dataset) -> list[str]:
     """Title, both materials and the microscope, a line each."""
-    from xarray import Dataset
-
     about = json.loads(ds.attrs.get("configuration", "{}"))
     scope = dict(about.get("microscope", {}))
     drive = scope.get("drive", {})

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
+from phasemap.io.measured import level_plane
 from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.curves import fit, force, is_force_curve, is_measured_curve
@@ -212,8 +213,6 @@ def _levelled(ds: xr.Dataset) -> xr.Dataset:
     """A measured image without its tilt; any other as it is."""
     if "channels" not in ds.attrs or "height" not in ds:
         return ds
-    from phasemap.io.measured import level_plane
-
     maps = ds["height"].values.reshape(-1, ds.sizes["y"], ds.sizes["x"])
     flat = [level_plane(one, counts) if (counts := np.isfinite(one)).sum() > 2 else one for one in maps]
     height = ds["height"].copy(data=np.reshape(flat, ds["height"].shape)).assign_attrs(levelled="by a plane")

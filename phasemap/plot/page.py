@@ -23,6 +23,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
 from phasemap._shared.errors import InputError
+from phasemap._shared.files import replacing
 from phasemap._shared.units import readable
 
 RESOLUTION = 200  # of a saved picture [dots per inch]
@@ -169,8 +170,6 @@ class Page(Figure):
 
     def finished(self, path: str | os.PathLike[str] | None, overwrite: bool) -> Page:
         """Align what is written beside the axes, and save the page, whole or not at all, where it has a path."""
-        from phasemap._shared.files import replacing
-
         self.align_ylabels()
         if path is not None:
             check_format(path)

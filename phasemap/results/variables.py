@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import cache
+from importlib import import_module
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
 
@@ -270,8 +271,6 @@ def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES)
 
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
     """Global attributes that say where a Dataset comes from."""
-    from importlib import import_module
-
     import_module("phasemap.results.accessor")  # from now on Datasets have ``.phasemap``
     release = _release()
     scope = configuration.get("microscope")

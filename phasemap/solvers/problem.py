@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.law import Law, Oscillator
+from phasemap._kernels.rows.answers import Pixels
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import question
@@ -16,10 +17,6 @@ from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, liquid_of, properties, relaxation_of, rows_of
 from phasemap.experiment.microscope import Microscope
-
-if TYPE_CHECKING:
-    from phasemap._kernels.law import Law, Oscillator
-    from phasemap._kernels.rows.answers import Pixels
 
 Array = np.ndarray
 
@@ -39,14 +36,10 @@ class Work:
     @property
     def pixels(self) -> Pixels:
         """The same for kernels."""
-        from phasemap._kernels.rows.answers import Pixels
-
         return Pixels(self.law, self.rows, self.lever, self.amplitudes)
 
     def oscillator(self, i: int) -> Oscillator:
         """The lever over one of the pixels."""
-        from phasemap._kernels.law import Oscillator
-
         return Oscillator(self.law, tuple(self.rows[i].tolist()), self.lever)
 
     def part(self, chosen: Array | slice, amplitudes: Array | None = None) -> Work:

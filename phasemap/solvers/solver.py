@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.lever import beside_resonance, low_q, near_resonance
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
@@ -78,8 +79,6 @@ def solve_exactly(work: Work, limits: tuple[float, float], average: bool, period
     Far from the resonance all is left to time: the orbit from far may end before the setpoint, at a doubled period or
     where a harmonic is at resonance, and no curve says where the tip lands.
     """
-    from phasemap._kernels.lever import near_resonance
-
     if near_resonance(work.lever):
         solve_on_curves(work, limits, average, answers)
         engage_lost(work, periods, answers)
@@ -115,8 +114,6 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
 
 def engage_lost(work: Work, periods: int, answers: Answers) -> None:
     """Ask time where no periodic orbit was found, and beside resonance where the curve leads to none that is held."""
-    from phasemap._kernels.lever import beside_resonance
-
     if (answers.status != col.GOOD).any():
         lost = (*NO_ORBIT, col.NO_STABLE_ORBIT) if beside_resonance(work.lever) else NO_ORBIT
         InTime().engage(work, np.flatnonzero(np.isin(answers.status, lost)), answers, periods)
@@ -167,7 +164,6 @@ def engage_averaged(work: Work, periods: int, answers: Answers) -> bool:
     Far from the resonance it cannot: what ends the orbits there are terms that it leaves out. Nor is it asked where the
     detector does not see the tip.
     """
-    from phasemap._kernels.lever import near_resonance
     from phasemap._kernels.rows.fast import averaging_rows
 
     if sees_tip(work.lever):
@@ -210,8 +206,6 @@ class March(InTime):
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
         """See `Solver`."""
-        from phasemap._kernels.lever import low_q, near_resonance
-
         # Averaging knows no harmonics of the higher modes, which may decide on the branch.
         if work.lever[col.MODES] > 1 or not near_resonance(work.lever):
             self.engage(work, np.arange(len(work)), answers, accuracy.periods)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.columns import NOWHERE, StableOrbits
+from phasemap._kernels.scanning.quasi_static import next_branch
 from phasemap._shared.arrays import Array
 from phasemap._shared.notices import untold
 from phasemap._shared.threads import Progress, workers_of
@@ -151,8 +152,6 @@ def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float)
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: StableOrbits) -> NDArray[np.intp]:
     """On which of a material's orbits the tip is, coming to a pixel as it leaves the last."""
-    from phasemap._kernels.scanning.quasi_static import next_branch
-
     branches, offsets = (values.reshape(-1)[pixels] for values in carried(picture))
     comes = zip(numbers, branches, offsets, strict=True)
     return np.array([next_branch(orbits, int(i), int(branch), float(z0))[1] for i, branch, z0 in comes], np.intp)

@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.engagement.lowering import deepest_offset
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.engaged import DEEPEST
 from phasemap.imaging.imperfections import changes
@@ -118,8 +119,6 @@ def compare(again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
 
 def _decided(again: Again) -> Mask:
     """Where both solvers say that there is an orbit, or that there is none: where time did not stop lowering."""
-    from phasemap._kernels.engagement.lowering import deepest_offset
-
     decided = ~(np.isin(again.status, UNDECIDED) | np.isin(again.raw("status"), UNDECIDED))
     if "tip_offset" in again.picture:
         lever = lever_of(again.picture.claims.microscope)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -224,8 +225,6 @@ def _outside(table: Table) -> LongRange:
 
 def _columns_of(text: str) -> dict[str, Array]:
     """The columns of a text whose first line names them."""
-    import re
-
     lines = [line for line in text.splitlines() if line.strip()]
     names = [one.strip() for one in re.split(r"[,;\t]", lines[0].lstrip("# "))] if lines else []
     table = np.loadtxt((re.sub(r"[,;\t]", " ", line) for line in lines[1:]), ndmin=2)

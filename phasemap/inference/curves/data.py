@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
+from scipy.optimize import brentq
 
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.checks import number
@@ -157,8 +158,6 @@ class Setup:
 
 def _tuned(scope: Microscope, free_phase: float) -> Microscope:
     """The microscope driven where beside the resonance the free phase [degree] is this, or nearest to it."""
-    from scipy.optimize import brentq
-
     lever, width = scope.cantilever, min(10 * scope.cantilever.damping_ratio, 0.9)
     ends = 1 - width, 1 + width
 

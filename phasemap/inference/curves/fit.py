@@ -14,8 +14,12 @@ from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.curves.result import Fit
+from phasemap.inference.curves.data import Setup, check_data, check_parameters
+from phasemap.inference.curves.problem import Problem, search
+from phasemap.inference.curves.recorded import EVERY, begun, of_curve, under
+from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.verdict import PRIOR
+from phasemap.solvers.continuation.path import Question
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]
 
@@ -166,8 +170,6 @@ def fit_distance(
     >>> fit.good, round(fit.values["offset"] * 1e9, 2)
     (True, 3.0)
     """
-    from phasemap.inference.curves.recorded import EVERY, begun, of_curve, under
-
     height = number("offset", offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
     own, read = parameters, hasattr(tip_offsets, "data_vars")
@@ -196,11 +198,6 @@ def _fit(
     begun: tuple[Material, Microscope, float], parameters: Any, starts: int, known: Mapping[str, float] | None = None,
 ) -> Fit:  # fmt: skip
     """A fit from `begun`, as of `Setup`, tried first from the values `known` of a simpler law, if there are any."""
-    from phasemap.inference.curves.data import Setup, check_data, check_parameters
-    from phasemap.inference.curves.problem import Problem, search
-    from phasemap.inference.curves.result import make_fit
-    from phasemap.solvers.continuation.path import Question
-
     if axis == "frequency" and Question(*begun[:2]).only_in_time:
         allowed = "one of a material and a law that are not marched in time"
         raise InputError("a frequency response", Word("given"), allowed, "fit_distance fits these too.")

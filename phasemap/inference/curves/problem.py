@@ -10,6 +10,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.point import ENTRY_Z0
@@ -337,8 +338,6 @@ def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
 
 
 def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
-    from scipy.optimize import least_squares
-
     found: np.ndarray = least_squares(
         problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
         ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import low_q
-from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block
+from phasemap._kernels.quadrature import TABLES
+from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block, averaged_phases, exact_block
 from phasemap._kernels.rows.exact_derivatives import PLACE, exact_block_with_derivatives
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
@@ -27,6 +28,9 @@ from phasemap.experiment.material_rows import contact_stiffness, film_of, proper
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
 from phasemap.inference.verdict import REACH
+from phasemap.solvers.problem import Work
+from phasemap.solvers.run import run
+from phasemap.solvers.solver import Orbit
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
@@ -109,8 +113,6 @@ class Model:
         if self.averages:
             averaged_block(self.law, rows, STEP, setpoints, search, found)
             return found
-        from phasemap._kernels.quadrature import TABLES
-
         exact_block_with_derivatives(self.law, rows, STEP, setpoints, search, TABLES, found)
         return found
 
@@ -119,8 +121,6 @@ class Model:
 
         `asked` (shape (2, m)): where there may be an orbit at all; NaN elsewhere, and where there is none.
         """
-        from phasemap._kernels.rows.derivatives import averaged_phases
-
         rows, phases = self.rows(q), np.empty_like(places)
         sides = SIDES * np.ones(places.shape, np.int8) if asked is None else SIDES * asked
 
@@ -144,15 +144,9 @@ class Model:
         values, good = np.zeros((*sides.shape, 2)), np.zeros(sides.shape, np.bool_)
         rows = self.rows(q)
         if self.averages:
-            from phasemap._kernels.rows.derivatives import exact_block
-
             setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
             exact_block(self.law, rows, setpoints, LIMITS, values, good)
         for j in np.flatnonzero((~good & (sides != 0)).any(axis=0) & engage):
-            from phasemap.solvers.problem import Work
-            from phasemap.solvers.run import run
-            from phasemap.solvers.solver import Orbit
-
             some = np.flatnonzero(~good[:, j] & (sides[:, j] != 0))
             work = Work(self.law, rows[some], self.levers[j], np.full(len(some), self.amplitudes[j]))
             found, status, _ = run(Orbit(in_time=not self.averages), work, Accuracy(), threads=1)

@@ -10,6 +10,7 @@ from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from phasemap.inference.images.model import SIDES, Model
 from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, information, problem_of_pixels
@@ -117,8 +118,6 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
 
 def nearest(problem: Problem, grid: Grid) -> tuple[NDArray[np.intp], Array]:
     """The material of the grid that is nearest to the data of n pixels, -1 if there is none, and chi2 with it."""
-    from scipy.spatial.distance import cdist
-
     which, cost = np.full(len(problem.data), -1), np.full(len(problem.data), np.inf)
     nothing = np.zeros(problem.data.shape[1:])
     patterns, pattern_of = np.unique(problem.sides[:, 0], axis=0, return_inverse=True)

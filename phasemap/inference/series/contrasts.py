@@ -9,11 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.ndimage import shift as moved_by
+from scipy.ndimage import uniform_filter
 
 from phasemap._shared.arrays import as_array, within_half_a_turn
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
+from phasemap.comparison.registration import register
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
 from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
 
@@ -175,8 +178,6 @@ def _height_serves(images: Sequence[xr.Dataset], found: dict[str, list[Labels]],
 
 def _explained_variance(image: xr.Dataset, labels: Labels) -> float:
     """Share of the phase's variance, rows aligned and noise smoothed, that the regions explain."""
-    from scipy.ndimage import uniform_filter
-
     _, flat, _ = _aligned(on_one_turn(image["phase"].values), labels, 1 + int(labels.max()))
     smooth = uniform_filter(np.nan_to_num(flat, nan=_median(flat)), SMOOTHED)
     smooth = np.clip(smooth, *np.percentile(smooth, [1, 99]))
@@ -187,10 +188,6 @@ def _explained_variance(image: xr.Dataset, labels: Labels) -> float:
 
 def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Labels] | None:
     """The regions of one file laid on all others, None if they are of other places."""
-    from scipy.ndimage import shift as moved_by
-
-    from phasemap.comparison.registration import register
-
     fixed = images[best]
     if not all("height" in one and one["phase"].shape == labels.shape for one in images):
         return None

@@ -14,6 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import distance_transform_edt
+from scipy.special import ndtr
 
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap.inference.images.model import Model
@@ -46,8 +49,6 @@ class Table:
 
     def look(self, points: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Places, and whether there may be an orbit, shape (2, k), at points, shape (k, 5)."""
-        from scipy.interpolate import RegularGridInterpolator
-
         points = points[:, -len(self.axes) :]
         ends = np.array([[axis[0], axis[-1]] for axis in self.axes]).T
         inside = np.clip(points, *ends)
@@ -96,8 +97,6 @@ def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float
 
 def _filled(places: Array) -> Array:
     """Places for interpolation: beyond the end of a branch, those of the nearest node that has an orbit."""
-    from scipy.ndimage import distance_transform_edt
-
     filled = np.zeros_like(places)
     for branch in range(2):
         lost = np.isnan(places[..., branch])
@@ -362,8 +361,6 @@ def _drawn(logs: Array, rng: np.random.Generator) -> Indices:
 
 def _share(x: Array) -> Array:
     """Uniform over 0 ... 1 where x is normal within the reach."""
-    from scipy.special import ndtr
-
     low = ndtr(-REACH)
     share: Array = (ndtr(x) - low) / (1 - 2 * low)
     return share

@@ -18,6 +18,7 @@ from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
 from phasemap._shared.units import listed as listed_words
 from phasemap.io.metadata import of_simulation
+from phasemap.io.read import read_image
 
 OF_TUNE = {"drive_frequency": 2e-4, "drive_voltage": 0.02, "phase_zero": 5.0, "lock_in_phase": 1.0, "day": 0.5}
 """By which files of one tune differ at most: relatively, or in degrees and days."""
@@ -29,8 +30,6 @@ FREE_AMPLITUDES = ("free_amplitude", "free_amplitude_voltage")
 
 def read_files(files: Sequence[Any]) -> list[xr.Dataset]:
     """Images by their names, their attribute "title"; doubts of the readers are told with the file's name."""
-    from phasemap.io.read import read_image
-
     paths = [Path(one) if isinstance(one, str | os.PathLike) else None for one in files]
     often = Counter(path.name for path in paths if path)
     images, doubts = [], dict[str, list[str]]()
