@@ -166,6 +166,13 @@ class StableOrbits(NamedTuple):
     reach: np.ndarray  # shape (2, n); highest tip offset [m] from which a tip comes to each; infinite: from any
 
 
+class ErrorLimits(NamedTuple):
+    """Largest estimated errors with which an orbit by passes, or an averaged one, may stand."""
+
+    phase: float  # [rad]
+    tip_offset: float  # [m]
+
+
 class SolvedRows(NamedTuple):
     """Wide rows of the tip, whose integrals are to be filled in."""
 

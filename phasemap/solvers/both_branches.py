@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, StableOrbits
+from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, ErrorLimits, StableOrbits
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
@@ -132,8 +132,8 @@ def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) ->
     phase, height = accuracy.phase, accuracy.height
     if solver.name != "auto":
         phase, height = min(phase, PHASE), min(height, LENGTH)
-    limits = np.array([math.radians(phase), height])
-    allowed = {"auto": limits, "averaging": np.full(2, np.inf)}.get(solver.name, np.zeros(2))
+    limits = ErrorLimits(math.radians(phase), height)
+    allowed = {"auto": limits, "averaging": ErrorLimits(math.inf, math.inf)}.get(solver.name, ErrorLimits(0.0, 0.0))
     known, engaged = answers.of(ENGAGED), answers.status[ENGAGED] == col.GOOD
     for slot, side in SIDES.items():
         here = np.flatnonzero(engaged & ((known.rows[:, col.STIFFENING] > 0) == (slot == REPELLING)))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.lever import (
     detected_signal,
@@ -29,8 +30,8 @@ Found = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
 """Result rows, status and solver codes."""
 
 
-def engage(work: Work, limits: Array, answers: Answers) -> None:
-    """Orbits that curves lead to after engagement; `limits`: largest errors of passes [rad, m]."""
+def engage(work: Work, limits: ErrorLimits, answers: Answers) -> None:
+    """Orbits of the tip that curves of orbits give after engagement."""
     from phasemap._kernels.quadrature import TABLES
     from phasemap._kernels.rows.exact import seen_rows
 

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.lever import beside_resonance, low_q, near_resonance
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.checks import check_choice
@@ -94,7 +95,7 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
     from phasemap._kernels.rows.fast import cheap_rows
 
     phase, height = limits
-    status, allowed = answers.status, np.array([math.radians(phase), height])
+    status, allowed = answers.status, ErrorLimits(math.radians(phase), height)
     if not sees_tip(work.lever):
         engage_seen(work, allowed, answers)
         return
@@ -282,7 +283,7 @@ class OnlyInTime(FromFar):
         """Find the chosen rows by the lever's response, as exactly as the march does, where that is possible."""
         from phasemap._kernels.rows.marched import relaxing_rows
 
-        some, limits = answers.of(chosen), np.array([ERROR_PHASE, ERROR_HEIGHT])
+        some, limits = answers.of(chosen), ErrorLimits(ERROR_PHASE, ERROR_HEIGHT)
         relaxing_rows(work.part(chosen).pixels, limits, some)
         answers.put(chosen, some)
 

@@ -11,6 +11,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement import holding, holding_mean, in_time, lowering
+from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state
@@ -44,19 +45,19 @@ WHATS = ("hold", "hold_mean", "move_to_mean_amplitude", "follow_down", "fall", "
 @kernel
 def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, row: np.ndarray) -> None:
     """One of these: they are compiled together."""
-    tolerance = period_map.Tolerance(0.5, 1e-7 * amplitude, 1e-12)
+    goal = Goal(amplitude, 0.25, most)
     if what == 0:
-        holding.hold(problem, amplitude, 0.25, most, tip, row)
+        holding.hold(problem, goal, tip, row)
     elif what == 1:
-        holding_mean.hold_mean(problem, amplitude, holding_mean.EAGER_GAIN, 0.25, most, tip, row)
+        holding_mean.hold_mean(problem, goal, holding_mean.EAGER_GAIN, tip, row)
     elif what == 2:
-        in_time.move_to_mean_amplitude(problem, amplitude, 0.0, tolerance, most, tip)
+        in_time.move_to_mean_amplitude(problem, goal, 0.0, tip)
     elif what == 3:
-        lowering.follow_down(problem, amplitude, 1e-10, 0.0, tolerance, most, tip)
+        lowering.follow_down(problem, goal, 1e-10, 0.0, tip)
     elif what == 4:
-        lowering.fall_to_setpoint(problem, amplitude, 1e-12, 0.0, tolerance, most, tip)
+        lowering.fall_to_setpoint(problem, goal, 1e-12, 0.0, tip)
     else:
-        period_map.come_to_rest(problem, tolerance, most, tip)
+        period_map.come_to_rest(problem, coarse_tolerance(goal), most, tip)
 
 
 @pytest.mark.slow

@@ -90,7 +90,7 @@ def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
 
 
 @record
-class Descent:
+class CurveDescent:
     """A tip that is lowered along the curve."""
 
     lowest: float  # tip offset so far [m]
@@ -99,7 +99,7 @@ class Descent:
 
 @kernel
 def descend(
-    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit
+    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: CurveDescent, found: Orbit
 ) -> int:  # fmt: skip
     """Go on from one point of the curve to another, whose orbit is `near`, with no turn of the amplitude between.
 
@@ -128,7 +128,7 @@ def descend(
 
 @kernel
 def descend_by_turn(
-    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: Descent, found: Orbit
+    path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: CurveDescent, found: Orbit
 ) -> int:  # fmt: skip
     """Go down from one point of the curve to the next, by the point between at which the amplitude turns, if any.
 
@@ -153,7 +153,7 @@ def descend_by_turn(
 def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWorkspace) -> int:
     """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, in `curve.found`."""
     orbit, saved, found = curve
-    amplitude, step, way = wanted.value, FIRST_ARC_STEP, Descent()
+    amplitude, step, way = wanted.value, FIRST_ARC_STEP, CurveDescent()
     way.lowest = math.inf
     highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
     for _ in range(MOST_APPROACH_POINTS):

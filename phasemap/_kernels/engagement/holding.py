@@ -9,7 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import has_one_orbit, sure_orbit
-from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, fine_tolerance, hold_mean
+from phasemap._kernels.engagement.goal import Goal, fine_tolerance
+from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, hold_mean
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
@@ -27,30 +28,26 @@ NEAR_PERIODS = 40  # and at least so many periods
 
 
 @kernel
-def hold(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, tip: Tip, row: np.ndarray
-) -> int:
+def hold(oscillator: Oscillator, goal: Goal, tip: Tip, row: np.ndarray) -> int:
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row.
 
     A tip that engages beats periods from where it swung freely. One that begins in a contact with memory knows only
     nearly what is inside, so that the orbit is sought again from where it is highest.
     """
     law, p = oscillator.law, oscillator.p
-    tolerance = fine_tolerance(p, step_size, amplitude)
-    status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
+    tolerance = fine_tolerance(p, goal)
+    status = hold_periodic(oscillator, tolerance, goal.amplitude, goal.most_periods, tip, row)
     if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and lingering(oscillator) == 0:
         again = row.copy()
-        if hold_orbit_near_row(oscillator, amplitude, step_size, most_periods, False, again):
+        if hold_orbit_near_row(oscillator, goal, False, again):
             copy(again, row)
     if status != col.NOT_SETTLED:
         return status
-    return hold_mean(oscillator, amplitude, EAGER_GAIN, step_size, most_periods, tip, row)
+    return hold_mean(oscillator, goal, EAGER_GAIN, tip, row)
 
 
 @kernel
-def hold_from_row(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
-) -> int:
+def hold_from_row(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     """Hold an amplitude [m] in time, starting from the orbit in the result row, which is filled anew.
 
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
@@ -58,54 +55,46 @@ def hold_from_row(
     law, lever = oscillator.law, oscillator.lever
     tip = Tip(state_on(law, lever, row[col.AMPLITUDE], row), PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
-    return hold(oscillator, amplitude, step_size, most_periods, tip, row)
+    return hold(oscillator, goal, tip, row)
 
 
 @kernel
-def hold_orbit_near_row(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, forms: bool, row: np.ndarray
-) -> bool:
+def hold_orbit_near_row(oscillator: Oscillator, goal: Goal, forms: bool, row: np.ndarray) -> bool:
     """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, which is filled anew.
 
     Over dents that last, where they form under the tip first. False where time leads to none within so many periods, or
     to one on the other side of the resonance.
     """
     law, p, lever = oscillator
-    tip = Tip(state_on(law, lever, amplitude, row), PeriodResult(), PeriodMap(), Periods())
-    repelled, tolerance = row[col.PHASE] > 0.0, fine_tolerance(p, step_size, amplitude)
-    if forms and not form_dents(oscillator, tolerance, amplitude, most_periods, tip):
+    tip = Tip(state_on(law, lever, goal.amplitude, row), PeriodResult(), PeriodMap(), Periods())
+    repelled, tolerance = row[col.PHASE] > 0.0, fine_tolerance(p, goal)
+    if forms and not form_dents(oscillator, tolerance, goal.amplitude, goal.most_periods, tip):
         return False
-    status = hold_periodic(oscillator, tolerance, amplitude, most_periods, tip, row)
+    status = hold_periodic(oscillator, tolerance, goal.amplitude, goal.most_periods, tip, row)
     return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
 
 
 @kernel
 def hold_over_remembering_surface(
-    oscillator: Oscillator,
-    amplitude: float,
-    step_size: float,
-    most_periods: int,
-    top: Maximum,
-    harmonic: HarmonicOrbit,
-    row: np.ndarray,
+    oscillator: Oscillator, goal: Goal, top: Maximum, harmonic: HarmonicOrbit, row: np.ndarray
 ) -> int:
     """Motion over a surface that remembers, started from the averaged orbit; PENDING where averaging is not sure of it.
 
     Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
     p, lever = oscillator.p, oscillator.lever
-    if not sure_orbit(oscillator, amplitude, top, harmonic):
+    if not sure_orbit(oscillator, goal.amplitude, top, harmonic):
         return col.PENDING
     if has_one_orbit(p, lever):
         fill_row_of_harmonic(lever, harmonic, row)
-        return hold_from_row(oscillator, amplitude, step_size, most_periods, row)
-    near = min(most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
+        return hold_from_row(oscillator, goal, row)
+    near = min(goal.most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for finer in (1.0, SECOND_TRY):
         fill_row_of_harmonic(lever, harmonic, row)
-        if hold_orbit_near_row(oscillator, amplitude, finer * step_size, near, False, row):
+        if hold_orbit_near_row(oscillator, Goal(goal.amplitude, finer * goal.step_size, near), False, row):
             return col.GOOD
     fill_row_of_harmonic(lever, harmonic, row)
-    return col.GOOD if hold_orbit_near_row(oscillator, amplitude, step_size, most_periods, True, row) else col.PENDING
+    return col.GOOD if hold_orbit_near_row(oscillator, goal, True, row) else col.PENDING
 
 
 @kernel

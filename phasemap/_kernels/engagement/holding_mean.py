@@ -30,21 +30,16 @@ from phasemap._kernels.engagement.averages import (
     touches_alike,
     with_average,
 )
+from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, fine_tolerance
 from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.excitation import detected_phasor, sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis
 from phasemap._kernels.lever import free_amplitude, mode_of
 from phasemap._kernels.orbits.orbit_nodes import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
-from phasemap._kernels.orbits.time.period_map import Tolerance, fill_row_at_rest, fill_row_of_period, skip_transient
+from phasemap._kernels.orbits.time.period_map import fill_row_at_rest, fill_row_of_period, skip_transient
 from phasemap._kernels.orbits.time.tip import Z0, Tip, divide_result
 from phasemap._kernels.records import record
 
-COARSER_STEPS = 2.0  # on the way to the setpoint, over those of a periodic orbit
-WIDER_ERRORS = 100.0  # the same of the errors allowed
-STATE_ERROR = math.radians(1e-5)  # of a periodic orbit in (z, z'), of its amplitude
-OFFSET_ERROR = 1e-14  # of a periodic orbit [m]
-# Steps of a periodic orbit through a neck, over others; of order 8, this makes the error 60 times smaller
-NECK_STEPS = 0.6
 GROUP = 4  # averages that are one independent value of the mean
 LEAST_GROUPS = 5  # of these that are needed
 STICKY_GROUP = 2  # the same of a contact with hysteresis, whose motion forgets sooner
@@ -68,19 +63,6 @@ TOO_FEW = 0  # go on
 PRECISE = 1
 HOPELESS = 2  # too many more are needed
 HUNTING = 3  # the amplitude jumps across the setpoint
-
-
-@kernel
-def fine_tolerance(p: np.ndarray, step_size: float, amplitude: float) -> Tolerance:
-    """Steps and errors of a periodic orbit of this amplitude [m]: smaller steps through a neck, for the same error."""
-    size = step_size if not has_hysteresis(p) else NECK_STEPS * step_size
-    return Tolerance(size, STATE_ERROR * amplitude, OFFSET_ERROR)
-
-
-@kernel
-def coarse_tolerance(step_size: float, amplitude: float) -> Tolerance:
-    """Steps and errors on the way to the setpoint, of this amplitude [m]."""
-    return Tolerance(COARSER_STEPS * step_size, WIDER_ERRORS * STATE_ERROR * amplitude, WIDER_ERRORS * OFFSET_ERROR)
 
 
 class Controller(NamedTuple):
@@ -238,15 +220,7 @@ def fill_mean(
 
 
 @kernel
-def hold_mean(
-    oscillator: Oscillator,
-    amplitude: float,
-    gain: float,
-    step_size: float,
-    most_periods: int,
-    tip: Tip,
-    row: np.ndarray,
-) -> int:
+def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: Tip, row: np.ndarray) -> int:
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
@@ -257,9 +231,9 @@ def hold_mean(
     `gain` is that of the controller at first, but at most SLOW_GAIN past a contact with hysteresis: a tip that is moved
     faster takes to another pattern of taps than the one that it lands on.
     """
-    p, lever = oscillator.p, oscillator.lever
+    p, lever, (amplitude, step_size, most_periods) = oscillator.p, oscillator.lever, goal
     size = amplitude if amplitude > 0.0 else free_amplitude(lever)
-    tolerance = fine_tolerance(p, step_size, size)
+    tolerance = fine_tolerance(p, Goal(size, step_size, most_periods))
     sticky, block, rough = has_hysteresis(p), block_of(lever), COARSER_STEPS * step_size
     slow = Controller(
         amplitude, min(gain, SLOW_GAIN), sticky, rough, block, STICKY_GROUP if sticky else GROUP,

@@ -26,18 +26,12 @@ from phasemap._kernels.engagement.averages import (
     mean_amplitude,
     touches_alike,
 )
+from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
 from phasemap._kernels.engagement.holding import hold
-from phasemap._kernels.engagement.holding_mean import (
-    COARSER_STEPS,
-    EAGER_GAIN,
-    SLOW_GAIN,
-    coarse_tolerance,
-    fine_tolerance,
-    hold_mean,
-)
+from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.lowering import (
-    AMPLITUDE_SEEN,
+    AMPLITUDE_REACHED,
     DISTURBED,
     FAR_BESIDE,
     LAST_GAIN,
@@ -63,13 +57,7 @@ from phasemap._kernels.law import Oscillator, has_hysteresis
 from phasemap._kernels.lever import free_amplitude, free_phasor, scale_of
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.orbits import far_start
-from phasemap._kernels.orbits.time.period_map import (
-    Tolerance,
-    come_to_rest,
-    fill_row_at_rest,
-    march_tip,
-    skip_transient,
-)
+from phasemap._kernels.orbits.time.period_map import come_to_rest, fill_row_at_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state, ring_down_periods
 from phasemap._kernels.records import assign
 
@@ -114,9 +102,7 @@ def amplitude_after_jump(
 
 
 @kernel
-def move_to_mean_amplitude(
-    oscillator: Oscillator, amplitude: float, least: float, tolerance: Tolerance, most_periods: int, tip: Tip
-) -> int:
+def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip: Tip) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached; returns how the motion ends.
 
     Past a contact with hysteresis it goes faster as long as amplitude and z0 change alike and the motion stays as
@@ -124,7 +110,8 @@ def move_to_mean_amplitude(
     taps. It ends with ORBIT_AGAIN where the motion repeats itself every period, but not before z0
     has changed by `least` [m].
     """
-    p, lever = oscillator.p, oscillator.lever
+    p, lever, tolerance = oscillator.p, oscillator.lever, coarse_tolerance(goal)
+    amplitude, _, most_periods = goal
     block, slow, from_z0 = block_of(lever), slow_pace(lever), tip.u[Z0]
     hasty, haste = has_hysteresis(p), 1.0
     step_size = ROUGH_STEPS * tolerance.step_size if hasty else tolerance.step_size
@@ -157,7 +144,7 @@ def move_to_mean_amplitude(
             if math.isnan(now):
                 return TIME_SPENT
         if (now <= amplitude) == down:
-            return AMPLITUDE_SEEN
+            return AMPLITUDE_REACHED
         if too_far(lever, from_z0, tip.u[Z0]):
             return LOWEST_OFFSET
         before, change = now, lock_in.change
@@ -173,34 +160,32 @@ def move_to_mean_amplitude(
 
 @kernel
 def lower_to_setpoint(
-    oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
-    tip: Tip, row: np.ndarray,
+    oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray,
 ) -> int:  # fmt: skip
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)
-    tolerance = coarse_tolerance(step_size, amplitude)
     least, pace, loose = NEXT_TRY * free, pace_of_leap(oscillator), False
     # Too short for more than to see that the surface catches the tip
-    short = WHOLE_FALL * ring_down_periods(lever) > most_periods
+    short = WHOLE_FALL * ring_down_periods(lever) > goal.most_periods
     while True:
         if loose and pace > 0.0:
-            ends, periodic = fall_to_setpoint(oscillator, amplitude, 0.0, 0.0, tolerance, most_periods, tip), False
+            ends, periodic = fall_to_setpoint(oscillator, goal, 0.0, 0.0, tip), False
         else:
-            ends = follow_down(oscillator, amplitude, step, TRAIL_PERIODS * pace, tolerance, most_periods, tip)
-            periodic = ends == AMPLITUDE_SEEN
+            ends = follow_down(oscillator, goal, step, TRAIL_PERIODS * pace, tip)
+            periodic = ends == AMPLITUDE_REACHED
         if ends == ORBIT_LEFT:
             if pace > 0.0:
-                ends = fall_to_setpoint(oscillator, amplitude, pace, least, tolerance, most_periods, tip)
-                if short and not (ends == ORBIT_HELD and sticks(p, lever, amplitude, tip)):
+                ends = fall_to_setpoint(oscillator, goal, pace, least, tip)
+                if short and not (ends == ORBIT_HELD and sticks(p, lever, goal.amplitude, tip)):
                     return col.NOT_SETTLED
             else:
-                ends = move_to_mean_amplitude(oscillator, amplitude, least, tolerance, most_periods, tip)
+                ends = move_to_mean_amplitude(oscillator, goal, least, tip)
             least *= 2.0
-        if law.memory == 0 and ends in (AMPLITUDE_SEEN, ORBIT_HELD) and sticks(p, lever, amplitude, tip):
+        if law.memory == 0 and ends in (AMPLITUDE_REACHED, ORBIT_HELD) and sticks(p, lever, goal.amplitude, tip):
             if loose:
                 return col.NO_STABLE_ORBIT
-            comes = raise_stuck_tip(oscillator, amplitude, periodic, pace > 0.0, tolerance, most_periods, tip)
+            comes = raise_stuck_tip(oscillator, goal, periodic, pace > 0.0, tip)
             if comes == JUMPS_FREE:
                 return col.NO_STABLE_ORBIT
             if comes == REACHES_AMPLITUDE:
@@ -209,13 +194,11 @@ def lower_to_setpoint(
                 loose = True
                 continue
         if periodic or ends == ORBIT_HELD:
-            return hold(oscillator, amplitude, step_size, most_periods, tip, row)
+            return hold(oscillator, goal, tip, row)
         if ends == MOTION_KEPT:
-            return hold_mean(oscillator, amplitude, SLOW_GAIN, step_size, most_periods, tip, row)
-        if ends == AMPLITUDE_SEEN:
-            return hold_mean(
-                oscillator, amplitude, LAST_GAIN if pace > 0.0 else EAGER_GAIN, step_size, most_periods, tip, row
-            )
+            return hold_mean(oscillator, goal, SLOW_GAIN, tip, row)
+        if ends == AMPLITUDE_REACHED:
+            return hold_mean(oscillator, goal, LAST_GAIN if pace > 0.0 else EAGER_GAIN, tip, row)
         if ends != ORBIT_AGAIN:
             return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
 
@@ -244,26 +227,26 @@ def share_before_ringing(oscillator: Oscillator, most_periods: int) -> float:
 
 
 @kernel
-def engage_by_march(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
-) -> int:
+def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     """Engage from far: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
 
-    `step_size` is as for `march_period`. Returns GOOD; NOT_SETTLED after `most_periods` periods; NO_STABLE_ORBIT where
-    it was lowered as far as a tip is, or the amplitude jumps across the setpoint.
+    Returns GOOD; NOT_SETTLED after the periods allowed; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
+    amplitude jumps across the setpoint.
     """
     law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
+    amplitude, step_size, most_periods = goal
     z0, step = free * far_start(oscillator, amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
     share = share_before_ringing(oscillator, most_periods)
     row[:] = math.nan
-    status = lower_to_setpoint(oscillator, amplitude, step, step_size, int(min(share, 1.0) * most_periods), tip, row)
+    first = Goal(amplitude, step_size, int(min(share, 1.0) * most_periods))
+    status = lower_to_setpoint(oscillator, first, step, tip, row)
     if status != col.NOT_SETTLED or share > 1.0:
         return status
     again = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
     began = again.periods.marched = tip.periods.marched
     row[:] = math.nan
-    status = engage_ringing(oscillator, amplitude, step, step_size, most_periods, again, row)
+    status = engage_ringing(oscillator, goal, step, again, row)
     spent = again.periods.marched
     if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most_periods:
         return status
@@ -271,24 +254,22 @@ def engage_by_march(
     start, other = free_state(law, lever, z0 + NEXT_TRY * free), np.empty(col.COLUMNS)
     tip = Tip(start, PeriodResult(), PeriodMap(), Periods())
     tip.periods.marched = spent
-    if engage_ringing(oscillator, amplitude, step, step_size, most_periods, tip, other) != col.GOOD:
+    if engage_ringing(oscillator, goal, step, tip, other) != col.GOOD:
         return col.GOOD
     allowed = SAME_PHASE + row[col.ERROR_PHASE] + (other[col.ERROR_PHASE] if other[col.SPREAD_AMPLITUDE] > 0.0 else 0.0)
     return col.GOOD if abs(other[col.PHASE] - row[col.PHASE]) < allowed else col.NOT_SETTLED
 
 
 @kernel
-def engage_with_second_drive(
-    oscillator: Oscillator, amplitude: float, step_size: float, most_periods: int, row: np.ndarray
-) -> int:
+def engage_with_second_drive(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     """Engage from far a lever whose second mode is driven too, as `engage_by_march`."""
     law, p, shared = oscillator
     lever = np.empty(len(shared))
     copy(shared, lever)
-    u = free_state(law, lever, free_amplitude(lever) * far_start(oscillator, amplitude))
+    u = free_state(law, lever, free_amplitude(lever) * far_start(oscillator, goal.amplitude))
     begin_second_drive(lever, u)
     row[:] = math.nan
-    return move_to_amplitude(Oscillator(law, p, lever), amplitude, step_size, most_periods, u, row)
+    return move_to_amplitude(Oscillator(law, p, lever), goal.amplitude, goal.step_size, goal.most_periods, u, row)
 
 
 @kernel
@@ -309,13 +290,13 @@ def move_to_tip_offset(
     if not average(oscillator, COARSER_STEPS * step_size, count, move, tip, lock_in):
         return col.NOT_SETTLED
     u[Z0] = z0
-    tolerance = fine_tolerance(p, step_size, free_amplitude(lever))
+    tolerance = fine_tolerance(p, Goal(free_amplitude(lever), step_size, most_periods))
     if come_to_rest(
         oscillator, tolerance, min(int(DISTURBED * ring_down_periods(lever)), most_periods - tip.periods.marched), tip
     ):
         fill_row_at_rest(lever, tip, row)
         return col.GOOD
-    return hold_mean(oscillator, 0.0, 0.0, step_size, most_periods, tip, row)
+    return hold_mean(oscillator, Goal(0.0, step_size, most_periods), 0.0, tip, row)
 
 
 @kernel
@@ -333,10 +314,10 @@ def move_to_amplitude(
         return col.NOT_SETTLED
     if driven:
         pass_period(lever)
-    tolerance, least = coarse_tolerance(step_size, amplitude), math.inf if driven else NEXT_TRY * free_amplitude(lever)
-    ends = move_to_mean_amplitude(oscillator, amplitude, least, tolerance, most_periods, tip)
+    goal, least = Goal(amplitude, step_size, most_periods), math.inf if driven else NEXT_TRY * free_amplitude(lever)
+    ends = move_to_mean_amplitude(oscillator, goal, least, tip)
     if ends == ORBIT_AGAIN:
-        return hold(oscillator, amplitude, step_size, most_periods, tip, row)
-    if ends == AMPLITUDE_SEEN:
-        return hold_mean(oscillator, amplitude, EAGER_GAIN, step_size, most_periods, tip, row)
+        return hold(oscillator, goal, tip, row)
+    if ends == AMPLITUDE_REACHED:
+        return hold_mean(oscillator, goal, EAGER_GAIN, tip, row)
     return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT

@@ -16,6 +16,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.side_from_far import forces_are_plain, leaps
 from phasemap._kernels.engagement.stuck import in_contact_throughout
@@ -26,7 +27,7 @@ from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import FARTHEST_AT_ALL
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, pass_many
-from phasemap._kernels.orbits.time.period_map import Tolerance, come_to_rest, march_tip, skip_transient
+from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import (
     Z0,
     Tip,
@@ -62,13 +63,15 @@ FEEDBACK_PATIENCE = 400.0  # ring-down times in which the feedback has to come t
 FEEDBACK_SHARE = 0.3  # of the periods allowed, after which the mean of a motion that does not is taken
 LAST_GAIN = FIRST_GAIN / (1.0 + FEEDBACK_PATIENCE / GAIN_HALVES)
 # How lowering ends.
-AMPLITUDE_SEEN = 0  # reached
+AMPLITUDE_REACHED = 0  # reached
 ORBIT_LEFT = 1  # no periodic orbit
 TIME_SPENT = 2
 LOWEST_OFFSET = 3  # as low as a tip is lowered
 ORBIT_AGAIN = 4  # periodic again
 ORBIT_HELD = 5  # on the amplitude
 MOTION_KEPT = 6  # on the amplitude, and not periodic
+JUMPED = 7  # across the amplitude
+MOVED = 8  # as long as was asked
 KEPT_WITHIN = 0.01  # of the amplitude, by which what is seen may miss it to be MOTION_KEPT
 KEPT_FOR = 40  # ring-down times of that
 WHOLE_FALL = 64.0  # ring-down times that a fall takes with what comes before and after, unless the tip sticks
@@ -108,15 +111,7 @@ def pace_of_leap(oscillator: Oscillator) -> float:
 
 
 @kernel
-def follow_down(
-    oscillator: Oscillator,
-    amplitude: float,
-    step: float,
-    trail: float,
-    tolerance: Tolerance,
-    most_periods: int,
-    tip: Tip,
-) -> int:
+def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, tip: Tip) -> int:
     """Lower the tip along periodic orbits until the amplitude is reached; returns how the motion ends.
 
     LOWEST_OFFSET is said a hundredth of a metre down.
@@ -124,12 +119,12 @@ def follow_down(
     Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
     ends; what comes next is then for time to say, at first for some ring-down times.
     """
-    p, lever = oscillator.p, oscillator.lever
+    p, lever, amplitude, tolerance = oscillator.p, oscillator.lever, goal.amplitude, coarse_tolerance(goal)
     u, linear, slopes = tip.u, tip.linear, Way()
     before, predicted = np.empty(motion_size(lever)), np.empty(motion_size(lever))
     patience = int((DISTURBED if not has_hysteresis(p) else DISTURBED_NECK) * ring_down_periods(lever))
     stride, slope = 0.0, 0.0
-    while tip.periods.marched < most_periods:
+    while tip.periods.marched < goal.most_periods:
         if u[Z0] < -FARTHEST_AT_ALL:
             return LOWEST_OFFSET
         copy_state(u, before)
@@ -155,10 +150,10 @@ def follow_down(
         elif not rests:
             copy(before, u)
             u[Z0] -= stride
-            if not come_to_rest(oscillator, tolerance, min(patience, most_periods - tip.periods.marched), tip):
+            if not come_to_rest(oscillator, tolerance, min(patience, goal.most_periods - tip.periods.marched), tip):
                 return ORBIT_LEFT
         if amplitude_of(lever, tip.acc) <= amplitude:
-            return AMPLITUDE_SEEN
+            return AMPLITUDE_REACHED
         slope = slopes_of_orbit(linear, slopes)
         if stride == 0.0:
             stride = 0.1 * step
@@ -232,15 +227,13 @@ def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip,
 
 
 @kernel
-def end_of_fall(
-    oscillator: Oscillator, fall: Fall, tolerance: Tolerance, far: bool, most_periods: int, tip: Tip, seen: Seen
-) -> int:
+def end_of_fall(oscillator: Oscillator, goal: Goal, far: bool, tip: Tip, seen: Seen) -> int:
     """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. Orbits above the amplitude count if `far`."""
-    ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), fall.amplitude
-    still, held = seen.change < STILL_MOTION * amplitude, seen.held > 0
-    if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * most_periods):
+    ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), goal.amplitude
+    still, held, tolerance = seen.change < STILL_MOTION * amplitude, seen.held > 0, coarse_tolerance(goal)
+    if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * goal.most_periods):
         if not still:
-            return AMPLITUDE_SEEN
+            return AMPLITUDE_REACHED
         return ORBIT_AGAIN if math.hypot(seen.cos, seen.sin) > amplitude else ORBIT_HELD
     if still and held:
         if in_contact_throughout(oscillator.p, tip):
@@ -253,24 +246,16 @@ def end_of_fall(
 
 
 @kernel
-def fall_to_setpoint(
-    oscillator: Oscillator,
-    amplitude: float,
-    pace: float,
-    least: float,
-    tolerance: Tolerance,
-    most_periods: int,
-    tip: Tip,
-) -> int:
+def fall_to_setpoint(oscillator: Oscillator, goal: Goal, pace: float, least: float, tip: Tip) -> int:
     """Lower the tip by `pace` [m] a period until its motion repeats itself, above the amplitude or at it.
 
     A pace of 0 leaves it to the feedback from the start.
 
     Returns ORBIT_AGAIN or ORBIT_HELD, also where it stays in contact above the amplitude or below. Else MOTION_KEPT
-    where the feedback holds it so for long, AMPLITUDE_SEEN where it does not come to rest, TIME_SPENT or LOWEST_OFFSET.
-    An orbit above the amplitude is not looked for before z0 has fallen by `least` [m].
+    where the feedback holds it so for long, AMPLITUDE_REACHED where it does not come to rest, TIME_SPENT or
+    LOWEST_OFFSET. An orbit above the amplitude is not looked for before z0 has fallen by `least` [m].
     """
-    lever, acc, u = oscillator.lever, tip.acc, tip.u
+    lever, acc, u, amplitude, tolerance = oscillator.lever, tip.acc, tip.u, goal.amplitude, coarse_tolerance(goal)
     ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), PeriodFlow(), 0
     if not march_tip(oscillator, tolerance.step_size, tip):
         return TIME_SPENT
@@ -279,12 +264,12 @@ def fall_to_setpoint(
     fall = Fall(amplitude, pace, tolerance.step_size, falls_gently(oscillator))
     if seen.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.step_size, pace, tip, flow):
         return TIME_SPENT
-    while tip.periods.marched + ring <= most_periods:
+    while tip.periods.marched + ring <= goal.most_periods:
         if not pass_ring_down_time(oscillator, fall, ring, tip, flow, seen):
             return TIME_SPENT
         if too_far(lever, from_z0, u[Z0]):
             return LOWEST_OFFSET
-        ends = end_of_fall(oscillator, fall, tolerance, from_z0 - u[Z0] > least, most_periods, tip, seen)
+        ends = end_of_fall(oscillator, goal, from_z0 - u[Z0] > least, tip, seen)
         if ends != ORBIT_LEFT:
             return ends
         steady = steady + 1 if seen.held > 0 and seen.missed < KEPT_WITHIN * amplitude else 0

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.exact_orbit import (
     CurveWorkspace,
@@ -41,7 +42,7 @@ class RowWorkspace(NamedTuple):
 
     at: OrbitNodes
     response: ResponseWorkspace
-    limits: np.ndarray
+    limits: ErrorLimits
     harmonic: HarmonicOrbit
     row: np.ndarray
     curve: CurveWorkspace
@@ -52,7 +53,7 @@ def new_row_workspace(
     lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, response: ResponseWorkspace
 ) -> RowWorkspace:
     """A workspace with these nodes, and that of the passes."""
-    limits = np.array([AGAIN_PHASE, AGAIN_HEIGHT])
+    limits = ErrorLimits(AGAIN_PHASE, AGAIN_HEIGHT)
     return RowWorkspace(
         at, response, limits, HarmonicOrbit(), np.zeros(col.COLUMNS), new_curve_workspace(lever, tables)
     )

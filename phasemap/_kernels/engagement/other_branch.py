@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.end_of_attractive_branch import (
     CLOSEST,
@@ -157,7 +158,7 @@ def refined_orbit_on_branch(
     oscillator: Oscillator,
     amplitude: float,
     side: int,
-    limits: np.ndarray,
+    limits: ErrorLimits,
     harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> int:

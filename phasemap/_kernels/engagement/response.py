@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import GOOD, KNOWN, NOT_CONVERGED, PENDING
+from phasemap._kernels.columns import GOOD, KNOWN, NOT_CONVERGED, PENDING, ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, fill_setpoint_orbit_on_side, worst_amplitude
 from phasemap._kernels.engagement.end_of_attractive_branch import (
@@ -35,7 +35,7 @@ def cheap_orbit(
     oscillator: Oscillator,
     amplitude: float,
     surety: int,
-    limits: np.ndarray,
+    limits: ErrorLimits,
     harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> int:
@@ -78,14 +78,14 @@ def cheap_orbit(
 
 @kernel
 def averaging_suffices(
-    lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState, limits: np.ndarray, row: np.ndarray
+    lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState, limits: ErrorLimits, row: np.ndarray
 ) -> bool:
-    """Whether the averaged orbit is within `limits` (phase [rad], height [m]) of the exact one; then fills its row."""
+    """Whether the averaged orbit is within `limits` of the exact one; then fills its row."""
     phase_error = (
         abs(phase_of(lever, harmonic.amplitude, harmonic.push, harmonic.drag) - state.phase) + state.phase_error
     )
     height_error = abs(harmonic.tip_offset - state.tip_offset) + state.tip_offset_error
-    if not (phase_error < limits[0] and height_error < limits[1]):
+    if not (phase_error < limits.phase and height_error < limits.tip_offset):
         return False
     fill_row_of_harmonic(lever, harmonic, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
@@ -94,7 +94,7 @@ def averaging_suffices(
 
 @kernel
 def choose(
-    lever: np.ndarray, harmonic: HarmonicOrbit, nodes: Nodes, state: PassState, average: bool, limits: np.ndarray,
+    lever: np.ndarray, harmonic: HarmonicOrbit, nodes: Nodes, state: PassState, average: bool, limits: ErrorLimits,
     row: np.ndarray,
 ) -> int:  # fmt: skip
     """Fill a row with the averaged orbit if it may stand and suffices, else with the exact one; returns the solver."""

@@ -27,19 +27,16 @@ from phasemap._kernels.engagement.averages import (
     mean_amplitude,
     mean_phasor,
 )
-from phasemap._kernels.engagement.holding_mean import (
-    GROUP,
-    SLOW_GAIN,
-    WORST_CLOSURE,
-    coarse_tolerance,
-    fine_tolerance,
-    hold_mean,
-)
+from phasemap._kernels.engagement.goal import Goal, coarse_tolerance, fine_tolerance
+from phasemap._kernels.engagement.holding_mean import GROUP, SLOW_GAIN, WORST_CLOSURE, hold_mean
 from phasemap._kernels.engagement.lowering import (
-    AMPLITUDE_SEEN,
+    AMPLITUDE_REACHED,
     DISTURBED,
     FEWEST_RINGING,
+    JUMPED,
     LOWEST_OFFSET,
+    MOVED,
+    TIME_SPENT,
     follow_down,
     too_far,
 )
@@ -63,16 +60,10 @@ PATTERN_SHARE = 0.25  # of the periods left, which a pattern may be followed, or
 BLOCK_JUMP = 0.05  # of the setpoint, by which the amplitude changes in a block only where it jumps
 MOST_CROSSINGS = 4  # jumps across the setpoint, after which it is given up
 LOCK_IN_SETTLES = 400  # periods in which a lock-in settles
-# How moving slowly ends.
-MOVED = 0  # a pattern may be looked for
-JUMPED = 1  # across the setpoint: one may be looked for at once
-AT_SETPOINT = 2
-TOO_DEEP = 3
-OUT_OF_TIME = 4
 
 
 @record
-class Descent:
+class SlowApproach:
     """A tip that is lowered and raised slowly."""
 
     cos: float  # phasor [m] behind a low-pass as long as the motion rings down
@@ -115,23 +106,22 @@ def fill_row_of_pattern(oscillator: Oscillator, step_size: float, tip: Tip, row:
 
 @kernel
 def follow_and_hold(
-    oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
-    tip: Tip, row: np.ndarray,
+    oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray,
 ) -> int:  # fmt: skip
     """Lower a tip along a periodic pattern of taps, or from far, and hold the amplitude when it reaches it.
 
     Returns GOOD; NOT_CONVERGED where the pattern ends, or UNSTABLE where it ends as it is held; else what is final.
     """
     law, p, lever = oscillator
-    quick, periods, ends = with_ring_down(lever, QUICK_RINGING), tip.periods, AMPLITUDE_SEEN
-    coarse = coarse_tolerance(step_size, amplitude)
-    exact = fine_tolerance(p, step_size, amplitude)
+    quick, periods, ends = with_ring_down(lever, QUICK_RINGING), tip.periods, AMPLITUDE_REACHED
+    amplitude, step_size, most_periods = goal
+    exact = fine_tolerance(p, goal)
     if amplitude_of(lever, tip.acc) > amplitude:
         limit = periods.marched + int(PATTERN_SHARE * (most_periods - periods.marched))
-        ends = follow_down(Oscillator(law, p, quick), amplitude, step, 0.0, coarse, limit, tip)
+        ends = follow_down(Oscillator(law, p, quick), Goal(amplitude, step_size, limit), step, 0.0, tip)
     if ends == LOWEST_OFFSET:
         return col.NO_STABLE_ORBIT
-    if ends != AMPLITUDE_SEEN:
+    if ends != AMPLITUDE_REACHED:
         return col.NOT_CONVERGED
     if sticks(p, lever, amplitude, tip):
         return col.NOT_SETTLED
@@ -144,7 +134,7 @@ def follow_and_hold(
 
 
 @kernel
-def update_ring_down(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
+def update_ring_down(lever: np.ndarray, lock_in: LockIn, way: SlowApproach) -> None:
     """Update the filtered phasor and energy losses, and the lever's ring-down time, from a block of periods."""
     total = lock_in.total
     count, (x, y) = total.count, mean_phasor(lever, total)
@@ -158,18 +148,16 @@ def update_ring_down(lever: np.ndarray, lock_in: LockIn, way: Descent) -> None:
 
 
 @kernel
-def move_until(
-    oscillator: Oscillator, amplitude: float, step_size: float, until: int, tip: Tip, lock_in: LockIn, way: Descent
-) -> int:
-    """Lower or raise the tip slowly until a period or the amplitude is reached; update `way`, return how it ends."""
-    lever = oscillator.lever
+def move_until(oscillator: Oscillator, goal: Goal, tip: Tip, lock_in: LockIn, way: SlowApproach) -> int:
+    """Lower or raise the tip slowly until the amplitude is reached or periods are over; returns how it ends."""
+    lever, (amplitude, step_size, until) = oscillator.lever, goal
     free, periods = free_amplitude(lever), tip.periods
     while periods.marched < until:
         ring, waits, down = lever[col.RINGING], periods.marched < way.still, way.side > 0.0
         block = 12 * (int(min(max(ring, float(FEWEST_AVERAGED)), float(LONGEST_BLOCK))) // 12 + 1)
         pace = 0.0 if waits else way.side * RINGING_PACE * free / ring
         if not average(oscillator, step_size, block, (pace, 0.0, 0.0), tip, lock_in):
-            return OUT_OF_TIME
+            return TIME_SPENT
         update_ring_down(lever, lock_in, way)
         now = mean_amplitude(lever, lock_in)
         if waits:
@@ -181,32 +169,31 @@ def move_until(
             continue
         if (now <= amplitude) == down:
             if abs(now - way.before) < BLOCK_JUMP * amplitude:
-                return AT_SETPOINT
+                return AMPLITUDE_REACHED
             way.still = periods.marched + DISTURBED * lever[col.RINGING]
             return JUMPED
         way.before = now
         if too_far(lever, way.start, tip.u[Z0]):
-            return TOO_DEEP
+            return LOWEST_OFFSET
     return MOVED
 
 
 @kernel
 def engage_ringing(
-    oscillator: Oscillator, amplitude: float, step: float, step_size: float, most_periods: int,
-    tip: Tip, row: np.ndarray,
+    oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray,
 ) -> int:  # fmt: skip
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
     law, p, lever = oscillator
     slow, periods, acc = with_ring_down(lever, LONG_RINGING), tip.periods, tip.acc
-    coarse = coarse_tolerance(step_size, amplitude)
-    exact = fine_tolerance(p, step_size, amplitude)
-    way, wait, found = Descent(), FIRST_LOOK, march_tip(oscillator, coarse.step_size, tip)
+    amplitude, _, most_periods = goal
+    coarse, exact = coarse_tolerance(goal), fine_tolerance(p, goal)
+    way, wait, found = SlowApproach(), FIRST_LOOK, march_tip(oscillator, coarse.step_size, tip)
     lock_in = LockIn()
     begin_lock_in(lever, acc, lock_in)
     way.start, way.side = tip.u[Z0], 1.0
     while periods.marched < most_periods and way.turns <= MOST_CROSSINGS:
         if found:
-            status = follow_and_hold(oscillator, amplitude, step, step_size, most_periods, tip, row)
+            status = follow_and_hold(oscillator, goal, step, tip, row)
             if status not in (col.NOT_CONVERGED, col.UNSTABLE):
                 return status
             if status == col.UNSTABLE:
@@ -215,24 +202,17 @@ def engage_ringing(
             begin_lock_in(lever, acc, lock_in)
             way.cos, way.sin = detected_phasor(lever, acc.cos, acc.sin)
             way.before, way.still = math.inf, 0.0
-        ends = move_until(
-            Oscillator(law, p, slow),
-            amplitude,
-            coarse.step_size,
-            min(most_periods, periods.marched + wait),
-            tip,
-            lock_in,
-            way,
-        )
-        if ends == OUT_OF_TIME:
+        next_look = Goal(amplitude, coarse.step_size, min(most_periods, periods.marched + wait))
+        ends = move_until(Oscillator(law, p, slow), next_look, tip, lock_in, way)
+        if ends == TIME_SPENT:
             return col.NOT_SETTLED
-        if ends == TOO_DEEP:
+        if ends == LOWEST_OFFSET:
             return col.NO_STABLE_ORBIT
-        if ends == AT_SETPOINT:
+        if ends == AMPLITUDE_REACHED:
             if find_pattern(Oscillator(law, p, slow), exact, amplitude, tip):
                 return fill_row_of_pattern(oscillator, exact.step_size, tip, row)
             if periods.marched + 3 * GROUP * block_of(slow) < most_periods:
-                return hold_mean(Oscillator(law, p, slow), amplitude, SLOW_GAIN, step_size, most_periods, tip, row)
+                return hold_mean(Oscillator(law, p, slow), goal, SLOW_GAIN, tip, row)
             way.still = most_periods  # no time for a mean, but a pattern may be found
         if ends != MOVED:
             wait = FIRST_LOOK

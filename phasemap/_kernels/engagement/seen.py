@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import CurveWorkspace, detected_amplitude_wanted, exact_orbit
@@ -63,7 +64,7 @@ class DetectedWorkspace(NamedTuple):
 
     harmonic: HarmonicOrbit
     response: ResponseWorkspace
-    limits: np.ndarray  # largest errors of passes: phase [rad], tip offset [m]
+    limits: ErrorLimits  # of passes
 
 
 @kernel

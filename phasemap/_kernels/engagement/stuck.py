@@ -16,12 +16,13 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis, has_longrange
 from phasemap._kernels.lever import bend_by_adhesion
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
-from phasemap._kernels.orbits.time.period_map import Tolerance, come_to_rest, march_tip
+from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
@@ -164,15 +165,13 @@ def highest_tip_offset_at_rest(oscillator: Oscillator, z0: float, amplitude: flo
 
 
 @kernel
-def raise_along_contact_orbits(
-    oscillator: Oscillator, amplitude: float, tolerance: Tolerance, most_periods: int, tip: Tip
-) -> int:
+def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: Tip) -> int:
     """Raise a tip that sticks to the sample along its orbits in contact, to where they end.
 
     Returns REACHES_AMPLITUDE with the tip near the amplitude, JUMPS_FREE or JUMPS_TO_TAPPING where the motion jumps
     across the amplitude at the end of the orbits, which is known to `LAST_STRIDE`, or NOT_KNOWN.
     """
-    p, lever = oscillator.p, oscillator.lever
+    p, lever, amplitude, tolerance = oscillator.p, oscillator.lever, goal.amplitude, coarse_tolerance(goal)
     u, acc, linear, before, slopes = tip.u, tip.acc, tip.linear, np.empty(motion_size(lever)), Way()
     copy_state(u, before)
     z0 = highest_tip_offset_at_rest(oscillator, u[Z0], amplitude)
@@ -183,7 +182,7 @@ def raise_along_contact_orbits(
     patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + ANGLES, LAST_STRIDE * amplitude
     stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
     slope = low = 0.0
-    while tip.periods.marched + patience < most_periods:
+    while tip.periods.marched + patience < goal.most_periods:
         rests, now = come_to_rest(oscillator, tolerance, patience, tip), amplitude_of(lever, acc)
         least = step <= shortest
         as_said = least or (
@@ -213,30 +212,22 @@ def raise_along_contact_orbits(
 
 
 @kernel
-def raise_stuck_tip(
-    oscillator: Oscillator,
-    amplitude: float,
-    periodic: bool,
-    slow: bool,
-    tolerance: Tolerance,
-    most_periods: int,
-    tip: Tip,
-) -> int:
+def raise_stuck_tip(oscillator: Oscillator, goal: Goal, periodic: bool, slow: bool, tip: Tip) -> int:
     """Raise a tip that fell across the amplitude and sticks, from a `periodic` motion, or as it was lowered slowly.
 
     Returns JUMPS_FREE where no orbit holds the amplitude, JUMPS_TO_TAPPING where the tip can be lowered again,
     REACHES_AMPLITUDE, or NOT_KNOWN with the tip as it was: a feedback may lower it faster than it was lowered.
     """
-    p, lever, u = oscillator.p, oscillator.lever, tip.u
+    p, lever, u, amplitude = oscillator.p, oscillator.lever, tip.u, goal.amplitude
     if (periodic or has_hysteresis(p)) and contact_too_stiff(oscillator, amplitude):
         return JUMPS_FREE
     fell = u.copy()
-    comes = raise_along_contact_orbits(oscillator, amplitude, tolerance, most_periods, tip)
+    comes = raise_along_contact_orbits(oscillator, goal, tip)
     if comes == REACHES_AMPLITUDE or (comes == JUMPS_FREE and periodic):
         return comes
     if comes == NOT_KNOWN or not (periodic or slow):
         copy(fell, u)
-        march_tip(oscillator, tolerance.step_size, tip)
+        march_tip(oscillator, coarse_tolerance(goal).step_size, tip)
         return NOT_KNOWN
     if comes == JUMPS_FREE:
         u[Z0] = min(u[Z0], fell[Z0] + LEAD_OF_LOOSE * (amplitude_of(lever, tip.acc) - amplitude))

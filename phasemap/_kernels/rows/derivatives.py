@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.seen import SLOPES, DetectedWorkspace, response_orbit_at_detected_amplitude
 from phasemap._kernels.excitation import detected_signal
@@ -95,13 +96,12 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
 
 @kernel
 def exact_block(
-    law: Law, rows: np.ndarray, setpoints: Setpoints, limits: np.ndarray, values: np.ndarray, good: np.ndarray
+    law: Law, rows: np.ndarray, setpoints: Setpoints, limits: ErrorLimits, values: np.ndarray, good: np.ndarray
 ) -> None:
     """Fill in exact phase and tip offset of n materials in m images, by passes from averaged orbits.
 
-    Places of the setpoints that are NaN are searched for. `limits`: largest estimated errors, phase [rad] and tip
-    offset [m]. `values` (shape (n, m, 2)) is NaN, and `good` (shape (n, m)) False, where passes do not converge, or the
-    orbit is not sound.
+    Places of the setpoints that are NaN are searched for. `values` (shape (n, m, 2)) is NaN, and `good` (shape (n, m))
+    False, where passes do not converge, or the orbit is not sound.
     """
     levers, amplitudes, sides, places = setpoints
     workspace, row, slopes = (

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import SolvedRows
+from phasemap._kernels.columns import ErrorLimits, SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import exact_orbit, new_curve_workspace, tip_amplitude_wanted
@@ -150,11 +150,11 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
 
 
 @kernel
-def seen_rows(pixels: Pixels, tables: np.ndarray, limits: np.ndarray, answers: Answers, slopes: np.ndarray) -> None:
+def seen_rows(pixels: Pixels, tables: np.ndarray, limits: ErrorLimits, answers: Answers, slopes: np.ndarray) -> None:
     """Orbit of the tip of every row that is seen with an amplitude, after engagement.
 
-    limits = (phase [rad], tip offset [m]) are the largest errors of passes. Errors in the rows are those at the tip's
-    own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by that give the rest.
+    Errors in the rows are those at the tip's own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by
+    that give the rest.
     """
     (out, status, solver), seen = answers, pixels.amplitudes
     workspace = DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits)

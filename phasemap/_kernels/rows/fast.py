@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
@@ -31,12 +32,11 @@ from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
 @kernel
-def cheap_rows(pixels: Pixels, limits: np.ndarray, average: bool, answers: Answers) -> int:
+def cheap_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answers) -> int:
     """Orbit of every row after engagement, where the cheap path is good enough; returns how many wait.
 
-    limits = (phase [rad], height [m]) are the largest errors that may be left; with `average` an averaged orbit may
-    stand. Rows that wait hold their averaged orbit where it is known. Rows with room keep the nodes of the orbit
-    (`orbit_nodes`).
+    With `average` an averaged orbit may stand. Rows that wait hold their averaged orbit where it is known. Rows with
+    room keep the nodes of the orbit (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
     workspace, at, harmonic, waiting = ResponseWorkspace(), OrbitNodes(), HarmonicOrbit(), 0
@@ -99,12 +99,11 @@ def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
 
 
 @kernel
-def side_rows(pixels: Pixels, side: int, limits: np.ndarray, allowed: np.ndarray, answers: Answers) -> int:
+def side_rows(pixels: Pixels, side: int, limits: ErrorLimits, allowed: ErrorLimits, answers: Answers) -> int:
     """Stable orbit on a side of the resonance for every row that is PENDING; returns how many still are.
 
-    `limits`: largest estimated errors of an exact orbit, phase [rad] and height [m]; `allowed`: those within which an
-    averaged one may stand. What is PENDING then has a harmonic orbit to start from, or
-    NaN.
+    `limits`: of an exact orbit; `allowed`: those within which an averaged one may stand. What is PENDING then has a
+    harmonic orbit to start from, or NaN.
     """
     out, status, solver = answers
     workspace, harmonic, waiting = ResponseWorkspace(), HarmonicOrbit(), 0
@@ -131,7 +130,7 @@ def leave(harmonic: HarmonicOrbit, status: int, row: np.ndarray) -> bool:
 
 
 @kernel
-def seen_side_rows(pixels: Pixels, side: int, limits: np.ndarray, answers: Answers, slopes: np.ndarray) -> int:
+def seen_side_rows(pixels: Pixels, side: int, limits: ErrorLimits, answers: Answers, slopes: np.ndarray) -> int:
     """`side_rows` where the detector does not see the tip; `slopes` (shape (n, SLOPES)): as for `exact.seen_rows`."""
     out, status, solver = answers
     workspace, waiting = DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits), 0

@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averaged import sure_orbit
+from phasemap._kernels.engagement.goal import Goal
 from phasemap._kernels.engagement.holding import hold_from_row, hold_over_remembering_surface
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
@@ -27,11 +29,11 @@ def march_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndar
     Where the status is not GOOD, no orbit is known to start from, and the tip is engaged from far.
     """
     for i in range(len(out)):
-        oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
+        oscillator, goal = oscillator_of(pixels, i), Goal(pixels.amplitudes[i], step_size, most_periods)
         if status[i] == col.GOOD:
-            status[i] = hold_from_row(oscillator, amplitude, step_size, most_periods, out[i])
+            status[i] = hold_from_row(oscillator, goal, out[i])
         else:
-            status[i] = engage_by_march(oscillator, amplitude, step_size, most_periods, out[i])
+            status[i] = engage_by_march(oscillator, goal, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
 
@@ -40,8 +42,8 @@ def march_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndar
 def second_drive_rows(pixels: Pixels, step_size: float, most_periods: int, out: np.ndarray, status: np.ndarray) -> None:
     """Motion that holds each amplitude in time while a second mode is driven too, engaged from far."""
     for i in range(len(out)):
-        oscillator, amplitude = oscillator_of(pixels, i), pixels.amplitudes[i]
-        status[i] = engage_with_second_drive(oscillator, amplitude, step_size, most_periods, out[i])
+        goal = Goal(pixels.amplitudes[i], step_size, most_periods)
+        status[i] = engage_with_second_drive(oscillator_of(pixels, i), goal, out[i])
         if status[i] != col.GOOD:
             out[i] = math.nan
 
@@ -51,17 +53,15 @@ def remembering_rows(pixels: Pixels, step_size: float, most_periods: int, out: n
     """Motion over surfaces that remember, as `hold_over_remembering_surface` finds it."""
     harmonic, top = HarmonicOrbit(), Maximum()
     for i in range(len(out)):
-        status[i] = hold_over_remembering_surface(
-            oscillator_of(pixels, i), pixels.amplitudes[i], step_size, most_periods, top, harmonic, out[i]
-        )
+        goal = Goal(pixels.amplitudes[i], step_size, most_periods)
+        status[i] = hold_over_remembering_surface(oscillator_of(pixels, i), goal, top, harmonic, out[i])
 
 
 @kernel
-def relaxing_rows(pixels: Pixels, limits: np.ndarray, answers: Answers) -> None:
+def relaxing_rows(pixels: Pixels, limits: ErrorLimits, answers: Answers) -> None:
     """Orbit of every row after engagement where averaging is sure of it and passes find it; the others are PENDING.
 
     Passes know half-spaces of one relaxation time.
-    limits = (phase [rad], height [m]) are the largest errors that may be left.
     """
     out, status, solver = answers
     harmonic, top, workspace = HarmonicOrbit(), Maximum(), TapWorkspace(Nodes(), ContactMemory(), PassState())

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
@@ -109,12 +110,9 @@ def tip_shift(oscillator: Oscillator, amplitude: float, c: float, push: float, s
 
 @kernel
 def share_rows(
-    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: np.ndarray, out: np.ndarray
+    law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: ErrorLimits, out: np.ndarray
 ) -> None:
-    """Fill out, shape (n, 2), with the shares of the attraction and of the push in `tip_shift`.
-
-    limits = (phase [rad], height [m]) are errors of the exact orbits that may be left.
-    """
+    """Fill out, shape (n, 2), with the shares of the attraction and of the push in `tip_shift`."""
     workspace, harmonic = ResponseWorkspace(), HarmonicOrbit()
     attractive, repulsive = Shift(), Shift()
     for i in range(len(rows)):

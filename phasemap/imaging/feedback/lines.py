@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.scanning.higher_harmonics import share_rows
 from phasemap._kernels.scanning.line import Program, Recorded, Start, scan_line
 from phasemap._kernels.scanning.loop import A_IMAG, A_REAL, Loop, Setup
@@ -167,7 +168,7 @@ class Lifts(NamedTuple):
 
 def lifts_of(job: Job, work: Work) -> Lifts:
     """Look at the harmonics of so many of these materials, evenly in the order of their contact stiffness."""
-    limits = np.array([math.radians(job.accuracy.phase), job.accuracy.height])
+    limits = ErrorLimits(math.radians(job.accuracy.phase), job.accuracy.height)
     stiffness = work.rows[:, col.CONTACT]
     order = np.argsort(stiffness, kind="stable")
     some = order[:: max(1, -(-len(order) // MOST))]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import low_q
 from phasemap._kernels.quadrature import TABLES
@@ -36,7 +37,7 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 STEP = 1e-5  # of a logarithm, for derivatives of orbits: coarser ones end descents early in long valleys
-LIMITS = np.array([1e-5, 1e-14])  # errors left in exact orbits: phase [rad], tip offset [m]
+LIMITS = ErrorLimits(phase=1e-5, tip_offset=1e-14)  # of exact orbits
 SIDES = np.array([[-1], [1]], np.int8)  # attractive and repulsive branch
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.columns import DYNAMIC_STIFFNESS
+from phasemap._kernels.columns import DYNAMIC_STIFFNESS, ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
@@ -72,7 +72,7 @@ def grazes(p: np.ndarray, harmonic: HarmonicOrbit) -> bool:
 
 
 @kernel
-def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, workspace: ResponseWorkspace) -> bool:
+def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = harmonic.amplitude, centre_height(harmonic)
     if _pass_from(oscillator, harmonic, e, limits, workspace):
@@ -86,7 +86,7 @@ def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, 
 
 @kernel(shared=True)
 def _pass_from(
-    oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: np.ndarray, workspace: ResponseWorkspace
+    oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: ErrorLimits, workspace: ResponseWorkspace
 ) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.
 
@@ -103,7 +103,7 @@ def _pass_from(
     if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
-    found = converge(oscillator, f, state, False, limits[0], limits[1])
+    found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
     other, cut = workspace.finer, beside_resonance(lever) or modes_of(lever) > 1
     most_parts = FEW_PARTS if modes_of(lever) == 1 or by_newton(lever, state) else MOST_PARTS
     while (
@@ -120,7 +120,7 @@ def _pass_from(
         f, other = other, f
         state.parts = parts_of(f)
         evaluate_nodes(oscillator, f, state)
-        found = converge(oscillator, f, state, False, limits[0], limits[1])
+        found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
     if found != FOUND or not on_same_branch(lever, harmonic, state):
         return False
     return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
@@ -137,16 +137,16 @@ def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState)
 
 
 @kernel
-def slope_is_clear(oscillator: Oscillator, limits: np.ndarray, workspace: ResponseWorkspace) -> bool:
+def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
     f, here, there = nodes_of_solution(workspace), workspace.state, workspace.other
     assign(there, here)
     move = SLOPE_STEP * here.amplitude
     there.amplitude += move
     there.centre += move
-    if converge(oscillator, f, there, False, limits[0], min(limits[1], 1e-2 * move)) != FOUND:
+    if converge(oscillator, f, there, False, limits.phase, min(limits.tip_offset, 1e-2 * move)) != FOUND:
         return False
     if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False
-    found = converge(oscillator, f, here, False, limits[0], limits[1])  # back to where the nodes were
+    found = converge(oscillator, f, here, False, limits.phase, limits.tip_offset)  # back to where the nodes were
     return found == FOUND and orbit_is_kept(oscillator, f, here, 0.0, 0.0)

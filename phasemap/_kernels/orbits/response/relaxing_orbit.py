@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ALPHA0, OMEGA
+from phasemap._kernels.columns import ALPHA0, OMEGA, ErrorLimits
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import mismatch, modes_of, reach_of
@@ -154,7 +154,7 @@ def relaxation_quadrature_error(p: np.ndarray, nodes: Nodes, memory: ContactMemo
 
 
 @kernel
-def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, workspace: TapWorkspace) -> int:
+def converge_relaxing(oscillator: Oscillator, limits: ErrorLimits, workspace: TapWorkspace) -> int:
     """Repeat passes from a harmonic orbit that touches until errors are below the limits, as `converge` does."""
     p, lever = oscillator.p, oscillator.lever
     f, m, state = workspace
@@ -169,7 +169,7 @@ def converge_relaxing(oscillator: Oscillator, limits: np.ndarray, workspace: Tap
         if not (math.isfinite(state.phase + state.tip_offset) and f.theta[EXIT] > f.theta[ENTRY]):
             return NO_ORBIT
         if ratio >= 0.0:
-            outcome = outcome_of_pass(lever, state, nodes, False, True, passes == 1, limits[0], limits[1])
+            outcome = outcome_of_pass(lever, state, nodes, False, True, passes == 1, limits.phase, limits.tip_offset)
             if outcome != GO_ON:
                 return outcome
     return NO_ORBIT
@@ -240,7 +240,7 @@ def slow_flow_is_stable(oscillator: Oscillator, workspace: TapWorkspace) -> bool
 
 @kernel
 def refine_relaxing(
-    oscillator: Oscillator, harmonic: HarmonicOrbit, limits: np.ndarray, workspace: TapWorkspace
+    oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: TapWorkspace
 ) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if passes find it within `limits` and it is sound.
 
@@ -257,7 +257,7 @@ def refine_relaxing(
     if e >= state.amplitude:
         if not start_passes(oscillator, f, state):
             return False
-        found = converge(oscillator, f, state, False, limits[0], limits[1])
+        found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
         if found != FOUND or not on_same_branch(lever, harmonic, state):
             return False
         return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
