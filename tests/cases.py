@@ -11,6 +11,7 @@ import numpy as np
 
 import phasemap as pm
 from phasemap._kernels import columns as col
+from phasemap._kernels import records
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.rows.answers import Pixels
 from phasemap._kernels.rows.marched import march_rows
@@ -71,4 +72,7 @@ def plain(kernel: Any, known: dict[Any, Any] | None = None) -> Any:
         known[kernel] = FunctionType(function.__code__, scope)
         called = {name: scope.get(name) for name in function.__code__.co_names}
         scope.update({name: plain(one, known) for name, one in called.items() if hasattr(one, "py_func")})
+        scope.update(
+            {name: getattr(records, f"_{name}") for name in ("assign", "clear", "numbers_of") if name in called}
+        )
     return known[kernel]

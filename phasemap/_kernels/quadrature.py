@@ -46,6 +46,12 @@ def gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
     return (x + 1) / 2, w / 2
 
 
+def gauss_on_half_line(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes x / (1 - x) from 0 to infinity for Gauss nodes x, and twice their weights."""
+    x, w = gauss(n)
+    return x / (1 - x), 2 * w / (1 - x) ** 2
+
+
 def integration_matrix(x: np.ndarray) -> np.ndarray:
     """B[j, k], the integral from 0 to x[j] of the k-th Lagrange polynomial on the nodes x in [0, 1]."""
     n = len(x)

@@ -15,7 +15,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
-from phasemap.inference.curves import problem
+from phasemap.inference.curves import evidence, problem
 from phasemap.inference.curves.data import Setup, check_data, check_parameters
 from phasemap.inference.curves.recorded import of_curve, under
 from phasemap.solvers.continuation.visit import Visit
@@ -63,8 +63,8 @@ def both() -> pm.Fit:
 @pytest.fixture
 def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few places of the prior to choose other starts from, and short descents: where these lead is not asked."""
-    monkeypatch.setattr(problem, "LOOKS", 20)
-    monkeypatch.setattr(problem, "EVALUATIONS", 10)
+    monkeypatch.setattr(evidence, "LOOKS", 20)
+    monkeypatch.setattr(evidence, "EVALUATIONS", 10)
 
 
 # chi2 / degrees of ~100 values has a standard deviation of 0.14.

@@ -84,6 +84,12 @@ class Errors(NamedTuple):
     offset_scatter: float
 
 
+@kernel(light=True)
+def angle_between(from_x: float, from_y: float, x: float, y: float) -> float:
+    """Angle [rad] from one phasor to another."""
+    return math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+
+
 @kernel
 def begin_lock_in(lever: np.ndarray, acc: PeriodResult, lock_in: LockIn) -> None:
     """Let a lock-in show the phasor of the last period, as the detector sees it."""
@@ -125,7 +131,7 @@ def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers,
         x = keep * lock_in.low_cos + (1.0 - keep) * cosine
         y = keep * lock_in.low_sin + (1.0 - keep) * sine
         from_x, from_y = lock_in.from_cos, lock_in.from_sin
-        size, angle = math.hypot(x, y), math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+        size, angle = math.hypot(x, y), angle_between(from_x, from_y, x, y)
         total.count += 1.0
         total.offset += tip.u[Z0]
         total.amplitude += size
@@ -253,7 +259,7 @@ def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, am
         x, y = x + series.cos[i], y + series.sin[i]
     held, a, z, w = amplitude > 0.0, np.empty(count), np.empty(count), np.empty(count)
     for i in range(count):
-        a[i] = math.atan2(series.sin[i] * x - series.cos[i] * y, series.cos[i] * x + series.sin[i] * y)
+        a[i] = angle_between(x, y, series.cos[i], series.sin[i])
         z[i] = math.hypot(series.cos[i], series.sin[i]) - amplitude
         w[i] = series.offset[i] - z[i]
     slope = w_slope = missed = branch = 0.0

@@ -54,7 +54,7 @@ MOST_APPROACH_POINTS = 1500
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 HIGHER = (0.3, 0.7)  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
 # Of the way from the setpoint to the free amplitude: where a short contact holds the lever, and its orbit is begun at.
-NEARER = (0.2, 0.5, 0.8)
+LARGER_AMPLITUDES = (0.2, 0.5, 0.8)
 
 
 class CurveWorkspace(NamedTuple):
@@ -233,7 +233,7 @@ def _repulsive_orbit_from_larger_amplitude(path: Path, wanted: Wanted, curve: Cu
     """Repulsive orbit at the setpoint of a lever of low Q, from one of larger amplitude that a short contact holds."""
     oscillator, orbit = standing_at(path, 0.0), curve.orbit
     amplitude = rough_tip_amplitude(path.lever, wanted, REPULSIVE)
-    for share in NEARER:
+    for share in LARGER_AMPLITUDES:
         higher = amplitude + share * (free_amplitude(path.lever) - amplitude)
         if not begin_impact(oscillator, orbit, higher, 0):
             continue

@@ -19,6 +19,7 @@ from phasemap._kernels.engagement.averages import (
     Series,
     Total,
     add_total,
+    angle_between,
     average,
     begin_lock_in,
     block_of,
@@ -52,7 +53,7 @@ LENGTH_SOUGHT = 2e-12  # the same [m]
 MEAN_MISS = 0.01  # of the amplitude, by which the mean may miss it and still be of the motion that holds it
 WORST_PHASE = math.radians(0.05)  # standard error with which a mean still counts as held [rad]
 WORST_LENGTH = 1e-11  # the same [m]
-SERIES_START = 64  # averages that are kept, before workspace is made for more
+SERIES_START = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which groups miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
@@ -127,14 +128,14 @@ def take_group(
         cosine += lock_in.total.period.cos
         sine += lock_in.total.period.sin
     x, y = detected_phasor(lever, cosine / count, sine / count)
-    from_x, from_y, short = lock_in.from_cos, lock_in.from_sin, amplitude - math.hypot(x, y)
+    short = amplitude - math.hypot(x, y)
     of.groups += 1
     of.short += short
     of.missed += short * short
     off = z0 + short - of.offset
     of.offset += off / of.groups
     of.offset_square += off * (z0 + short - of.offset)
-    lag = math.atan2(y * from_x - x * from_y, x * from_x + y * from_y)
+    lag = angle_between(lock_in.from_cos, lock_in.from_sin, x, y)
     off = lag - of.lag
     of.lag += off / of.groups
     of.lag_square += off * (lag - of.lag)

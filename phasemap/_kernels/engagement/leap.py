@@ -20,7 +20,7 @@ from phasemap._kernels.records import record
 
 STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged
 FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
-NEARER = 0.75  # steps of its distance from -1.5
+GAP_SHRINKS = 0.75  # steps of its distance from -1.5
 CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
 FOLD_HALVINGS = 8
 NO_FOLD = 0  # how the search for a fold ends
@@ -78,7 +78,7 @@ def find_fold(oscillator: Oscillator, at: FoldPoint) -> int:
             gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
             return FOUND if find_orbit_below_resonance(oscillator, gap, amplitude, at) else FOLD_TOO_FAR
         x0, z0, x1, z1 = x1, z1, gap, z
-        gap = NEARER * (gap + 1.5 * reach) - 1.5 * reach
+        gap = GAP_SHRINKS * (gap + 1.5 * reach) - 1.5 * reach
         if gap < -1.4 * reach:
             break
     return NO_FOLD

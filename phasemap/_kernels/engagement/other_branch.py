@@ -39,9 +39,11 @@ from phasemap._kernels.records import clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 EXACTLY_DAMPED = 2e-3  # the same of exact orbits
-NO_FORCE, APART, MOST_SECANTS = 0.02, 0.02, 6  # net force over the base amplitude that is none, and how it is come to
+NO_FORCE = 0.02  # net force over the drive that counts as none
+FIRST_GAP_SHIFT = 0.02  # of the gap or the reach: between the first two gaps of secants to where there is none
+MOST_FORCE_SECANTS = 6
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
-BESIDE = 0.5  # a step outside of the strongest pull, over its depth and the reach
+STEP_OUTSIDE = 0.5  # of depth and reach of the strongest pull, out of it
 MOST_STEPS = 60
 
 
@@ -93,7 +95,7 @@ def averaged_orbit_on_branch(
 @kernel
 def start_outside_maximum(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> None:
     """Fill `harmonic` with a harmonic orbit outside of the strongest pull."""
-    c = 1.0 + (top.gap + BESIDE * (reach_of(oscillator.p) + abs(top.gap))) / amplitude
+    c = 1.0 + (top.gap + STEP_OUTSIDE * (reach_of(oscillator.p) + abs(top.gap))) / amplitude
     push, drag, mean = harmonics(oscillator, amplitude, c)
     fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
 
@@ -137,10 +139,10 @@ def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) ->
 def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     lever = oscillator.lever
-    before = gap + APART * min(gap, -reach_of(oscillator.p))
+    before = gap + FIRST_GAP_SHIFT * min(gap, -reach_of(oscillator.p))
     attractive_mismatch_of_exact_orbit(oscillator, amplitude, before, workspace.nodes, workspace.state)
     push_before = workspace.state.push
-    for _ in range(MOST_SECANTS):
+    for _ in range(MOST_FORCE_SECANTS):
         h, push = (
             attractive_mismatch_of_exact_orbit(oscillator, amplitude, gap, workspace.nodes, workspace.state),
             workspace.state.push,

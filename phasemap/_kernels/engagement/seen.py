@@ -53,8 +53,9 @@ from phasemap._kernels.orbits.response.state import fill_row_from_passes
 from phasemap._kernels.orbits.result_row import feedback_status
 
 ROUGHLY_SEEN, EXACTLY_SEEN = 1e-3, 1e-12  # of the amplitude seen: of averaged orbits, and of those of passes
-MOST_SECANTS = 20
-APART, BESIDE = 1e-7, 1e-5  # of A: secants over less say nothing; an orbit asked for slopes alone
+MOST_AMPLITUDE_SECANTS = 20
+LEAST_SECANT = 1e-7  # of A: secants over less say nothing
+SLOPE_STEP_OF_SEEN = 1e-5  # of A: to an orbit that is asked for slopes alone
 # What changes with A along the curve of orbits: amplitude seen [1], phase [rad/m], tip offset [1].
 SEEN_BY_A, PHASE_BY_A, OFFSET_BY_A, SLOPES = 0, 1, 2, 3
 
@@ -145,14 +146,14 @@ def response_orbit_at_detected_amplitude(
         amplitude = likely_amplitude(lever, seen, 1)  # the attractive branch is not what is reached there
         done, phase = orbit_at_tip_amplitude(oscillator, amplitude, side, done == col.KNOWN, workspace)
     before, old_phase, old_offset = (math.nan, math.nan), math.nan, math.nan
-    for _ in range(MOST_SECANTS):
+    for _ in range(MOST_AMPLITUDE_SECANTS):
         if done == col.PENDING:
             following = 0.5 * (amplitude + before[0])
         else:
             miss, moved = detected_signal(lever, amplitude, phase)[0] - seen, amplitude - before[0]
             if done == col.KNOWN and abs(miss) < ROUGHLY_SEEN * seen:
                 return col.KNOWN
-            if abs(moved) > APART * amplitude:
+            if abs(moved) > LEAST_SECANT * amplitude:
                 slopes[SEEN_BY_A], slopes[PHASE_BY_A] = (miss - before[1]) / moved, (phase - old_phase) / moved
                 slopes[OFFSET_BY_A] = (state.tip_offset - old_offset) / moved
             there = done == col.GOOD and abs(miss) < EXACTLY_SEEN * seen
@@ -161,7 +162,7 @@ def response_orbit_at_detected_amplitude(
                 return col.GOOD if slopes[SEEN_BY_A] > LEAST_SLOPE else col.PENDING
             following = next_amplitude(lever, seen, amplitude, phase, miss, before)
             if there:
-                following = amplitude * (1.0 + BESIDE)  # for the slopes alone
+                following = amplitude * (1.0 + SLOPE_STEP_OF_SEEN)  # for the slopes alone
             before, old_phase, old_offset = (amplitude, miss), phase, state.tip_offset
         amplitude = following
         if not amplitude > 0.0:

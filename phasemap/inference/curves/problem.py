@@ -1,16 +1,14 @@
-"""The parameters that explain a measured curve best, each datum on the stable branch next to it, and their errors."""
+"""Residuals of a measured curve, each datum compared with the stable branch next to it, and their derivatives."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.point import ENTRY_Z0
@@ -20,8 +18,6 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
 from phasemap.experiment.lever import seen
 from phasemap.inference.curves.data import Data, Parameter, Setup
-from phasemap.inference.sampling import prior_draws
-from phasemap.inference.verdict import REACH, UNLIKELY, chance
 from phasemap.solvers.continuation.curves import Curves, distance_curves, swept_curves
 from phasemap.solvers.continuation.path import Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.visit import segments
@@ -35,12 +31,7 @@ STEP = 1e-4  # of the prior's standard deviations, of central differences
 COARSE = 0.03  # of the picture (largest amplitude, range of the axis): as near counts as one in the coarse comparison
 COARSE_PHASE = 3.0  # the same for phases [degree]
 STRICT = 0.1  # of the spacing of the data: a branch that ends as much before a datum costs one standard error
-LOOKS = 100  # places of the prior looked at for other starts
 NEAR, NEAR_PHASE = 0.02, 3.0  # of the amplitude, and [degree], by which an orbit moves that is differentiated
-ROUGH = 0.1  # relative error of the derivatives of a datum that is left out of them
-ROUNDS = 2  # of secants
-FARTHEST = 0.15  # that secants go, in standard deviations of the prior
-EVALUATIONS = 60  # of the optimiser, per stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,79 +284,3 @@ def difference(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """One less the other; phases within half a turn."""
     apart: np.ndarray = one - other
     return within_half_a_turn(apart) if name == "phase" else apart
-
-
-class Solution(NamedTuple):
-    """The likeliest parameters, and what is known around them."""
-
-    q: np.ndarray  # shape (parameters,); in standard deviations of the prior
-    chi2: float  # of the data, by their errors as stated
-    growth: float  # factor by which the errors have to be larger for the model to describe the data, 1 at least
-    covariance: np.ndarray  # shape (parameters, parameters)
-    evidence: float  # logarithm of how likely the data are, whatever the parameters (Laplace's approximation)
-    tried: int  # starts
-
-
-def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> Solution:
-    """The best solution from q given first and from the start, and from others as long as none is good."""
-    degrees = problem.data.size - len(problem.parameters)
-    found: list[tuple[float, np.ndarray]] = []
-    for q in chain(first, _starts(problem, starts)):
-        at = _descend(problem, q, Ruler.coarse(problem.data), "soft_l1", 1e-2)  # without regard for outliers
-        at = _descend(problem, at, Ruler.strict(problem.data), "linear", 1e-8)
-        chi2 = problem.misfit(at)[0]
-        found.append((chi2 + float(at @ at), at))
-        if chance(chi2, degrees) > UNLIKELY:
-            break
-    best = min(found, key=lambda one: one[0])[1]
-    growth = problem.misfit(best)[1]
-    if growth > 1:  # the prior counts for more where the data are not described to within their errors
-        larger = {name: growth * errors for name, errors in problem.data.errors.items()}
-        weaker = Problem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
-        best = _descend(weaker, best, Ruler.strict(weaker.data), "linear", 1e-8)
-        problem.evaluations += weaker.evaluations
-    return _known(problem, best, len(found))
-
-
-def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
-    """The start itself, then the most promising places of the prior."""
-    n = len(problem.parameters)
-    yield np.zeros(n)
-    if count > 1:
-        places, ruler = prior_draws(n, LOOKS, 0), Ruler.coarse(problem.data)
-        costs = [float(np.log1p(problem.residuals(q, ruler) ** 2).sum()) for q in places]
-        yield from places[np.argsort(costs)[: count - 1]]
-
-
-def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
-    found: np.ndarray = least_squares(
-        problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
-        ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
-    ).x  # fmt: skip
-    return found
-
-
-def _known(problem: Problem, q: np.ndarray, tried: int) -> Solution:
-    """What data and prior say around the best parameters.
-
-    The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
-    place of derivatives: just before the end of a branch the latter are far too steep.
-    """
-    data, n, (chi2, growth) = problem.data.size, len(q), problem.misfit(q)
-    slopes = _slopes(problem, q, np.eye(n), STEP)
-    wrong = _slopes(problem, q, np.eye(n), 3 * STEP) - slopes
-    slopes[np.linalg.norm(wrong, axis=1) > ROUGH * np.linalg.norm(slopes, axis=1)] = 0
-    axes = np.eye(n)
-    for _ in range(ROUNDS):
-        sizes, turn = np.linalg.eigh(slopes.T @ slopes / growth**2 + np.eye(n))
-        axes = turn.T @ axes
-        slopes = _slopes(problem, q, axes, np.minimum(sizes**-0.5, FARTHEST))
-    information = slopes.T @ slopes / growth**2 + np.eye(n)
-    covariance = axes.T @ np.linalg.inv(information) @ axes
-    evidence = -data * math.log(growth) - 0.5 * (chi2 / growth**2 + q @ q + np.linalg.slogdet(information)[1])
-    return Solution(q, chi2, growth, covariance, float(evidence), tried)
-
-
-def _slopes(problem: Problem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:
-    """Central differences of the data's residuals along these directions, one column each."""
-    return problem.jacobian(q, Ruler.strict(problem.data), axes, steps)[: problem.data.size]

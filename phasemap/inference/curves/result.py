@@ -11,7 +11,8 @@ from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, Data, Setup
-from phasemap.inference.curves.problem import Choice, Problem, Ruler, Solution, difference
+from phasemap.inference.curves.evidence import Solution
+from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.verdict import (
     DETERMINED,
     END,

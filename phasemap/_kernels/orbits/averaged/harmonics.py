@@ -44,18 +44,20 @@ from phasemap._kernels.orbits.averaged.known import (
 )
 from phasemap._kernels.orbits.averaged.remembered import remembered_harmonics
 from phasemap._kernels.orbits.time.arms import remembers
-from phasemap._kernels.quadrature import gauss
+from phasemap._kernels.quadrature import gauss, gauss_on_half_line
 
-_X, _W = gauss(16)
-_FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2  # u = u0 + delta _FAR_X; the weight has dtheta = 2 du/(1 + u^2)
-_X, _W = gauss(48)  # for a force that may repel or oscillate
-_FINE_X, _FINE_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2
-_X, _W = gauss(10)
-_COS2, _SIN2, _TOUCH_W = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 2, _W * np.pi * np.cos(_X * np.pi / 2)
+
+def _of_contact(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Squares of cosine and sine of psi at n nodes, and their weights."""
+    x, w = gauss(n)
+    return np.cos(x * np.pi / 2) ** 2, np.sin(x * np.pi / 2) ** 2, w * np.pi * np.cos(x * np.pi / 2)
+
+
+_FAR_X, _FAR_W = gauss_on_half_line(16)  # u = u0 + delta _FAR_X; the weight has dtheta = 2 du/(1 + u^2)
+_FINE_X, _FINE_W = gauss_on_half_line(48)  # for a force that may repel or oscillate
+_TOUCH_COS2, _TOUCH_SIN2, _TOUCH_W = _of_contact(10)
 _NECK_X, _NECK_W = gauss(20)
-_X, _W = gauss(40)
-_DEEP_COS2, _DEEP_SIN2 = np.cos(_X * np.pi / 2) ** 2, np.sin(_X * np.pi / 2) ** 2
-_DEEP_W = _W * np.pi * np.cos(_X * np.pi / 2)
+_DEEP_COS2, _DEEP_SIN2, _DEEP_W = _of_contact(40)
 _ALL_ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
 
 DEEP_CONTACT = -0.6  # below this c the contact integrals need the finer nodes
@@ -162,7 +164,7 @@ def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: b
             m2 = 0.5 * (1.0 - c)
             m = math.sqrt(m2)
             deep = c < DEEP_CONTACT
-            cos2, sin2, weights = (_DEEP_COS2, _DEEP_SIN2, _DEEP_W) if deep else (_COS2, _SIN2, _TOUCH_W)
+            cos2, sin2, weights = (_DEEP_COS2, _DEEP_SIN2, _DEEP_W) if deep else (_TOUCH_COS2, _TOUCH_SIN2, _TOUCH_W)
             for i in range(len(cos2)):
                 y = (1.0 - c) * cos2[i]
                 x = c + y

@@ -20,7 +20,7 @@ from phasemap._kernels.lever import distance_to_pole, reach_of
 from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.time.arms import Arms, fill_arms, recovery_of
 from phasemap._kernels.orbits.time.surface_memory import Layer, layer_of, pressed_to
-from phasemap._kernels.quadrature import gauss
+from phasemap._kernels.quadrature import gauss, gauss_on_half_line
 
 TapSums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(theta)
 
@@ -35,7 +35,7 @@ class Angle(NamedTuple):
 
 _X, _W = gauss(16)
 _COS, _SIN, _WEIGHTS = np.cos(_X[::-1] * np.pi / 2), np.sin(_X[::-1] * np.pi / 2), _W[::-1] * np.pi / 2  # theta rises
-_FAR_X, _FAR_W = _X / (1 - _X), 2 * _W / (1 - _X) ** 2
+_FAR_X, _FAR_W = gauss_on_half_line(16)
 
 
 @kernel(inline=True)

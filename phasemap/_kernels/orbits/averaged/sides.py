@@ -36,7 +36,7 @@ NOT_REPULSIVE = -0.5  # value in place of the logarithm of 1 + mismatch where th
 OVERSHOOT = (
     1.1  # of the depth at which P, rising as its square, would reach what is wanted: the crossing is then inside
 )
-LEAST_GROWTH, MOST_GROWTH = 1.15, 4.0  # of that depth from one gap to the next
+LEAST_DEPTH_GROWTH, MOST_DEPTH_GROWTH = 1.15, 4.0  # of that depth from one gap to the next
 LEAST_RISE = 0.02  # of what P has to rise by, the least that counts as its rise
 DIFFERENCE = 1e-5  # of reach, gap or amplitude, by which derivatives are taken
 
@@ -126,11 +126,14 @@ def find_mismatch_maximum(oscillator: Oscillator, amplitude: float, plain: float
 
 
 @kernel
-def _gap_of_crossing(
+def gap_of_crossing(
     oscillator: Oscillator, amplitude: float, side: int, shift: float,
     one: tuple[float, float], two: tuple[float, float],
 ) -> float:  # fmt: skip
-    """Gap [m] of zero mismatch between two points (gap, f) of opposite sign, by regula falsi; NaN without one."""
+    """Gap [m] of zero mismatch between two points (gap, f) of opposite sign, by regula falsi; NaN without one.
+
+    f is that of `sided_log_mismatch`; on the attractive side its chords are drawn over the logarithm of gap + shift.
+    """
     lever = oscillator.lever
     a, f_a = one
     b, f_b = two
@@ -157,7 +160,7 @@ def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
 @kernel
 def sided_log_mismatch(lever: np.ndarray, amplitude: float, side: int, h: float, push: float) -> float:
     """Logarithm of 1 + mismatch; on the repulsive side made negative where the orbit is not a repulsive one."""
-    if side == ATTRACTIVE or repelled(lever, amplitude, push):
+    if side != REPULSIVE or repelled(lever, amplitude, push):
         return math.log1p(h)
     return min(NOT_REPULSIVE, -abs(math.log1p(h)))
 
@@ -171,7 +174,7 @@ def attractive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> fl
         far = near + FARTHER * (near + shift)
         h, _ = mismatch_at_gap(oscillator, amplitude, far)
         if h <= 0.0:
-            return _gap_of_crossing(
+            return gap_of_crossing(
                 oscillator, amplitude, ATTRACTIVE, shift, (near, math.log1p(h_near)), (far, math.log1p(h))
             )
         near, h_near = far, h
@@ -203,11 +206,11 @@ def repulsive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> flo
         if h > 0.0 and push > 0.0:
             if not repelled(lever, amplitude, push):
                 return math.nan  # damping takes up the drive before repulsion makes up for the lever's detuning
-            return _gap_of_crossing(oscillator, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
+            return gap_of_crossing(oscillator, amplitude, REPULSIVE, 0.0, (near, f_near), (gap, math.log1p(h)))
         near, f_near = gap, sided_log_mismatch(lever, amplitude, REPULSIVE, h, push)
         # Behind the maximum P rises about as the square of the depth.
         grow = OVERSHOOT * math.sqrt(want / max(push - top.push, LEAST_RISE * want))
-        gap = peak + (gap - peak) * min(max(grow, LEAST_GROWTH), MOST_GROWTH)
+        gap = peak + (gap - peak) * min(max(grow, LEAST_DEPTH_GROWTH), MOST_DEPTH_GROWTH)
         if gap < last:
             break
     return math.nan
