@@ -157,13 +157,9 @@ def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: 
 
 @kernel
 def refined_orbit_on_branch(
-    oscillator: Oscillator,
-    amplitude: float,
-    side: int,
-    limits: ErrorLimits,
-    harmonic: HarmonicOrbit,
+    oscillator: Oscillator, amplitude: float, side: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
-) -> int:
+) -> int:  # fmt: skip
     """Find the averaged orbit on a side of the resonance, and GOOD with the exact one near it in `workspace.state`."""
     done = averaged_orbit_on_branch(oscillator, amplitude, side, harmonic, workspace)
     if done != col.GOOD:

@@ -32,13 +32,9 @@ from phasemap._kernels.orbits.response.state import PassState, fill_row_from_pas
 
 @kernel(shared=True)
 def cheap_orbit(
-    oscillator: Oscillator,
-    amplitude: float,
-    surety: int,
-    limits: ErrorLimits,
-    harmonic: HarmonicOrbit,
+    oscillator: Oscillator, amplitude: float, surety: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
-) -> int:
+) -> int:  # fmt: skip
     """Exact orbit in workspace.state: GOOD; KNOWN where only `harmonic` is sure; PENDING where the side is in doubt.
 
     NOT_CONVERGED where only time tells.

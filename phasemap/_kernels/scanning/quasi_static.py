@@ -62,14 +62,9 @@ def walk(
 
 @kernel
 def reach_rows(
-    law: Law,
-    rows: np.ndarray,
-    lever: np.ndarray,
-    step_size: float,
-    most_periods: int,
-    orbits: np.ndarray,
+    law: Law, rows: np.ndarray, lever: np.ndarray, step_size: float, most_periods: int, orbits: np.ndarray,
     reach: np.ndarray,
-) -> None:
+) -> None:  # fmt: skip
     """Replace each tip offset in `reach` by the one at which the mean phase changes sign on the way there.
 
     The tip is raised from `orbits` (shape (n, COLUMNS)) up to `reach` (shape (n,)) [m], which becomes infinite where

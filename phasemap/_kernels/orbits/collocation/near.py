@@ -81,15 +81,9 @@ def depth_at_nodes(orbit: Orbit) -> float:
 
 @kernel
 def solve_near(
-    path: Path,
-    harmonic: HarmonicOrbit,
-    m: float,
-    hold: int,
-    fine: bool,
-    tolerance: float,
-    most_steps: int,
+    path: Path, harmonic: HarmonicOrbit, m: float, hold: int, fine: bool, tolerance: float, most_steps: int,
     orbit: Orbit,
-) -> tuple[int, float, float]:
+) -> tuple[int, float, float]:  # fmt: skip
     """Solve from a harmonic orbit for the exact one at a path's parameter m.
 
     `hold`: whether its z0 or its A is kept. Returns a status, and tip offset and depth [m] of where the solver began.

@@ -111,13 +111,9 @@ def _sum_up(nodes: Nodes) -> tuple[float, float]:
 
 @kernel(fastmath=ANY_ORDER)
 def _add_motion(
-    nodes: Nodes,
-    mode: Mode,
-    share: float,
-    round_: tuple[float, float],
-    harmonic: tuple[float, float, float],
+    nodes: Nodes, mode: Mode, share: float, round_: tuple[float, float], harmonic: tuple[float, float, float],
     anew: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Add to w and w' the motion of a mode, less its mean and its first harmonic; or let it replace them."""
     a, nu, (round_re, round_im), (mean, h_re, h_im) = mode.decay, mode.turn, round_, harmonic
     for j in range(count_of(nodes)):
