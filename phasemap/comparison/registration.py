@@ -20,8 +20,6 @@ from phasemap.io.measured import level_rows
 if TYPE_CHECKING:
     from phasemap.comparison.pair import Directions
 
-Array = np.ndarray
-
 GAIN = (
     0.25  # share by which the mismatch of the heights, 1 - correlation, must fall; interpolating noise gains some 15 %
 )

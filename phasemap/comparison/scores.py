@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import PhasemapError
-
-Array = np.ndarray
 
 WINDOW = 7  # pixels, of the structural similarity
 ROUNDING = 1e-12  # relative difference of values that are the same

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from phasemap._shared.arrays import chunks_of, is_lazy
+from phasemap._shared.arrays import Array, chunks_of, is_lazy
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
@@ -28,7 +28,6 @@ from phasemap.imaging.job import Job, Stretch, fill_part, plan_image, simulator_
 from phasemap.imaging.materials import Place, Survey, survey
 from phasemap.results.variables import FLAGS
 
-Array = np.ndarray
 Key = tuple[str, int] | str
 Filled = tuple[dict[str, Array], dict[str, float], Any]  # variables, what the control found out, the tip's state
 

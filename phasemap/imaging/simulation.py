@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
+from phasemap._shared.arrays import Array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, SolveError, Word
 from phasemap._shared.notices import tell
@@ -40,8 +41,6 @@ from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, provenan
 from phasemap.results.words import FORCES, describe_failures, describe_validity
 from phasemap.solvers.problem import Work, check_marched, check_setpoint, forces_of, make_work
 from phasemap.solvers.solver import by_name, check_integrals, check_marches
-
-Array = np.ndarray
 
 MANY = 1 << 20  # pixels among which a thread looks for the largest
 

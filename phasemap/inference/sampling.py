@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from emcee import EnsembleSampler, State
 from emcee.moves import DEMove
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-Array = NDArray[np.float64]
+from phasemap._shared.arrays import Array
 
 REACH = 2.25  # standard deviations of the prior within which everything is sought
 FIRST = 20000  # draws of the prior

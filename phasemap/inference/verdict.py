@@ -10,12 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import listed
 from phasemap.experiment.material import Material
-
-Array = NDArray[np.float64]
 
 PRIOR = Material(modulus=1e9, adhesion=0.05, damping=0.01)
 PARAMETERS = ("modulus", "adhesion", "damping")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ATTRACTING, ENGAGED, NOWHERE, REPELLING, SLOTS, ErrorLimits, StableOrbits
 from phasemap._kernels.rows.answers import Answers
+from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import sees_tip
@@ -19,7 +20,6 @@ from phasemap.solvers.in_time import ETA
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import LENGTH, PHASE, March, Solver
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 SIDES = {ATTRACTING: -1, REPELLING: 1}  # of the resonance, on which the orbits of a branch are

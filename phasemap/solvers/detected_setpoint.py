@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.rows.answers import Answers
+from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import (
     detected_signal,
     in_proportion,
@@ -25,7 +26,6 @@ from phasemap.experiment.lever import (
 )
 from phasemap.solvers.problem import Work
 
-Array = NDArray[np.float64]
 Found = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
 """Result rows, status and solver codes."""
 

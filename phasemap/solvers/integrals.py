@@ -12,12 +12,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import AT_REST, IN_LOOP, LOSS_HARMONICS, NOT_DRIVEN, WIDE, SolvedRows
 from phasemap._kernels.orbits.orbit_nodes import KEEPING, KEPT_COUNT
 from phasemap._kernels.quadrature import TABLES
+from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import of_tip
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import HARMONICS, MODAL, OF_ADHESION, OF_FORCES
 from phasemap.solvers.problem import Work
-
-Array = NDArray[np.float64]
 
 NONE = np.zeros((1, 0))  # rows with nodes
 

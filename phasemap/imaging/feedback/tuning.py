@@ -23,6 +23,7 @@ from phasemap._kernels.scanning.averaged_lever import FlowMemory, Sample, slow_f
 from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift
 from phasemap._kernels.scanning.line import engage_in_time
 from phasemap._kernels.scanning.loop import Setup
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
@@ -33,7 +34,6 @@ from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name
 
-Array = np.ndarray
 Jacobians = tuple[Array, Array, Array]
 
 BACK = 2.5  # by which gains are taken back from where the loop rings: 8 dB

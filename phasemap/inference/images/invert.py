@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.described import describe
@@ -33,8 +34,6 @@ from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
 from phasemap.inference.verdict import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, chance, check_prior, put
 from phasemap.results.variables import provenance
-
-Array = NDArray[np.float64]
 
 SHARP = 0.05  # standard error of every logarithm below which the parabola will do
 FIRST, GROWTH, STEPS = 0.5, 1.3, 7  # steps along the valley: in its standard deviations, each longer, to either side

@@ -19,6 +19,7 @@ from phasemap._kernels.lever import low_q
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block, averaged_phases, exact_block
 from phasemap._kernels.rows.exact_derivatives import PLACE, exact_block_with_derivatives
+from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
@@ -33,7 +34,6 @@ from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Orbit
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 STEP = 1e-5  # of a logarithm, for derivatives of orbits: coarser ones end descents early in long valleys

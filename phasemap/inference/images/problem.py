@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.rows.derivatives import Found
-from phasemap._shared.arrays import within_half_a_turn
+from phasemap._shared.arrays import Array, within_half_a_turn
 from phasemap.inference.images.model import Model
 from phasemap.inference.images.stack import HEIGHT, PHASE, Projection, Stack, Zeros
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 Flags = NDArray[np.bool_]
 

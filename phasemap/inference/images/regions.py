@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import within_half_a_turn
+from phasemap._shared.arrays import Array, within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
@@ -55,8 +55,6 @@ from phasemap.inference.verdict import (
     say_what_helps,
 )
 from phasemap.results.variables import coded
-
-Array = NDArray[np.float64]
 
 DRAWS = 50  # of data, each with its mirror image, so that the mean of the draws is the data
 SEED = 20

@@ -16,13 +16,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from phasemap._shared.arrays import as_array, as_list, within_half_a_turn
+from phasemap._shared.arrays import Array, as_array, as_list, within_half_a_turn
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import check_setpoint
-
-Array = NDArray[np.float64]
 
 PHASE, HEIGHT = 0, 1
 SPREAD = 1.4826  # standard deviation over the median absolute deviation of normal numbers

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from phasemap._shared.arrays import Array
 from phasemap.inference.images.model import SIDES, Model
 from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, information, problem_of_pixels
 from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Plan, Stack
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 GRID = (7, 4, 7)  # materials, over SHARE_OF_GRID

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import shift as moved_by
 from scipy.ndimage import uniform_filter
 
-from phasemap._shared.arrays import as_array, within_half_a_turn
+from phasemap._shared.arrays import Array, as_array, within_half_a_turn
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
@@ -20,7 +20,6 @@ from phasemap.comparison.registration import register
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
 from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 WAYS = ("phase", "height")

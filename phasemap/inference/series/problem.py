@@ -18,13 +18,12 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import distance_transform_edt
 from scipy.special import ndtr
 
-from phasemap._shared.arrays import within_half_a_turn
+from phasemap._shared.arrays import Array, within_half_a_turn
 from phasemap.inference.images.model import Model
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.settings import HELD, Settings
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 COUNTS = (11, 6, 8)  # materials: modulus, adhesion, damping

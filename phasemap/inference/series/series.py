@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from phasemap._shared.arrays import as_list, within_half_a_turn
+from phasemap._shared.arrays import Array, as_list, within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError, SolveError
@@ -29,8 +28,6 @@ from phasemap.inference.series.words import tell
 from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, PRIOR, UNITS, check_known, check_prior, codes_of, put
 from phasemap.io.measured import one_scan
 from phasemap.results.variables import coded, provenance
-
-Array = NDArray[np.float64]
 
 ENDS = (2.5, 97.5)  # percentiles
 CURVE = np.linspace(0.2, 0.98, 53)  # setpoints of curves

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap._shared.checks import is_sign
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import question
@@ -20,8 +21,6 @@ from phasemap.experiment.presets import levers
 from phasemap.inference.images.stack import FREE, SHARED, numbers_of
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
-
-Array = NDArray[np.float64]
 
 HELD = "held"  # beside the words of `stack`
 RADIUS = 10e-9  # of a tip of which nothing is said [m]

@@ -6,14 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from phasemap._shared.arrays import Array
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.problem import Problem
 from phasemap.inference.series.settings import ANYWHERE, HELD
 from phasemap.inference.verdict import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
-
-Array = NDArray[np.float64]
 
 CLEAR = 2.0  # standard errors above which a contrast has a sign
 DOUBTFUL = 0.02  # chance of a chi2 as large for as many data, below which the fit is not said to be within errors
