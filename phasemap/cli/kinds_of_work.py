@@ -83,9 +83,7 @@ KINDS: dict[str, Callable[[], object]] = {
     "bias": lambda: _pixel("dmt", 1.0),
     "one's own law": lambda: _pixel(_Own()),
 }
-_IN_TIME = (
-    "march", "feedback, full equation", "feedback, slow flow", "check", "raster", "off resonance", "relaxation",
-)  # fmt: skip
+_IN_TIME = ("march", "feedback, full equation", "feedback, slow flow", "check", "raster", "off resonance", "relaxation")
 USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("feedback, slow flow", "raster"))
 """What `phasemap warm` compiles, in processes side by side.
 

@@ -22,7 +22,7 @@ from phasemap.experiment.beam import (
     all_modes,
     check_modes,
     participations,
-)  # fmt: skip
+)
 
 FREQUENCY, LENGTH = (1e3, 1e7), (1e-6, 2e-3)  # what is found in practice [Hz, m]
 

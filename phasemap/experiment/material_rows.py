@@ -142,11 +142,11 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
     if not any(one.damping for one in materials.values()):
         return dict(materials)
     return {
-        name: one if one.viscosity is None else replace(
-            one, viscosity=None, damping=float(damping_of(np.array(one.viscosity), scope))
-        )
+        name: one
+        if one.viscosity is None
+        else replace(one, viscosity=None, damping=float(damping_of(np.array(one.viscosity), scope)))
         for name, one in materials.items()
-    }  # fmt: skip
+    }
 
 
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:

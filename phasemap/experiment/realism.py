@@ -15,10 +15,8 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "typical": {
-        "temperature": 295.0, "detector_noise": 100e-15, "line_offset": 30e-12, "drift": (4e-9, 3e-9, 0.5e-9),
-    }
-}  # fmt: skip
+    "typical": {"temperature": 295.0, "detector_noise": 100e-15, "line_offset": 30e-12, "drift": (4e-9, 3e-9, 0.5e-9)}
+}
 TYPICAL_SCAN = {"line_rate": 2.0, "bandwidth": 1e3}  # of a `Feedback` [Hz]
 STILL = (0.0, 0.0, 0.0)
 IN_TIME = ("temperature", "detector_noise")  # what acts in time only

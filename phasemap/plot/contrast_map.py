@@ -141,9 +141,7 @@ def _draw_turns(axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray) -> Non
 def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], where: np.ndarray, hatch: str) -> None:
     """Hatch the cells of a map that are marked."""
     x, y = edges
-    cells = [
-        [(x[i + a], y[k + b]) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))] for k, i in np.argwhere(where)
-    ]  # fmt: skip
+    cells = [[(x[i + a], y[k + b]) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))] for k, i in np.argwhere(where)]
     if cells:
         faces = PolyCollection(cells, facecolor="none", edgecolor="0.25", linewidth=0, hatch=hatch, gid="bistable")
         axes.add_collection(faces)

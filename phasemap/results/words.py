@@ -115,7 +115,7 @@ def titles(ds: xr.Dataset) -> list[str]:
             *_said(about, swept, setpoint=("setpoint held at {}", "1"), tip_offset=("tip offset held at {}", "m")),
         ],
         microscope_in_words(scope, swept),
-    ]  # fmt: skip
+    ]
     return [", ".join(line) for line in lines if line]
 
 

@@ -40,7 +40,7 @@ from phasemap.scenes.objects import (
     scan_of,
     table_of,
     with_typical,
-)  # fmt: skip
+)
 from phasemap.scenes.surface import Built, build_surface, under_tip
 from phasemap.scenes.tables import Complaints, Table, check_keys, construct, read_tables, switch
 

@@ -10,15 +10,7 @@ import numpy as np
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import WIDEST, number, pixel_pair, whole
 from phasemap._shared.quantities import Scalar
-from phasemap.experiment.generate.arguments import (
-    Field,
-    Labels,
-    PixelSize,
-    at_least,
-    generator,
-    sized,
-    wave_length,
-)  # fmt: skip
+from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, generator, sized, wave_length
 
 _LONGEST = 10_000  # steps of relaxation; after some hundreds a pattern hardly changes
 

@@ -256,4 +256,4 @@ class LossyDMT(SphereLaw):
 LAWS: dict[str, ContactLaw] = {
     **{law.name: law for law in (Hertz(), DMT(), JKR(), MaugisDugdale(), FlatPunch(), Cone(), Film(), Capillary())},
     "slipping film": Film("slipping"),
-}  # fmt: skip
+}

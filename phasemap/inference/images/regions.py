@@ -338,9 +338,7 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
             (f"{name}_error", stack.errors[:, :, channel], f"standard error of the median {name}"),
         ):
             put(ds, word, dims, np.where(there, scale * values, np.nan), said, unit)
-    ds["branch"] = (
-        dims, found.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1)
-    )  # fmt: skip
+    ds["branch"] = (dims, found.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1))
 
 
 def tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: Plan) -> None:

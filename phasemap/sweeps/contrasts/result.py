@@ -58,20 +58,16 @@ def record(
     phase, height = (value[name][1] - value[name][0] for name in ("phase", "height"))
     data = {
         "contrast": (DIMS, phase, {"long_name": f"phase contrast, {both}", "units": "degree", **status}),
-        "height_contrast": (
-            DIMS, height, {"long_name": f"height contrast, {both}", "units": "m", **status},
-        ),
+        "height_contrast": (DIMS, height, {"long_name": f"height contrast, {both}", "units": "m", **status}),
         **{name: (dims, value[name], {**float_attributes(name), **status}) for name in value},
-        "regime": (
-            dims, regime, coded("regimes in which a stable orbit holds the setpoint", *REGIMES),
-        ),
+        "regime": (dims, regime, coded("regimes in which a stable orbit holds the setpoint", *REGIMES)),
         "branch": (dims, branch_of(engaged.rows), flag_attributes("branch")),
         "motion": (dims, motion_of(engaged.rows), flag_attributes("motion")),
         "status": (dims, engaged.status, flag_attributes("status")),
         "solver": (dims, engaged.solver, flag_attributes("solver")),
         **_points("inversion", "inversion of the contrast", inversions),
         **_points("jump", "jump", jumps),
-    }  # fmt: skip
+    }
     degree = {"units": "degree"}
     data["inversion_phase"] = (
         "inversion", np.array([zero.phase for zero in inversions], float),
