@@ -275,35 +275,23 @@ def _bimodal(
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
-        Channel(
-            "dissipation", "energy dissipated in the surface per cycle", "J", attrgetter("orbit_dissipation"),
-            CLEVELAND, of_orbit="dissipation",
-        ),
-        Channel(
-            "dissipation_ev", "energy dissipated in the surface per cycle", "eV",
-            lambda motion: motion.orbit_dissipation / ELECTRONVOLT, CLEVELAND, of_orbit="dissipation",
-        ),
-        Channel(
-            "dissipated_power", "power dissipated in the surface", "W",
-            lambda motion: motion.orbit_dissipation * motion.frequency, CLEVELAND, of_orbit="dissipation",
-        ),
-        Channel(
-            "virial", "virial of the tip-surface force, positive attractive", "J", attrgetter("orbit_virial"),
-            "San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001)", of_orbit="virial",
-        ),
-        Channel(
-            "loss_tangent", "loss tangent by the instrument's formula", "1", attrgetter("loss_tangent"),
-            f"{PROKSCH}: energy dissipated over 2 pi times the virial, negative where the force attracts",
-        ),
+        Channel("dissipation", "energy dissipated in the surface per cycle", "J", attrgetter("orbit_dissipation"),
+                CLEVELAND, of_orbit="dissipation"),
+        Channel("dissipation_ev", "energy dissipated in the surface per cycle", "eV",
+                lambda motion: motion.orbit_dissipation / ELECTRONVOLT, CLEVELAND, of_orbit="dissipation"),
+        Channel("dissipated_power", "power dissipated in the surface", "W",
+                lambda motion: motion.orbit_dissipation * motion.frequency, CLEVELAND, of_orbit="dissipation"),
+        Channel("virial", "virial of the tip-surface force, positive attractive", "J", attrgetter("orbit_virial"),
+                "San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001)", of_orbit="virial"),
+        Channel("loss_tangent", "loss tangent by the instrument's formula", "1", attrgetter("loss_tangent"),
+                f"{PROKSCH}: energy dissipated over 2 pi times the virial, negative where the force attracts"),
         Channel(
             "loss_tangent_corrected", "loss tangent corrected for adhesion", "1", attrgetter("corrected_loss_tangent"),
             f"{PROKSCH}, with the energy that the contact stores for the virial, and less the energy of necks",
             needs=("contact_storage", "adhesion_loss"), of_orbit="dissipation",
         ),
-        Channel(
-            "drive_energy", "energy supplied by the drive per cycle", "J",
-            lambda motion: drive_energy(motion.lever, motion.amplitude, motion.phase), MELCHER,
-        ),
+        Channel("drive_energy", "energy supplied by the drive per cycle", "J",
+                lambda motion: drive_energy(motion.lever, motion.amplitude, motion.phase), MELCHER),
         *(channel for i in range(col.MOST_MODES) for channel in _of_mode(i)),
         _bimodal("mode2_frequency_shift", "shift of the second mode's resonance", "Hz", "second_shift"),
         _bimodal("mode2_amplitude", "amplitude of the second mode", "m", "second_amplitude"),
@@ -320,10 +308,8 @@ CHANNELS: dict[str, Channel] = {
             "bimodal_modulus",
         ),
         _bimodal("bimodal_indentation", "indentation by the bimodal formula", "m", "bimodal_indentation"),
-        _bimodal(
-            "mode2_over_depth", "amplitude of the second mode over the indentation", "1", "second_over_depth",
-            "the others of the second mode hold where this is small", (*OF_SECOND, "indentation"),
-        ),
+        _bimodal("mode2_over_depth", "amplitude of the second mode over the indentation", "1", "second_over_depth",
+                 "the others of the second mode hold where this is small", (*OF_SECOND, "indentation")),
         _bimodal(
             "bimodal_modulus_bound", "largest share by which the bimodal modulus differs from two modes in time", "1",
             "modulus_bound", "half the square of mode2_over_depth, and 0.3 times the largest force of contact over k A",
