@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
+from unittest.mock import patch
 
 from phasemap.cli.kinds_of_work import KINDS, Cost, in_processes
 
@@ -16,29 +18,23 @@ def of_solvers(empty: bool) -> dict[str, float]:
 
     `empty`: whether the process finds nothing on disk.
     """
-    costs: list[Cost] = []
-    if empty:
-        in_an_empty_cache(FIRST.values(), costs.append)
-    else:
-        in_processes([FIRST.values()], costs.append)
+    kinds = list(FIRST.values())
+    costs = in_an_empty_cache(kinds) if empty else in_processes([kinds])
     seconds = {cost.kind: cost.seconds for cost in costs}
     return {solver: seconds[kind] for solver, kind in FIRST.items()}
 
 
-def in_an_empty_cache(kinds: Iterable[str], told: Callable[[Cost], None]) -> None:
+def in_an_empty_cache(kinds: Sequence[str]) -> list[Cost]:
     """Do work of these kinds, one after the other, in a process that finds nothing on disk."""
-    with tempfile.TemporaryDirectory(prefix="phasemap-bench-") as folder:
-        in_processes([kinds], told, folder)
+    with (
+        tempfile.TemporaryDirectory(prefix="phasemap-bench-") as folder,
+        patch.dict(os.environ, NUMBA_CACHE_DIR=folder),
+    ):
+        return in_processes([kinds])
 
 
-def table(say: Callable[[str], None]) -> str:
+def table(_say: Callable[[str], None]) -> str:
     """What the first use of each kind of work takes, in a process that finds nothing on disk and does all in order."""
-    costs: list[Cost] = []
-
-    def told(cost: Cost) -> None:
-        costs.append(cost)
-        say(f"{cost.kind}: {cost.seconds:.1f} s")
-
-    in_an_empty_cache(KINDS, told)
+    costs = in_an_empty_cache(list(KINDS))
     head = "first use of: processor time, kernels compiled, kept on disk"
     return "\n".join([head, *map(str, costs), str(Cost.of_all(costs))])

@@ -1,23 +1,18 @@
-"""Every kind of work once, as small as it can be: what compiles the kernels ahead, and says what that costs.
-
-Run as ``python -m phasemap.cli.kinds_of_work KIND...``; prints a line of JSON for each.
-"""
+"""Every kind of work once, as small as it can be: what compiles the kernels ahead, and says what that costs."""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 import phasemap as pm
+from phasemap._shared import processes
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
 LIQUID = replace(SCOPE, cantilever=pm.Cantilever(1.0, 300e3, 3.0))
@@ -113,47 +108,21 @@ class Cost:
         return cls("all of them", seconds, functions, sum(one.size for one in costs))
 
 
-def try_out(kinds: Iterable[str]) -> Iterator[Cost]:
-    """Do work of these kinds in this process."""
+def try_out(kinds: Iterable[str]) -> list[Cost]:
+    """Do work of these kinds in this process, and say on stderr what each took as soon as it is done."""
     from phasemap._kernels.compilation import compiled
     from phasemap._kernels.compilation.disk_cache import written
 
+    os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
+    costs = []
     for kind in kinds:
         started, functions, size = time.process_time(), compiled(), written()
         KINDS[kind]()
-        yield Cost(kind, time.process_time() - started, compiled() - functions, written() - size)
+        costs.append(Cost(kind, time.process_time() - started, compiled() - functions, written() - size))
+        print(costs[-1], file=sys.stderr, flush=True)
+    return costs
 
 
-def in_processes(groups: Iterable[Iterable[str]], told: Callable[[Cost], None], cache: str | None = None) -> None:
-    """Do work of these kinds, each group in a process of its own, with compiled code kept in a folder of that name.
-
-    Raises subprocess.CalledProcessError if one fails.
-    """
-
-    def follow(process: subprocess.Popen[str]) -> None:
-        assert process.stdout is not None
-        with process.stdout as lines:
-            for line in lines:
-                told(Cost(**json.loads(line)))
-
-    command = [sys.executable, "-m", "phasemap.cli.kinds_of_work"]
-    quiet = {**os.environ, "PHASEMAP_QUIET": "1", **({} if cache is None else {"NUMBA_CACHE_DIR": cache})}
-    processes = [subprocess.Popen([*command, *group], env=quiet, stdout=subprocess.PIPE, text=True) for group in groups]
-    threads = [threading.Thread(target=follow, args=(process,)) for process in processes]
-    try:
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    except BaseException:
-        for process in processes:
-            process.kill()
-        raise
-    for process in processes:
-        if process.wait():
-            raise subprocess.CalledProcessError(process.returncode, command)
-
-
-if __name__ == "__main__":
-    for cost in try_out(sys.argv[1:]):
-        print(json.dumps(asdict(cost)), flush=True)
+def in_processes(groups: Sequence[Sequence[str]]) -> list[Cost]:
+    """Do work of these kinds, each group in a process of its own."""
+    return [cost for costs in processes.in_processes(try_out, groups, max(2, len(groups))) for cost in costs]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import subprocess
 import sys
 from pathlib import Path
 
@@ -25,21 +24,10 @@ def add_warm(parser: argparse.ArgumentParser) -> None:
 
 def warm(arguments: argparse.Namespace) -> None:
     """Compile kernels ahead, and say what it cost."""
+    from phasemap._kernels.compilation.disk_cache import folder
     from phasemap.cli.kinds_of_work import ALL, USUAL, Cost, in_processes
 
-    costs: list[Cost] = []
-
-    def told(cost: Cost) -> None:
-        costs.append(cost)
-        print(cost, file=sys.stderr, flush=True)
-
-    try:
-        in_processes(ALL if arguments.all else USUAL, told)
-    except subprocess.CalledProcessError:
-        raise PhasemapError("a process that compiled kernels failed; it said why above.") from None
-    from phasemap._kernels.compilation.disk_cache import folder
-
-    whole = Cost.of_all(costs)
+    whole = Cost.of_all(in_processes(ALL if arguments.all else USUAL))
     if not whole.functions:
         print(f"nothing left to compile; kept in {folder()}")
         return

@@ -28,9 +28,9 @@ import json, sys
 from numba.core.registry import cpu_target
 from phasemap._kernels.compilation.disk_cache import versions
 from phasemap.cli.kinds_of_work import ALL, in_processes
-wanted, cache = sys.argv[2:], sys.argv[1]
+wanted = sys.argv[1:]
 groups = [[kind for kind in group if kind in wanted or not wanted and kind != "one's own law"] for group in ALL]
-in_processes([group for group in groups if group], lambda cost: print(cost, file=sys.stderr, flush=True), cache)
+in_processes([group for group in groups if group])
 print(json.dumps([cpu_target.target_context.codegen().magic_tuple(), versions()]))
 """
 
@@ -44,9 +44,9 @@ def platform_tag() -> str:
 def compile_into(unpacked: Path, kinds: list[str]) -> None:
     """Compile kernels of an unpacked wheel, and put what comes of it beside their sources."""
     processor = PROCESSORS.get(platform.machine().lower(), "generic")
-    target = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
     with tempfile.TemporaryDirectory() as cache:
-        command = [sys.executable, "-c", COMPILE, cache, *kinds]
+        target = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": cache}
+        command = [sys.executable, "-c", COMPILE, *kinds]
         environment = {**os.environ, **target, "PYTHONPATH": str(unpacked), "PYTHONDONTWRITEBYTECODE": "1"}
         said = subprocess.run(
             command, check=True, env=environment, cwd=unpacked, stdout=subprocess.PIPE, text=True
