@@ -63,8 +63,7 @@ def one_mode(omega: float, alpha0: float, stiffness: float, drive: float) -> Arr
 
 def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
     """Work of the drive, pi k u0 A cos(phase) [J per cycle], for levers of `lever_of`, shape (..., n)."""
-    work: Array = np.pi * lever[..., col.STIFFNESS] * lever[..., col.DRIVE] * amplitude * np.cos(phase)
-    return work
+    return np.pi * lever[..., col.STIFFNESS] * lever[..., col.DRIVE] * amplitude * np.cos(phase)
 
 
 def modal_motion(lever: Array, amplitude: Array, phase: Array) -> tuple[Array, Array]:
@@ -101,8 +100,7 @@ def lost_in_air(lever: Array, amplitude: Array) -> Array:
     kappa is the dynamic stiffness at the tip over k, whose imaginary part is 2 alpha0 omega of one mode. Higher
     harmonics lose a little more, n^2 (A_n / A)^2 of it each.
     """
-    lost: Array = np.pi * lever[..., col.DYNAMIC_LOSS] * lever[..., col.STIFFNESS] * amplitude**2
-    return lost
+    return np.pi * lever[..., col.DYNAMIC_LOSS] * lever[..., col.STIFFNESS] * amplitude**2
 
 
 def virial_of(lever: Array, amplitude: Any, phase: Any) -> Array:

@@ -78,8 +78,7 @@ def tip_profile(distance: Array, radius: float, half_angle: float) -> Array:
     tangent = radius * math.cos(half_angle)
     inside = np.minimum(distance, tangent)
     sphere = inside**2 / (radius + np.sqrt(radius**2 - inside**2))  # R - sqrt(R^2 - r^2), without cancellation
-    height: Array = sphere + (distance - inside) / math.tan(half_angle)
-    return height
+    return sphere + (distance - inside) / math.tan(half_angle)
 
 
 def seen_at(surface: Surface, pixels: NDArray[np.integer], topography: Array | None) -> Surface:

@@ -73,8 +73,7 @@ class Subject:
     @property
     def realism(self) -> Realism:
         """What the microscope adds to the image."""
-        found: Realism = self.options.get("realism") or Realism()
-        return found
+        return self.options.get("realism") or Realism()
 
     @property
     def variation(self) -> Variation | None:

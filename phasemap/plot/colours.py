@@ -88,8 +88,7 @@ class Scale:
 
     def shown(self, values: np.ndarray) -> np.ndarray:
         """Values as they are shown."""
-        scaled: np.ndarray = (values - self.offset) * self.factor
-        return scaled
+        return (values - self.offset) * self.factor
 
 
 def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:

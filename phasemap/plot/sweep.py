@@ -67,18 +67,15 @@ class Sweep:
     @property
     def irregular(self) -> np.ndarray:
         """Where the motion is, shape (directions, values)."""
-        mark: np.ndarray = self.ds["motion"].values == 1 if "motion" in self.ds else self.ds["status"].values < 0
-        return mark
+        return self.ds["motion"].values == 1 if "motion" in self.ds else self.ds["status"].values < 0
 
     def spread(self, name: str) -> np.ndarray:
         """That of a quantity, in either direction; 0 where it has none."""
-        spread: np.ndarray = self.ds[f"{name}_spread"].fillna(0).values if f"{name}_spread" in self.ds else np.zeros(1)
-        return spread
+        return self.ds[f"{name}_spread"].fillna(0).values if f"{name}_spread" in self.ds else np.zeros(1)
 
     def shown(self, x: np.ndarray) -> np.ndarray:
         """Whether values of the axis are inside the limits."""
-        inside: np.ndarray = (x >= self.limits[0]) & (x <= self.limits[1])
-        return inside
+        return (x >= self.limits[0]) & (x <= self.limits[1])
 
     def broken(self, direction: int, falling: bool) -> np.ndarray:
         """Indices of what was seen in one direction, by rising axis, with -1 for a gap at each jump."""

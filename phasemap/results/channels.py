@@ -172,8 +172,7 @@ def _phase(
         raise InputError("phase_zero", None, "a number of degrees", hint)
     if sign == 1 and recorded == free:
         return image["phase"]
-    turned: xr.DataArray = sign * (image["phase"] - recorded) + free
-    return turned
+    return sign * (image["phase"] - recorded) + free
 
 
 def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], setpoint: Scalar | None) -> xr.DataArray:

@@ -44,8 +44,7 @@ class Motion:
     @cached_property
     def dissipation(self) -> Array:
         """Energy that the surface takes per cycle, as amplitude and phase tell it [J]."""
-        left: Array = supplied(self.lever, self.amplitude, self.phase) - lost_in_air(self.lever, self.amplitude)
-        return left
+        return supplied(self.lever, self.amplitude, self.phase) - lost_in_air(self.lever, self.amplitude)
 
     @cached_property
     def virial(self) -> Array:

@@ -318,5 +318,4 @@ def _read_variable(path: Path, variable: object) -> np.ndarray:
     if variable not in list(dataset.data_vars):
         held = ", ".join(map(repr, dataset.data_vars))
         raise FileError(f"cannot use {path}: there is no variable {variable!r}; it holds {held}.")
-    values: np.ndarray = dataset[str(variable)].values
-    return values
+    return dataset[str(variable)].values

@@ -51,8 +51,7 @@ class Picture:
 
     def raw(self, name: str) -> NDArray[Any]:
         """The values in the file."""
-        values: NDArray[Any] = self.image[name].values.reshape(self.shape)
-        return values
+        return self.image[name].values.reshape(self.shape)
 
     def __getitem__(self, name: str) -> Array:
         """The values less the random offsets of lines, which the seed gives again."""

@@ -86,8 +86,7 @@ class Model:
 
     def materials(self, q: Array) -> Array:
         """Modulus, adhesion and damping at these logarithms, shape (n, 3)."""
-        materials: Array = self.reference * np.exp(q)
-        return materials
+        return self.reference * np.exp(q)
 
     def rows(self, q: Array) -> Array:
         """Parameters of the kernels, shape (n, 16)."""

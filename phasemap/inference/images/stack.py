@@ -212,8 +212,7 @@ class Projection:
 
     def without(self, residuals: Array) -> Array:
         """Residuals or their derivatives, shape (..., n + p, k), without what zeros explain."""
-        left: Array = residuals - self.basis @ (self.basis.T @ residuals)
-        return left
+        return residuals - self.basis @ (self.basis.T @ residuals)
 
 
 @dataclass(frozen=True, eq=False)

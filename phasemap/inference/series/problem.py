@@ -276,8 +276,7 @@ class Problem:
     @property
     def _loose(self) -> Array:
         """Variance of the zero of each file about what it has in common with others [degree^2]."""
-        loose: Array = self.settings.zero_errors**2
-        return loose
+        return self.settings.zero_errors**2
 
     def _narrow(self, growth: Array) -> Array:
         """Variance of the zero of each file by its own data, shape (n, m) [degree^2]."""
@@ -342,8 +341,7 @@ def _joined(logs: Array, means: Array, variance: Array) -> _Ways:
 
 def _normal(apart: Array, variance: Array) -> Array:
     """Logarithm of a normal density, up to a constant."""
-    density: Array = -0.5 * (apart**2 / variance + np.log(variance))
-    return density
+    return -0.5 * (apart**2 / variance + np.log(variance))
 
 
 def _total(logs: Array) -> Array:
