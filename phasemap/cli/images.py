@@ -81,8 +81,7 @@ def _load(arguments: argparse.Namespace) -> xr.Dataset:
         return load(path)
     with untold():
         ds = read_curve(path, **columns_of(arguments)) if is_curve(path) else read_image(path)
-    for line in str(ds.attrs.get("warnings", "")).splitlines():
-        print(f"note        {line}")
+    _print_warnings(ds)
     return ds
 
 

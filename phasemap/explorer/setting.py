@@ -66,29 +66,23 @@ def starred(key: str) -> str:
 
 def values_of(subject: Subject) -> dict[str, Any]:
     """What a subject has in each slider and choice; a law of the user's own by its name."""
-    control = describe(subject.options.get("control") or Engage())
+    scope, control = subject.scope, describe(subject.options.get("control") or Engage())
+    parts = {part: getattr(scope, part) for part in PARTS} | {"scan": subject.options, "control": control}
+    parts |= {"realism": subject.realism, "detector": Detector(scope.detector)}
+    parts["drive.second"] = scope.drive.second or FIRST_ALONE
     found: dict[str, Any] = {}
     for one in _declared():
-        part, _, name = one["key"].rpartition(".")
-        if "presets" in one or one["key"] == LOSSES:
+        key, (part, _, name) = one["key"], one["key"].rpartition(".")
+        if "presets" in one or key == LOSSES:
             continue
         if part == "materials.*":
-            every = enumerate(subject.materials.values())
-            values = {f"materials.{i}.{name}": getattr(it, name) for i, it in every}
-            found |= {key: spectrum_name(it) if isinstance(it, Prony) else it for key, it in values.items()}
-        elif part == "scan":
-            found[one["key"]] = subject.options[name]
-        elif part == "detector":
-            found[one["key"]] = subject.scope.detector
-        elif part == "drive.second":
-            found[one["key"]] = getattr(subject.scope.drive.second, name, FIRST_ALONE[name])
-        elif part == "realism":
-            found[one["key"]] = getattr(subject.realism, name)
+            for i, value in enumerate(getattr(material, name) for material in subject.materials.values()):
+                found[f"materials.{i}.{name}"] = spectrum_name(value) if isinstance(value, Prony) else value
         elif name == "environment":
-            found[one["key"]] = GIVEN
+            found[key] = GIVEN
         else:
-            found[one["key"]] = control.get(name) if part == "control" else getattr(getattr(subject.scope, part), name)
-    contact, modes = found["interaction.contact"], len(subject.scope.cantilever.eigenmodes)
+            found[key] = parts[part].get(name) if isinstance(parts[part], Mapping) else getattr(parts[part], name)
+    contact, modes = found["interaction.contact"], len(scope.cantilever.eigenmodes)
     law = contact.name if isinstance(contact, ContactLaw) else contact
     return found | {"interaction.contact": law, "cantilever.modes": modes}
 

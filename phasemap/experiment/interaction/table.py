@@ -152,10 +152,6 @@ class Table(ContactLaw):
             return None
         return _at_least_zero(_between(self.depths[-len(self._pulled) :], self._pulled, True)[0])
 
-    def loss_outside(self) -> tuple[float, float]:
-        """None: 1/length [1/m] and Gamma [N s/m]."""
-        return 0.0, 0.0
-
     def _within(self, values: tuple[float, ...], inside: bool) -> tuple[Formula, Formula]:
         """Value and slope between the points in contact, or outside."""
         return _between(self.depths, values, inside)

@@ -61,19 +61,15 @@ class Pair:
         both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
         return cls(both, scope, solver, accuracy)
 
-    def microscope_at(self, frequency: float, free_amplitude: float) -> Microscope:
-        """The microscope driven at a frequency [Hz] with a free amplitude at resonance [m]."""
-        with unquestioned():  # the axes were looked at
-            drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
-            return replace(self.scope, drive=drive)
-
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
         """Both materials at each setpoint: n rows of the first, then n of the second.
 
         `frequency`: of the drive [Hz].
         `free_amplitude`: at resonance [m]; the setpoints are over that at the drive frequency.
         """
-        scope = self.microscope_at(frequency, free_amplitude)
+        with unquestioned():  # the axes were looked at
+            drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
+            scope = replace(self.scope, drive=drive)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
         return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
 
