@@ -120,10 +120,8 @@ def no_argument(of: str, name: str, names: Iterable[str], symbols: Mapping[str, 
 def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Let a function say in a sentence which arguments it takes, where it is called with others.
 
-    What an argument may be is read from its annotation, as `phasemap._shared.asked` does.
-
-    `hint`: what else to say where arguments are missing, or too many.
-    `**symbols`: arguments, by the names that others have for them.
+    Their kinds are read from annotations. `hint`: what else to say where some are missing, or too many. `symbols`:
+    arguments, by the names that others have for them.
     """
 
     def helpful(ask: Callable[P, R]) -> Callable[P, R]:

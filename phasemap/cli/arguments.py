@@ -91,11 +91,9 @@ def conclude(
     width: int = 12,
     **options: Any,
 ) -> None:
-    """Write what was found, and its picture, where the command names files for them, and say what was found.
+    """Write what was found, and its picture, where the command names files, and say what was found.
 
-    `draw`: the function of `phasemap.plot` that draws it, with `options`.
-    `started`: when the work began [s]; without it no time is said.
-    `width`: of the column of words.
+    `draw`: the function of `phasemap.plot`. `started`: when the work began [s]; without it no time is said.
     """
     if arguments.output is not None:
         from phasemap.io.netcdf import save

@@ -26,13 +26,10 @@ SAME_SIZE = 0.05  # by which sides may differ: files of N pixels often say the l
 def pair_of(
     first: xr.Dataset, second: xr.Dataset, direction: Directions, names: tuple[str, str], needed: tuple[str, ...]
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """One direction of each of two images, with their channels and coordinates from their own top left corner.
+    """One direction of each of two images, over ("y", "x"), with channels and coordinates from their top left corner.
 
-    `first`, `second`: images over ("y", "x") or ("direction", "y", "x").
-    `direction`: of both, or of each; None takes the trace. One name for both passes over an image without
-        directions.
+    `direction`: of both, or of each; None takes the trace. One name for both passes over an image without directions.
     `names`: what the images are called in messages.
-    Returns: with dims ("y", "x").
     """
     images = first, second
     each = _each(direction, images)

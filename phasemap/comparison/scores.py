@@ -51,13 +51,10 @@ def correlation_of(first: Array, second: Array) -> float:
 
 
 def similarity_of(first: Array, second: Array, known: Array) -> float:
-    """Structural similarity, over pixels whose whole window is known.
+    """Structural similarity, over pixels whose whole window is known; NaN if none is, or nothing varies.
 
     Values count from the low end of their range, as those of pictures do: the similarity depends on where 0 is, and
     that of a phase is arbitrary.
-
-    `first`, `second` (shape (rows, columns)).
-    Returns NaN if no window is whole, or nothing varies.
     """
     from scipy.ndimage import binary_erosion
 
@@ -97,13 +94,7 @@ def share_explained(values: Array, causes: list[Array]) -> float:
 
 
 def outlier_lines(values: Array) -> Array:
-    """Find single lines that lie above, or below, both their neighbours by far more than lines do.
-
-    A step between two lines, as a change of the tip leaves it, does not count.
-
-    `values` (shape (rows, columns)).
-    Returns an array of shape (rows,).
-    """
+    """Single lines that lie far above, or far below, both their neighbours; steps between lines do not count."""
     above, below = values[1:-1] - values[:-2], values[1:-1] - values[2:]
     stands_out = np.where(above * below > 0, np.minimum(np.abs(above), np.abs(below)), 0.0)
     score = stands_out.mean(axis=1)

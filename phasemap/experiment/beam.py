@@ -171,9 +171,8 @@ def hydrodynamic_function(reynolds: float) -> complex:
     """Gamma of a thin rectangle that moves normal to its plane, to 0.1 %.
 
     The real part is the mass of fluid that moves along, the imaginary part the drag, over the mass of a cylinder of
-    fluid as wide as the lever.
-
-    `reynolds`: density times angular frequency times square of the width, over four times the viscosity [1].
+    fluid as wide as the lever. `reynolds`: density times angular frequency times square of the width, over four times
+    the viscosity [1].
     """
     from scipy.special import kve
 

@@ -69,11 +69,8 @@ def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
 def modal_motion(lever: Array, amplitude: Array, phase: Array) -> tuple[Array, Array]:
     """First harmonics of the modes, and of the force at the tip over k, of phase 0 where the drive's is: complex, [m].
 
-    Of mode i that of z_i, which is its deflection and B_i times the base: theory, Eq. (lever-2).
-
-    `lever` (shape (n,)): as of `lever_of`.
-    `amplitude`, `phase` (shape (...)): of the first harmonic of the tip [m, rad].
-    Returns arrays of shapes (modes, ...) and (...).
+    Of mode i that of z_i, which is its deflection and B_i times the base: theory, Eq. (lever-2). Shapes (modes, ...)
+    and (...), for amplitudes and phases of the tip [m, rad] of shape (...).
     """
     w, rate, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
     omega, kappa = lever[col.OMEGA], lever[col.DYNAMIC_STIFFNESS] + 1j * lever[col.DYNAMIC_LOSS]

@@ -150,11 +150,7 @@ def of_one_loss(materials: Mapping[str, Material], scope: Microscope) -> dict[st
 
 
 def properties(materials: Array, viscous: bool, scope: Microscope) -> tuple[Array, Array, Array]:
-    """What of a material acts under this microscope: stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1].
-
-    `materials` (shape (n, 4) or (n, 10)): as `phasemap.experiment.material_rows` has them; `viscous` where their loss
-        is a viscosity.
-    """
+    """Stiffness K [Pa], adhesion [J/m2] and damping alpha1 [1] of rows of materials under this microscope."""
     modulus, adhesion, loss, poisson_ratio = materials.T[:4]
     stiffness = contact_stiffness(modulus, poisson_ratio, scope.tip)
     return stiffness, adhesion, damping_of(loss, scope) if viscous else loss

@@ -57,13 +57,10 @@ def dilated(surface: Surface, tip: Tip, half_angle: float = HALF_ANGLE) -> Surfa
     """Return the surface as a tip of finite size meets it; one that is flat as it is.
 
     The topography becomes the height of the apex when the tip touches, and each pixel has the material of the point
-    that the tip touches, the nearest of them where there are several. Nothing lies beyond the edges, which is the same
-    as if the outermost pixels went on for ever.
-
-    On a slope m the apex is R (sqrt(1 + m^2) - 1) higher than the pixel below it, for the tip touches at its side. The
-    relief is known at the centres of pixels only, which must be small against R.
-
-    `half_angle`: between the axis and the flank of the cone into which the tip widens [degree], above 0 and below 90.
+    that the tip touches, the nearest of them where there are several. Beyond the edges the outermost pixels go on for
+    ever. On a slope m the apex is R (sqrt(1 + m^2) - 1) higher than the pixel below it, for the tip touches at its
+    side. The relief is known at the centres of pixels only, which must be small against R. `half_angle`: of the cone
+    into which the tip widens [degree], above 0 and below 90.
     """
     half_angle = math.radians(number("half_angle", half_angle, "degree", above=0, below=90))
     relief = surface.topography

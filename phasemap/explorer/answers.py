@@ -204,11 +204,10 @@ def _picture(
 def matched(
     setting: Setting, step: int, height: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> dict[str, dict[str, Any]]:
-    """What brings the measured image, whose zeros are arbitrary, to the simulated one, and the contrast of both.
+    """What brings the measured image, whose zeros are arbitrary, to every `step`-th pixel of the simulated one.
 
-    height, phase: every `step`-th pixel of the simulated image [nm] and [degree], as the page counts it.
-    Returns: nothing where nothing was measured, else under "measured" the shifts of the measured height [nm] and
-        phase [degree], the mean distance of the medians of the regions, weighted by their areas; and a sentence.
+    Where something was measured, under "measured" the shifts of height [nm] and phase [degree], the mean distance of
+    the medians of the regions, weighted by their areas; and the contrast of both in a sentence.
     """
     subject = setting.subject
     if subject.measured is None:

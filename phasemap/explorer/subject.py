@@ -120,8 +120,7 @@ def subject_of(
 ) -> Subject:
     """Make the subject of a surface, a scene or its file, to which `overrides` belong as in `phasemap.load_scene`.
 
-    `scope`: for a surface, which has none.
-    `setpoint`: to begin with; that of the scene, or 0.7 for a surface.
+    A surface needs a scope, and has the setpoint 0.7 to begin with if none is given, a scene its own.
     """
     if isinstance(explored, (str, os.PathLike)):
         explored = load_scene(explored, overrides)

@@ -18,11 +18,7 @@ MOST_DEGREES = 1e9  # that can be an angle: beyond, turns are lost in rounding
 
 
 def level_height(height: np.ndarray, reference: np.ndarray | None = None) -> np.ndarray:
-    """Take the tilt and the row offsets out of a height image [m]; the median of the reference pixels becomes 0.
-
-    `reference`: pixels that are meant to be level (one material, no particles); None takes all. Rows that have none
-        take their offset from their neighbours.
-    """
+    """Take tilt and offsets of rows out of a height image [m]; the median of `reference`, or of all, becomes 0."""
     height = finite_map("height", height)
     if reference is None:
         reference = np.ones(height.shape, bool)

@@ -292,10 +292,7 @@ SETPOINT_SLOT = re.compile(rb"setpoint-feedback-settings\.setpoint-slot : (\w+)"
 
 
 def amplitude_sensitivity(path: Path) -> float | None:
-    """The sensitivity [m/V] by which a JPK file makes metres of the amplitude in the volts of its setpoint.
-
-    Returns None where the file has no amplitude in metres, or one that is not based on the setpoint's slot.
-    """
+    """The sensitivity [m/V], if any, by which a JPK file makes metres of the amplitude in its setpoint's volts."""
     if not path.is_file():
         return None
     said = SETPOINT_SLOT.search(path.read_bytes())

@@ -38,12 +38,7 @@ SMALL_STAR = {**STAR, "markersize": 10}
 def draw_map(
     axes: Axes, ds: xr.Dataset, y_name: str, unit: Unit, size: tuple[float, float], norm: Any, cmap: str | None = None
 ) -> Any:
-    """Draw one map of `phasemap.contrast`, at one frequency if `y_name` is not the frequency.
-
-    `y_name`: what is up: "free_amplitude" or "frequency".
-    `size`: width and height of the axes on the page [inch].
-    Returns what a colour bar shows.
-    """
+    """Draw a map of `phasemap.contrast` on axes of this size [inch]; returns what a colour bar shows."""
     x, y = ds["setpoint"].values, ds[y_name].values / unit.size
     edges = edges_of(x), edges_of(y)
     mesh = axes.pcolormesh(*edges, ds["contrast"].values, cmap=cmap or MAPS["contrast"], norm=norm, rasterized=True)

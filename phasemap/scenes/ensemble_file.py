@@ -106,10 +106,7 @@ def _words(thing: Any) -> Iterator[str]:
 
 
 def assemble(path: Path, files: Sequence[Path], keys: Sequence[Key], attributes: Table, overwrite: bool) -> None:
-    """Write the images of all samples, whose attributes are numbers, into one file, one after the other.
-
-    `keys`: what is varied: name of the variable, its attributes, and a value for each sample.
-    """
+    """Write the images of all samples, whose attributes are numbers, into one file, with what is varied in each."""
     import netCDF4
 
     with replacing(path, overwrite) as temporary, netCDF4.Dataset(temporary, "w", format="NETCDF4") as target:

@@ -202,10 +202,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
 
 
 def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = None) -> Scene:
-    """Check the tables of a scene, as `read_tables` gives them, and make what they describe.
-
-    `surface`: taken instead of the one that ``[surface]`` describes, which is neither made nor checked then.
-    """
+    """Check tables of a scene and make what they describe, but for the surface where that is given."""
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
     with _asking(table_of(tables, "scan")):
         return _scene(tables, folder, surface)

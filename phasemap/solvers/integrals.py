@@ -22,11 +22,7 @@ NONE = np.zeros((1, 0))  # rows with nodes
 
 
 def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) -> Array:
-    """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 16).
-
-    `stiffness` (shape (n,)): k [Pa].
-    `film` (shape (n, 2)): of `phasemap.experiment.material_rows.film_of`.
-    """
+    """Parameter rows of the same contacts without adhesion, damping and bias, shape (n, 16)."""
     none = np.zeros_like(stiffness)
     return replace(scope.interaction, bias=0.0).columns(stiffness, none, none, scope.tip.radius, film)
 
@@ -34,14 +30,10 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
 def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, kept: Array = NONE) -> Array:
     """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
 
-    The attraction is the force less that of the same contact without adhesion and bias. All are good to 0.1 %. Where
-    the orbit was averaged it is taken as harmonic.
-
-    `rows` (shape (..., n, COLUMNS or WIDE)): as the detector sees them.
-    `used` (shape (..., n)): codes of the solvers that made the rows.
-    `bare` (shape (n, 16)): see `bare_rows`.
-    `kept` (shape (n, KEEPING)): rows with nodes of the same orbits, for rows of shape (n, ...).
-    Returns an array of shape (..., n, WIDE): NaN where there is no periodic orbit.
+    The attraction is the force less that of the same contact without adhesion and bias (`bare_rows`). All are good to
+    0.1 %. Where the orbit was averaged it is taken as harmonic. `rows` (shape (..., n, COLUMNS or WIDE)) are as the
+    detector sees them, made by the solvers `used`; `kept` (shape (n, KEEPING)) are rows with nodes of the same orbits.
+    NaN where there is no periodic orbit.
     """
     from phasemap._kernels.rows.exact import adhesion_rows
 
@@ -63,12 +55,8 @@ def with_forces(
     """Result rows with the mean slope of the force [N/m], the mean damping [1], harmonics [m] and losses of modes [J].
 
     All are good to 0.1 % of the largest harmonic, however hard the tap. Where the orbit was averaged it is taken as
-    harmonic about its deepest point, which in air is good to 1 %.
-
-    `rows`, `work`, `used`: as for `with_adhesion`.
-    `second`: whether the second mode is driven, and how: with it there is too what its sidebands do to it.
-    `harmonics`: of the force, see `phasemap._kernels.rows.exact.force_rows`.
-    `kept`: as for `with_adhesion`.
+    harmonic about its deepest point, which in air is good to 1 %. Arguments as for `with_adhesion`; `second` says
+    whether the second mode is driven, and how: then there is too what its sidebands do to it.
     """
     from phasemap._kernels.rows.exact import force_rows
 
@@ -82,11 +70,7 @@ def widened(
     rows: Array, work: Work, used: NDArray[np.int8], scope: Microscope, bare: Callable[[], Array],
     names: Collection[str],
 ) -> Array:  # fmt: skip
-    """Result rows with what variables of these names need besides; the same rows where none needs anything.
-
-    `rows`, `work`, `used`, `scope`: as for `with_adhesion` and `with_forces`, or rows of `solvers.run` with nodes.
-    `bare`: makes what `bare_rows` returns.
-    """
+    """Result rows, maybe with nodes, with what variables of these names need besides; the same rows if nothing."""
     kept = NONE
     if rows.shape[-1] == KEEPING:
         rows[used == col.AVERAGING, KEPT_COUNT] = 0  # an averaged orbit in place of that which told the branch

@@ -27,11 +27,9 @@ def run(
     solver: Solver, work: Work, accuracy: Accuracy, *, threads: int | None = None, progress: Progress | None = None,
     widen: Widen | None = None,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Solve work in chunks on several threads.
+    """Solve work in chunks on several threads: rows as the detector sees them, status and solver codes.
 
-    `widen`: adds to the rows of each chunk what their orbits are asked for besides.
-    Returns `rows` (shape (n, COLUMNS), or (n, WIDE) with `widen`): as the detector sees them.
-    Returns `status, solver` (shape (n,)).
+    `widen`: adds to the rows of each chunk what their orbits are asked for besides, shape (n, WIDE).
     """
     if work.in_time and not isinstance(solver, OnlyInTime):
         check_marches(solver.name)

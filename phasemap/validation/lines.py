@@ -30,10 +30,9 @@ ENGINES = {col.AVERAGING: "slow flow", col.MARCH: "equation of motion"}
 def scan_again(
     picture: Picture, surface: Surface, count: int, seed: int, threads: int | None, progress: Progress | None
 ) -> Claim:
-    """Judge a few whole lines of a `Feedback`, there and back, of the surface as it passed under the tip.
+    """Judge some whole lines of a `Feedback`, there and back, of the surface as it passed under the tip.
 
-    `count`: how many lines: the first ones where the tip was engaged once, or else some with most changes of
-        branch, and any others.
+    They are the first ones where the tip was engaged once, or else some with most changes of branch, and any others.
     """
     claims = picture.claims
     job = Job(

@@ -187,10 +187,9 @@ class Check:
 
 
 def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:
-    """The claim that no pixel is bad; not judged where there is none to look at.
+    """The claim that no pixel is bad, shape (directions, ny, nx); not judged where there is none to look at.
 
-    `bad`, `looked_at` (shape (directions, ny, nx)).
-    `by`: how bad each is, of that shape; the worst are named. `found`: what there is to say where it holds.
+    `by`: how bad each is; the worst are named. `found`: what there is to say where it holds.
     """
     pixels, bad = int(np.count_nonzero(looked_at)), bad & looked_at
     count = int(np.count_nonzero(bad))

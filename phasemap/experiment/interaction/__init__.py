@@ -188,11 +188,7 @@ class Interaction(Shown):
         return rows
 
     def remembering(self, rows: Array, relaxation: Array | None) -> bool:
-        """Put what relaxes into the rows of `columns`, and say whether any of them remembers.
-
-        `relaxation` (shape (n, 4)): as `phasemap.experiment.material_rows.relaxation_of` has it.
-        Raises InputError if the contact law knows no memory.
-        """
+        """Put what `relaxation_of` gives into rows of `columns`, and say whether any remembers, if the law can."""
         if relaxation is not None:
             rows[:, col.CONTACT] *= relaxation[:, 3]
         if relaxation is not None and relaxation[:, 0].any():
@@ -229,10 +225,7 @@ class Interaction(Shown):
             )  # fmt: skip
 
     def token(self, remembers: bool = False) -> Law:
-        """Return the compiled formulas as one argument for the kernels; with the march of a memory if one is needed.
-
-        Raises InputError if numba cannot compile the formulas of a user's law.
-        """
+        """The compiled formulas as one argument for the kernels; with the march of a memory if one is needed."""
         from phasemap._kernels.law import law_of
 
         law, longrange = self.law, self.outside

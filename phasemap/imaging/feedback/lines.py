@@ -82,11 +82,10 @@ def loop_of(
     detector_noise: float = 0.0,
     periods: int = MOST_PERIODS,
 ) -> Loop:
-    """The loop's numbers; gains that are to be tuned are 0.
+    """The loop's numbers, with an amplitude at the setpoint [m]; gains that are to be tuned are 0.
 
-    `amplitude`: at the setpoint [m].
-    `temperature`: of the lever's own noise [K]; `detector_noise`: its one-sided density [m/sqrt(Hz)].
-    `periods`: of the drive, after which an approach is given up.
+    `temperature`: of the lever's own noise [K]; `detector_noise`: its one-sided density [m/sqrt(Hz)]. `periods`: of the
+    drive, after which an approach is given up.
     """
     tau = tau_per_second(scope)
     loop = Loop()

@@ -132,10 +132,7 @@ DEEPEST = 14  # cuts one after another
 
 
 def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> Atlas:
-    """Make an atlas for the `count` distinct materials of an image, with tolerances of each function.
-
-    `sample` (shape (n, 3)): points drawn from the image, each once; without any, the atlas is empty.
-    """
+    """Make an atlas for `count` materials of an image, of which `sample` are some, with tolerances of each function."""
     if not len(sample):
         return Atlas.of([[LEAF, NO_PIECE, -1, -1]], [0.0], [], [])
     extent = np.ptp(sample, axis=0)

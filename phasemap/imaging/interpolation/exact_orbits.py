@@ -123,11 +123,7 @@ class ExactOrbits:
         return None if self.film is None else np.broadcast_to(self.film, (count, 2))
 
     def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
-        """Functions after engagement at n points, shape (n, functions): NaN where no orbit is held.
-
-        `amplitude`: in place of that at the setpoint [m].
-        `in_time`: whether time is asked where no curve of orbits tells, which is a thousand times slower.
-        """
+        """Functions after engagement at n points, shape (n, functions); `in_time` takes a thousand times as long."""
         work = self._work(points, amplitude)
         solver = Auto() if self.marched else Orbit(in_time=in_time)
         rows, status, used = run(solver, work, self._accuracy, threads=self._workers)
@@ -136,10 +132,8 @@ class ExactOrbits:
     def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
         """Functions of the orbits next to guesses, NaN without one: without engagement, which is cheaper near a jump.
 
-        `guesses` (shape (n, functions)): as from exact orbits; tip offset, phase and mean deflection are used.
-        `away` (shape (n,)): how far off the tip offset may be [m].
-        `amplitude`: in place of that at the setpoint [m].
-        `group`: so many points, one after another, are close to each other.
+        Of guesses as from exact orbits tip offset, phase and mean deflection are used; the tip offset may be so far
+        `away` [m]. `group`: so many points, one after another, are close to each other.
         """
         # On a driven base the amplitude of the tip that is held is not known before its phase.
         if self.scope.drive.excitation == "base" or self.marched:

@@ -105,11 +105,7 @@ class Problem:
 def problem_of(
     model: Model, stack: Stack, sides: Codes, zeros: Zeros, fixed: dict[int, Array] | None = None
 ) -> Problem:
-    """The problem of one stack of regions, from each set of branches.
-
-    `sides` (shape (n, r, m)).
-    `fixed` (shape (n, m, 2)): phase and tip offset of the regions of known material.
-    """
+    """The problem of a stack of regions, some with orbits `fixed`, from each set of branches, shape (n, r, m)."""
     fixed = fixed or {}
     count, regions, _ = sides.shape
     unknown = np.array([r for r in range(regions) if r not in fixed])

@@ -237,9 +237,8 @@ def make_starts(
 ) -> tuple[Array, Codes, Array]:
     """Logarithms of the unknown regions, shape (n, 3 u), branches, shape (n, r, m), and places of their orbits.
 
-    `stack`: regions; zeros that are known are taken off.
-    `grids`: materials that each region may be of; one where it is known.
-    `sides` (shape (regions, images)): branches, if they are known.
+    The stack is of regions, without zeros that are known; `grids` are materials that each may be of, one where it is
+    known; `sides` are branches, if known.
     """
     regions, first = len(stack), known[0] if known else 0
     seen = np.isfinite(stack.errors)

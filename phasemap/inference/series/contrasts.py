@@ -43,11 +43,7 @@ class Regions(NamedTuple):
 
 
 def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, by: str | None, count: int) -> Regions:
-    """Take the labels given, one map for each image, or find them.
-
-    `by` ("phase" or "height"): what tells regions apart; by default the phase, or the height where it is
-        much sharper and tells apart what the phase shows.
-    """
+    """Take the labels given, one map for each image, or find them by the phase, or by a height that is much sharper."""
     if by is not None:
         check_choice("by", by, WAYS)
     if labels is not None:

@@ -59,9 +59,8 @@ class Table:
 def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float], levels: Array) -> Table:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
-    `reach` (shape (3,)): largest logarithms of the materials; None for the model's reference alone.
-    `amplitudes`: least and largest free amplitude [m].
-    `levels` (shape (k,)): setpoints, rising, two at least.
+    `reach`: largest logarithms of the materials; None for the model's reference alone. `amplitudes`: least and largest
+    free amplitude [m]. `levels`: setpoints, rising, two at least.
     """
     sought = () if reach is None else zip(reach, COUNTS, strict=True)
     materials = [np.linspace(-most, most, count) for most, count in sought]

@@ -145,8 +145,7 @@ class Curves:
     def after_ends(self, column: int, beside: float, close: float) -> None:
         """Follow the pieces on which a tip lands where others end, in contact made or lost.
 
-        `beside`: how far past the end the tip is let go, in the control.
-        `close`: how well its motion must have settled [m].
+        It is let go `beside` the end, in the control, and has settled when its motion is as `close` [m].
         """
         waiting = list(self.pieces)
         while waiting and len(self.pieces) < MOST_PIECES:

@@ -155,10 +155,9 @@ class _Line(NamedTuple):
 def borders(
     pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int, progress: Progress | None = None
 ) -> tuple[list[Jump], list[Inversion]]:
-    """Find every jump and inversion between neighbours of a map; none of a contrast of one sign that is seen.
+    """Find every jump and inversion between neighbours of a map of phases [degree] and branches of both materials.
 
-    `phases`, `branch` (shape (2, frequencies, free amplitudes, setpoints)): of both materials [degree, code].
-    `progress`: called in lines between neighbours that are looked into.
+    There is none of a contrast of one sign that is seen. `progress`: called in lines that are looked into.
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _lines_with_jump(axis, axes, phases, branch, sure)]

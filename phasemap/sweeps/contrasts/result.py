@@ -45,10 +45,7 @@ def record(
     jumps: Sequence[Jump],
     inversions: Sequence[Inversion],
 ) -> xr.Dataset:
-    """Make the Dataset of a map as `phasemap.contrast` describes it, with all its dimensions, without attributes.
-
-    `engaged`, `regime`: arrays of shape (2, frequencies, free amplitudes, setpoints, ...).
-    """
+    """Make the Dataset of a map as `phasemap.contrast` describes it, with all its dimensions, without attributes."""
     coords: dict[str, Any] = {dim: (dim, values, ABOUT[dim]) for dim, values in zip(DIMS, axes, strict=True)}
     coords["material"] = ("material", list(names), {"long_name": "material"})
     dims = ("material", *DIMS)
