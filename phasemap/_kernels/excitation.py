@@ -30,7 +30,7 @@ def sees_tip(lever: np.ndarray) -> bool:
 
 @kernel(light=True)
 def detected_components(lever: np.ndarray, along: float, across: float) -> tuple[float, float]:
-    """(A_s cos(phase_s), A_s sin(phase_s)) [m] from (A cos(phase), A sin(phase))."""
+    """What the detector sees, (A_s cos(phase_s), A_s sin(phase_s)) [m], from the tip's (A cos(phase), A sin(phase))."""
     return (
         lever[OFFSET_RE] + lever[FACTOR_RE] * along - lever[FACTOR_IM] * across,
         lever[OFFSET_IM] + lever[FACTOR_RE] * across + lever[FACTOR_IM] * along,
@@ -46,7 +46,7 @@ def detected_phasor(lever: np.ndarray, cosine: float, sine: float) -> tuple[floa
 
 @kernel(light=True)
 def detected_amplitude(lever: np.ndarray, along: float, across: float) -> float:
-    """A_s [m] from (A cos(phase), A sin(phase))."""
+    """Amplitude A_s [m] that the detector sees, from (A cos(phase), A sin(phase)) of the tip."""
     x, y = detected_components(lever, along, across)
     return math.hypot(x, y)
 
@@ -112,7 +112,7 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
 
 @kernel
 def detected_signal(lever: np.ndarray, amplitude: float, phase: float) -> tuple[float, float]:
-    """Amplitude [m] and phase [rad] that the detector sees, 0 at free resonance, from those of z."""
+    """Amplitude [m] and phase [rad], 0 at free resonance, that the detector sees, from those of the tip."""
     if sees_tip(lever):
         return amplitude, phase
     along, across = detected_components(lever, amplitude * math.cos(phase), amplitude * math.sin(phase))

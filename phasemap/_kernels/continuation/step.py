@@ -274,7 +274,7 @@ def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point
 
 @kernel(shared=True)
 def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit) -> bool:
-    """From an orbit near by, go to where an entry has the value wanted between two points; True if it is found there.
+    """Solve for the orbit between two points at which an entry has the value wanted, from one near by; False without.
 
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
     The first point, `last`, becomes the one that is found.

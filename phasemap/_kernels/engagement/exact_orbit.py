@@ -67,13 +67,13 @@ class CurveWorkspace(NamedTuple):
 
 @kernel
 def tip_amplitude_wanted(oscillator: Oscillator, amplitude: float) -> Wanted:
-    """The orbit of amplitude A [m]."""
+    """Target on a curve: the orbit on which the tip has an amplitude A [m]."""
     return Wanted(ENTRY_A, amplitude, tolerance_of(oscillator))
 
 
 @kernel
 def detected_amplitude_wanted(oscillator: Oscillator, seen: float) -> Wanted:
-    """The orbit that the detector sees with an amplitude [m]."""
+    """Target on a curve: the orbit that the detector sees with an amplitude [m]."""
     return Wanted(ENTRY_SEEN, seen, tolerance_of(oscillator))
 
 

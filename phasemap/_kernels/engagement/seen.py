@@ -195,7 +195,7 @@ def branch_orbit_at_detected_amplitude(
 
 @kernel
 def fill_slopes_along_curve(lever: np.ndarray, orbit: Orbit, slopes: np.ndarray) -> bool:
-    """Fill in the slopes along the curve at an orbit that is linearised."""
+    """Fill in what changes with A along the curve, at an orbit that is linearised."""
     if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         return False
     head, rate = head_of(orbit), orbit.system[:, RIGHT]

@@ -54,7 +54,7 @@ LAST_CHANGE_BESIDE = 2e-12  # [m], of an orbit; what is left is the square of it
 
 @kernel
 def store_exact_orbit(orbit: Orbit, place: np.ndarray) -> None:
-    """Keep head and elements of an orbit in a place; one with more elements than that holds is not known."""
+    """Store head and elements of an orbit in a place, or NaN if there are more elements than it holds."""
     place[0], last = math.nan, head_of(orbit).count + 1
     if last > len(place[HEAD_WORDS:]) // ELEMENT_WORDS:
         return
@@ -66,7 +66,7 @@ def store_exact_orbit(orbit: Orbit, place: np.ndarray) -> None:
 def exact_orbit_from_stored(
     oscillator: Oscillator, held: float, place: np.ndarray, orbit: Orbit, row: np.ndarray
 ) -> bool:
-    """Exact orbit that is seen with the amplitude held [m], from one near by; False where none is found or held."""
+    """Exact orbit that is seen with the amplitude held [m], from a stored one; False where none is found or held."""
     if math.isnan(place[0]):
         return False
     copy(place[:HEAD_WORDS], orbit.head[0])
@@ -85,7 +85,7 @@ def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, r
 
 @kernel
 def exact_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
-    """Exact orbit seen with the amplitude held [m] that curves lead a tip to from far; False where a tip leaps."""
+    """Exact orbit seen with the amplitude held [m] to which curves lead a tip from far; False where a tip leaps."""
     top, harmonic = Maximum(), HarmonicOrbit()
     surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
     done = exact_orbit(oscillator, detected_amplitude_wanted(oscillator, held), surety, harmonic, curve, row)

@@ -35,7 +35,7 @@ class Fit:
 
 @record
 class ResponseWorkspace:
-    """Scratch memory of the cheap path."""
+    """Workspace of passes: nodes and states of an orbit, and the maximum of the mismatch."""
 
     nodes: Nodes
     finer: Nodes  # which cut the contact in two

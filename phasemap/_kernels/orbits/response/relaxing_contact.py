@@ -68,7 +68,7 @@ class ContactMemory:
 
 
 class TapWorkspace(NamedTuple):
-    """Scratch arrays: nodes of a contact in two elements, what it remembers, and the state."""
+    """Workspace of passes: nodes of a contact in two elements, what it remembers, and the state."""
 
     nodes: Nodes
     memory: ContactMemory
