@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from phasemap._shared.arrays import as_array
 from phasemap._shared.asked import asked_as
@@ -15,9 +16,6 @@ from phasemap.comparison.pair import CHANNELS, channels_of
 from phasemap.comparison.scores import outlier_lines
 from phasemap.io.measured import level_plane, level_rows, on_one_turn, row_medians
 from phasemap.results.variables import coded, provenance
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import xarray as xr
 from scipy.ndimage import convolve1d
@@ -13,8 +11,7 @@ from phasemap._shared.pixels import downwards
 from phasemap._shared.units import readable
 from phasemap.io.measured import on_one_turn
 
-if TYPE_CHECKING:
-    Directions = str | tuple[str | None, str | None] | None
+Directions = str | tuple[str | None, str | None] | None
 
 CHANNELS = ("height", "phase", "amplitude", "amplitude_error")
 UNITS = {"height": "m", "phase": "degree"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -13,16 +12,11 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import say
-from phasemap.comparison.pair import common_grid, pair_of, pitch_of
+from phasemap.comparison.pair import Directions, common_grid, pair_of, pitch_of
 from phasemap.comparison.scores import correlation_of, skimage
 from phasemap.io.measured import level_rows
 
-if TYPE_CHECKING:
-    from phasemap.comparison.pair import Directions
-
-GAIN = (
-    0.25  # share by which the mismatch of the heights, 1 - correlation, must fall; interpolating noise gains some 15 %
-)
+GAIN = 0.25  # share by which 1 - correlation of the heights must fall; what interpolation does to noise gains some 15 %
 LOSS = 0.05  # by which the correlation of the phases may fall
 REPEATS = 0.5  # autocorrelation of the height above which another period would fit as well
 TOP = 0.99  # of its highest value, where a ridge of the autocorrelation counts

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from phasemap._shared.units import say
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 WORTH_SAYING = 0.1  # share of the residual's variance
 NOTABLE = 1.0  # degree, between the means of two images

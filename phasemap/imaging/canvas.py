@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinates
+from phasemap.experiment.microscope import Microscope
+from phasemap.experiment.surface import Surface
 from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, motion_seen, needs_of
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
-
-if TYPE_CHECKING:
-    from phasemap.experiment.microscope import Microscope
-    from phasemap.experiment.surface import Surface
 
 Array = np.ndarray
 Pixels = slice | NDArray[np.intp]

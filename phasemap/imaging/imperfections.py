@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -14,10 +13,7 @@ from phasemap._shared.arrays import Array
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import DIGITISED, Realism
 from phasemap.experiment.seen_by_tip import seen_at
-
-if TYPE_CHECKING:
-    from phasemap.experiment.surface import Surface
-
+from phasemap.experiment.surface import Surface
 
 FAR = 2.0**40  # pixels: drift beyond every image
 
