@@ -242,7 +242,7 @@ def _record(
     means, medians = (
         np.array([[of(maps[name][part]) for part in parts] for name in MAPS]) for of in (np.mean, np.median)
     )
-    spread, varies = measured.var(), is_varied(measured)
+    spread = measured.var() if is_varied(measured) else math.nan
     between = float(shares @ (means[0] - shares @ means[0]) ** 2)
     stage = {"before": (moved.before, moved.phase_before), "after": (moved.after, moved.phase_after)}
     if not moved.accepted:
@@ -250,47 +250,37 @@ def _record(
     words = {"measured": "measured phase, as the simulation counts it", "simulated": "simulated phase",
              "residual": "measured minus simulated phase"}  # fmt: skip
 
-    def one(value: float, long_name: str, units: str = "1") -> tuple[tuple[()], float, dict[str, str]]:
-        return (), value, {"long_name": long_name, "units": units}
+    def one(value: Any, long_name: str, units: str = "1", dims: Any = ()) -> tuple[Any, Any, dict[str, str]]:
+        return dims, value, {"long_name": long_name, "units": units}
 
+    yx, regions = ("y", "x"), ("map", "region")
+    heights = zip(NAMES, (first, second), strict=True)
+    correlations = enumerate({"height": "of heights", "phase": "of recorded phases"}.items())
     data: dict[str, Any] = {
-        **{name: (("y", "x"), maps[name], {"long_name": words[name], **DEGREE}) for name in MAPS},
-        **{
-            f"{name}_height": (("y", "x"), ds["height"].values, {"long_name": f"{name} height, levelled", "units": "m"})
-            for name, ds in zip(NAMES, (first, second), strict=True)
-        },
-        "label": (("y", "x"), label, {"long_name": "region, -1 where pixels are left out"}),
+        **{name: one(maps[name], words[name], "degree", yx) for name in MAPS},
+        **{f"{name}_height": one(ds["height"].values, f"{name} height, levelled", "m", yx) for name, ds in heights},
+        "label": (yx, label, {"long_name": "region, -1 where pixels are left out"}),
         "correlation": one(correlation_of(measured, simulated), "correlation of the phases"),
         "rmse": one(math.sqrt(np.square(residual).mean()), "root mean square of the residual", "degree"),
-        "explained": one(
-            1 - residual.var() / spread if varies else math.nan, "share of the measured variance explained"
-        ),
+        "explained": one(1 - residual.var() / spread, "share of the measured variance explained"),
         "ssim": one(similarity_of(maps["measured"], maps["simulated"], known), "structural similarity"),
         "wasserstein": one(
             wasserstein_distance(measured, simulated), "Wasserstein distance of the histograms", "degree"
         ),
-        "region_share": ("region", shares, {"long_name": "share of the pixels", "units": "1"}),
-        "region_mean": (("map", "region"), means, {"long_name": "mean phase", **DEGREE}),
-        "region_median": (("map", "region"), medians, {"long_name": "median phase", **DEGREE}),
-        "region_contrast": (
-            ("map", "region"),
-            medians - medians[:, :1],
-            {"long_name": "median phase relative to that of region 0", **DEGREE},
+        "region_share": one(shares, "share of the pixels", "1", "region"),
+        "region_mean": one(means, "mean phase", "degree", regions),
+        "region_median": one(medians, "median phase", "degree", regions),
+        "region_contrast": one(
+            medians - medians[:, :1], "median phase relative to that of region 0", "degree", regions
         ),
-        "region_share_of_variance": one(
-            between / spread if varies else math.nan, "share of the measured variance between regions"
-        ),
-        "crosstalk": (("map", "cause"), _crosstalk(first, second, maps), {"long_name": "crosstalk R2", "units": "1"}),
+        "region_share_of_variance": one(between / spread, "share of the measured variance between regions"),
+        "crosstalk": one(_crosstalk(first, second, maps), "crosstalk R2", "1", ("map", "cause")),
         "shift_y": one(moved.shift[0] if moved.accepted else 0.0, "shift applied to the simulated image, down", "m"),
         "shift_x": one(moved.shift[1] if moved.accepted else 0.0, "shift applied to the simulated image, right", "m"),
         "registered": one(int(moved.accepted), "whether the shift found was accepted"),
         **{
-            f"{name}_correlation": (
-                "stage",
-                [both[i] for both in stage.values()],
-                {"long_name": long_name, "units": "1"},
-            )
-            for i, (name, long_name) in enumerate({"height": "of heights", "phase": "of recorded phases"}.items())
+            f"{name}_correlation": one([both[i] for both in stage.values()], long_name, "1", "stage")
+            for i, (name, long_name) in correlations
         },
     }
     coords = {"map": list(MAPS), "cause": list(CAUSES), "stage": list(stage), "region": np.arange(len(shares))}
