@@ -53,11 +53,6 @@ def level(
         As `image`, and ``outlier_line`` over "y" (0 or 1). Medians of what counts are 0. The attribute ``levelled``
         says how, and ``phase_zero`` is gone.
 
-    Raises
-    ------
-    InputError
-        If there is neither height nor phase, a choice is unknown, or too few pixels count.
-
     Examples
     --------
     >>> import xarray as xr

@@ -99,13 +99,6 @@ def register(
     -------
     Registration
 
-    Raises
-    ------
-    InputError
-        If one is not such an image, they differ in size, or the limit is out of range.
-    PhasemapError
-        If scikit-image is not installed.
-
     Examples
     --------
     >>> import xarray as xr

@@ -100,14 +100,6 @@ def compare(
         variance that is linear in the measured (for the simulated map: its own) slope dh/dx, the amplitude error, or
         both, NaN where there is none.
 
-    Raises
-    ------
-    InputError
-        If an image has no phase or height, sizes differ, the direction is missing, nothing is finite, a choice is
-        unknown, or ``phase_zero`` is needed and missing.
-    PhasemapError
-        If scikit-image is not installed.
-
     Examples
     --------
     >>> import xarray as xr

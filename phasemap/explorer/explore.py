@@ -130,8 +130,6 @@ def explore(
 
     Raises
     ------
-    InputError
-        If an argument is out of range, or there are more than eight materials.
     FileError
         If the scene cannot be read, or the file that leads the browser to the page cannot be written.
     PhasemapError

@@ -111,8 +111,6 @@ def simulate(
 
     Raises
     ------
-    InputError
-        If an argument is out of range.
     SolveError
         With `strict`, if a pixel has no solution.
 

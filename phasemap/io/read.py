@@ -66,12 +66,8 @@ def read_image(
 
     Raises
     ------
-    InputError
-        If a name is not a string.
     FileError
         If the file cannot be read, holds no such channel, or was not recorded in tapping mode.
-    PhasemapError
-        If the ``read`` extra is not installed.
 
     Notes
     -----

@@ -104,10 +104,6 @@ def scene_from(
     ------
     PhasemapError
         If neither the file nor `overrides` say what a scene needs; all that is missing is named.
-    InputError
-        If a value is not allowed, or the phase, or height, does not hold so many populations.
-    FileError
-        If a file cannot be read or written.
 
     Notes
     -----

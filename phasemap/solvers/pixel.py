@@ -116,8 +116,6 @@ def solve_pixel(
 
     Raises
     ------
-    InputError
-        If an argument is out of range.
     SolveError
         With `strict`, if there is no solution.
 

@@ -76,11 +76,6 @@ def fit_frequency(
     Fit
         Look at `good` before the values: a parameter that the data do not determine has an infinite error.
 
-    Raises
-    ------
-    InputError
-        If data or parameters are not as described, or there are not more data than parameters.
-
     Examples
     --------
     >>> import numpy as np, phasemap as pm
@@ -153,11 +148,6 @@ def fit_distance(
     Fit
         As of `fit_frequency`; the tip offsets of its curve have the offset in them. Of several laws the likeliest one;
         `rivals` has the others.
-
-    Raises
-    ------
-    InputError
-        As in `fit_frequency`.
 
     Examples
     --------

@@ -236,7 +236,7 @@ def invert(
         Registered images of the same place, with ``phase`` [degree] and ``height`` [m] over ("y", "x"); or one Dataset
         with a leading dim "setpoint" or "image". Heights are used if all images have them, and there are two at least.
     scope : Microscope or sequence of Microscope
-        One for each image if their drives differ.
+        One for each image if their drives differ. Its contact law has no neck.
     setpoints : sequence of float, optional
         Amplitude over free amplitude of each image; taken from the attribute ``setpoint`` if missing.
     phase_error, height_error : float or sequence of float
@@ -268,11 +268,6 @@ def invert(
         `averaged_only` where exact orbits were not found, `ambiguous` where the tip is attracted in all images, so
         that an adhesion several times as large may explain a tip that never touches. Over "image": setpoint and
         free_amplitude.
-
-    Raises
-    ------
-    InputError
-        If images, microscopes and settings do not fit together, or the contact law has a neck.
 
     Notes
     -----

@@ -217,11 +217,6 @@ def fit_regions(
         medians and what was fitted to them, without zeros and topography. The page on the file format lists every
         variable. Sentences in the attributes ``verdict`` and ``advice``.
 
-    Raises
-    ------
-    InputError
-        As for `invert`; or if `labels` have another shape or no region, or a known region is not there.
-
     Notes
     -----
     Where the zero of the phase is given, its sign tells the branch; elsewhere all are tried in which images that take

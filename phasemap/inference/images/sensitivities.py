@@ -61,11 +61,6 @@ def sensitivity(
         "damping" if the surface has that. Further phase, height, branch and status. A pixel whose branch ends within
         0.3 % of its material is NaN, and its status is "no_stable_orbit".
 
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-
     Examples
     --------
     >>> import phasemap as pm
