@@ -72,7 +72,7 @@ _ELEMENT_X, _ELEMENT_WEIGHT = gauss(NODES)
 _MATRIX = integration_matrix(_ELEMENT_X)
 
 
-def _contact(first: float, width: float) -> Map:
+def _map_of_contact(first: float, width: float) -> Map:
     """Map of [0, 1] to S = sin(psi), and its derivative."""
     return lambda y: (np.sin(first + width * y), width * np.cos(first + width * y))
 
@@ -114,7 +114,7 @@ def _build() -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     for count in CONTACT_COUNTS:
         contact_start.append(len(maps))
         width = np.pi / count
-        maps += [_contact(-np.pi / 2 + e * width, width) for e in range(count)]
+        maps += [_map_of_contact(-np.pi / 2 + e * width, width) for e in range(count)]
     graded_start = []
     for width in GRADED_WIDTHS:
         most = math.ceil(GRADED_REACH / width)

@@ -17,7 +17,7 @@ from phasemap._kernels.engagement.in_time import free_state
 from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.path import fixed_path as fixed_path_of
 from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
@@ -330,7 +330,7 @@ def _far_state(work: Work, farthest: float) -> np.ndarray:
     """Motion far above a surface that remembers or is wet, at a tip offset of `farthest` [m] at least."""
     law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
     p, free = parameters(work.rows[0]), free_amplitude(work.lever)
-    far = free * far_start(Oscillator(work.law, p, work.lever), 0.5 * free)
+    far = free * ratio_far_from_surface(Oscillator(work.law, p, work.lever), 0.5 * free)
     state: np.ndarray = free_state(law, work.lever, max(far, farthest))
     return state
 

@@ -87,7 +87,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.engagement.seen import SLOPES
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
-    from phasemap._kernels.orbits.averaged.orbits import far_start
+    from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
@@ -119,7 +119,7 @@ def solve_one_of_each_kind() -> None:
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (marched.remembering_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (marched.relaxing_rows, pixels, limits, answers),
-        (far_start, oscillator, 1.0),
+        (ratio_far_from_surface, oscillator, 1.0),
         (free_state, work.law, numbers, 1.0),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, numbers, 1.0, 1, numbers),

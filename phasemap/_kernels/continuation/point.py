@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import free_amplitude, scale_of
-from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
@@ -126,12 +126,12 @@ def solve_tangent(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> 
 
 
 @kernel(shared=True)
-def start_far(path: Path, orbit: Orbit, amplitude: float) -> int:
+def solve_far_from_surface(path: Path, orbit: Orbit, amplitude: float) -> int:
     """Find the orbit far from the surface, where the lever swings almost freely."""
     oscillator = standing_at(path, 0.0)
     free = free_amplitude(path.lever)
     harmonic = HarmonicOrbit()
-    harmonic.tip_offset, harmonic.amplitude = free * far_start(oscillator, amplitude), free
+    harmonic.tip_offset, harmonic.amplitude = free * ratio_far_from_surface(oscillator, amplitude), free
     held = Equation(1.0, -1.0, 0.0, harmonic.tip_offset - free, 0.0, 0.0)
     if not begin_harmonic(oscillator, orbit, harmonic, 0):
         return col.NOT_CONVERGED

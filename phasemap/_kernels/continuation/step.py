@@ -240,7 +240,7 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
 
 
 @kernel
-def _move_to_detected_amplitude(path: Path, wanted: Wanted, here: Point, orbit: Orbit) -> bool:
+def _move_along_curve_to_detected(path: Path, wanted: Wanted, here: Point, orbit: Orbit) -> bool:
     """Move an orbit along the curve to the one that is seen with the amplitude wanted, for that is no coordinate."""
     _, value, tolerance = wanted
     for _ in range(MOST_SEEN_STEPS):
@@ -290,7 +290,7 @@ def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
     assign(here, after)
     if status != col.GOOD or not mark_point(path, orbit, here):
         return False
-    if index == ENTRY_SEEN and not _move_to_detected_amplitude(path, wanted, here, orbit):
+    if index == ENTRY_SEEN and not _move_along_curve_to_detected(path, wanted, here, orbit):
         return False
     if not _lies_between(path, index, last, here, after, orbit):
         return False

@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.cubic import extreme_between
 from phasemap._kernels.continuation.piece import turn_between
-from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point, start_far
+from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point, solve_far_from_surface
 from phasemap._kernels.continuation.step import (
     FIRST_ARC_STEP,
     Place,
@@ -209,7 +209,7 @@ def engage_along_exact_curve(path: Path, wanted: Wanted, curve: CurveWorkspace) 
     """
     orbit, point = curve.orbit, Point()
     if not start_on_branch(path, wanted, point, orbit):
-        status = start_far(path, orbit, rough_tip_amplitude(path.lever, wanted, ATTRACTIVE))
+        status = solve_far_from_surface(path, orbit, rough_tip_amplitude(path.lever, wanted, ATTRACTIVE))
         clear(point)
         point.tangent_u = -1.0
         if status != col.GOOD or not mark_point(path, orbit, point):

@@ -14,7 +14,7 @@ from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, hold_mean
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
-from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_of_harmonic
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.time.arms import lingering
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE
 from phasemap._kernels.orbits.time.many_periods import form_dents
@@ -86,14 +86,14 @@ def hold_over_remembering_surface(
     if not sure_orbit(oscillator, goal.amplitude, top, harmonic):
         return col.PENDING
     if has_one_orbit(p, lever):
-        fill_row_of_harmonic(lever, harmonic, row)
+        fill_row_from_harmonic(lever, harmonic, row)
         return hold_from_row(oscillator, goal, row)
     near = min(goal.most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for finer in (1.0, SECOND_TRY):
-        fill_row_of_harmonic(lever, harmonic, row)
+        fill_row_from_harmonic(lever, harmonic, row)
         if hold_orbit_near_row(oscillator, Goal(goal.amplitude, finer * goal.step_size, near), False, row):
             return col.GOOD
-    fill_row_of_harmonic(lever, harmonic, row)
+    fill_row_from_harmonic(lever, harmonic, row)
     return col.GOOD if hold_orbit_near_row(oscillator, goal, True, row) else col.PENDING
 
 

@@ -56,7 +56,7 @@ from phasemap._kernels.engagement.stuck import JUMPS_FREE, JUMPS_TO_TAPPING, REA
 from phasemap._kernels.law import Oscillator, has_hysteresis
 from phasemap._kernels.lever import free_amplitude, free_phasor, scale_of
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.time.period_map import come_to_rest, fill_row_at_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state, ring_down_periods
 from phasemap._kernels.records import assign
@@ -235,7 +235,7 @@ def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     """
     law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
     amplitude, step_size, most_periods = goal
-    z0, step = free * far_start(oscillator, amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
+    z0, step = free * ratio_far_from_surface(oscillator, amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
     share = share_before_ringing(oscillator, most_periods)
     row[:] = math.nan
@@ -266,7 +266,7 @@ def engage_with_second_drive(oscillator: Oscillator, goal: Goal, row: np.ndarray
     law, p, shared = oscillator
     lever = np.empty(len(shared))
     copy(shared, lever)
-    u = free_state(law, lever, free_amplitude(lever) * far_start(oscillator, goal.amplitude))
+    u = free_state(law, lever, free_amplitude(lever) * ratio_far_from_surface(oscillator, goal.amplitude))
     begin_second_drive(lever, u)
     row[:] = math.nan
     return move_to_amplitude(Oscillator(law, p, lever), goal.amplitude, goal.step_size, goal.most_periods, u, row)

@@ -20,7 +20,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
 from phasemap._kernels.orbits.collocation.near import exact_orbit_from_harmonic
-from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_of_row
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_from_row
 from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
     KEPT_COUNT,
@@ -74,13 +74,13 @@ def nodes_of(
     if averaged:
         fill_harmonic_nodes(oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], workspace.at)
         return True
-    fill_harmonic_of_row(oscillator.lever, row, workspace.harmonic)
+    fill_harmonic_from_row(oscillator.lever, row, workspace.harmonic)
     side = REPULSIVE if workspace.harmonic.push > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
     if faint:
         if _by_passes(oscillator, row, side, workspace):
             return True
-        fill_harmonic_of_row(oscillator.lever, row, workspace.harmonic)  # which passes began elsewhere
+        fill_harmonic_from_row(oscillator.lever, row, workspace.harmonic)  # which passes began elsewhere
     orbit = workspace.curve.orbit
     done, _ = exact_orbit_from_harmonic(oscillator, workspace.harmonic, orbit, workspace.row)
     if done != col.GOOD or not same_orbit(workspace.row, row):

@@ -24,7 +24,7 @@ from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.sides import REPULSIVE, UNCLEAR
-from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_of_harmonic
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import Nodes
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, grazes, refine, slope_is_clear
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
@@ -83,7 +83,7 @@ def averaging_suffices(
     height_error = abs(harmonic.tip_offset - state.tip_offset) + state.tip_offset_error
     if not (phase_error < limits.phase and height_error < limits.tip_offset):
         return False
-    fill_row_of_harmonic(lever, harmonic, row)
+    fill_row_from_harmonic(lever, harmonic, row)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = phase_error, height_error
     return True
 

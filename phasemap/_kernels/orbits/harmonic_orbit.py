@@ -56,7 +56,7 @@ def load_harmonic_orbit(row: np.ndarray, harmonic: HarmonicOrbit) -> None:
 
 
 @kernel
-def fill_row_of_harmonic(lever: np.ndarray, harmonic: HarmonicOrbit, row: np.ndarray) -> None:
+def fill_row_from_harmonic(lever: np.ndarray, harmonic: HarmonicOrbit, row: np.ndarray) -> None:
     """Fill the result row of a harmonic orbit."""
     z0, mean, amplitude, push = harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude, harmonic.push
     stiffness = lever[col.STIFFNESS]
@@ -70,7 +70,7 @@ def fill_row_of_harmonic(lever: np.ndarray, harmonic: HarmonicOrbit, row: np.nda
 
 
 @kernel
-def fill_harmonic_of_row(lever: np.ndarray, row: np.ndarray, harmonic: HarmonicOrbit) -> None:
+def fill_harmonic_from_row(lever: np.ndarray, row: np.ndarray, harmonic: HarmonicOrbit) -> None:
     """Fill in all but the slope of the harmonic orbit of a result row of the tip."""
     amplitude = row[col.AMPLITUDE]
     harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude = row[col.TIP_OFFSET], row[col.MEAN], amplitude

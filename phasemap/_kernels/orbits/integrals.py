@@ -50,7 +50,7 @@ def _jump_slope(law: Law, p: np.ndarray, at: OrbitNodes) -> float:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
+def _fill_load_harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
     """Fill in the harmonics `first` ... of a load at the nodes: its sums with cos(n theta) and -sin(n theta).
 
     By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
@@ -231,11 +231,11 @@ def fill_force_integrals(
     row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
     if second != NOT_DRIVEN:
         _sideband_compliances(lever, row[GRADIENT] if second == IN_LOOP else 0.0, yields)
-        _harmonics(at, count, load, 1, slopes)
+        _fill_load_harmonics(at, count, load, 1, slopes)
         _sidebands(yields, slopes, row)
     if waves.shape[1] >= col.HARMONICS:
         _force_load(oscillator, at, count, load)
-        _harmonics(at, count, load, 2, waves)
+        _fill_load_harmonics(at, count, load, 2, waves)
         _fill_waves(lever, waves, row)
     if waves.shape[1] >= LOSS_HARMONICS:
         _fill_losses(lever, waves, _resolved_harmonics(at, count, load), row)

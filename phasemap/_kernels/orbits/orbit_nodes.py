@@ -93,7 +93,7 @@ def _outside(reach: float, amplitude: float, c: float, begin: float, side: float
 
 
 @kernel
-def _contact(amplitude: float, c: float, at: OrbitNodes) -> int:
+def _fill_contact_nodes(amplitude: float, c: float, at: OrbitNodes) -> int:
     """Nodes in contact, |theta| < theta0, |c| < 1."""
     m2 = 0.5 * (1.0 - c)
     for i in range(HARMONIC_NODES):
@@ -106,7 +106,7 @@ def _contact(amplitude: float, c: float, at: OrbitNodes) -> int:
 
 
 @kernel
-def _neck(amplitude: float, c: float, release: float, first: int, at: OrbitNodes) -> int:
+def _fill_neck_nodes(amplitude: float, c: float, release: float, first: int, at: OrbitNodes) -> int:
     """Nodes in the neck, on the way out from d = 0 to d = `release` < 0."""
     begin, end = math.acos(c), math.acos(c + release / amplitude)
     for i in range(HARMONIC_NODES):
@@ -131,9 +131,9 @@ def fill_harmonic_nodes(p: np.ndarray, amplitude: float, depth: float, at: Orbit
         return
     count, begin, last = 0, 0.0, c
     if c < 1.0:
-        count, begin = _contact(amplitude, c, at), math.sqrt((1.0 - c) / (1.0 + c))
+        count, begin = _fill_contact_nodes(amplitude, c, at), math.sqrt((1.0 - c) / (1.0 + c))
         if release < 0.0:
-            count, last = _neck(amplitude, c, release, count, at), c + release / amplitude
+            count, last = _fill_neck_nodes(amplitude, c, release, count, at), c + release / amplitude
         at.begins = 1.0 / (amplitude * math.sqrt(1.0 - c * c))
         at.ends = 1.0 / (amplitude * math.sqrt(1.0 - last * last))
     if has_longrange(p):

@@ -30,7 +30,7 @@ from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import exact_orbit_from_exact, exact_orbit_from_harmonic, tolerance_of
 from phasemap._kernels.orbits.collocation.system import new_orbit
-from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_of_row, load_harmonic_orbit
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_from_row, load_harmonic_orbit
 from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, new_load_workspace
 from phasemap._kernels.orbits.orbit_nodes import (
     FELT_IM,
@@ -79,7 +79,7 @@ def replace_by_exact_rows(pixels: Pixels, tables: np.ndarray, out: np.ndarray, d
     orbit, harmonic, row = new_orbit(pixels.lever, tables), HarmonicOrbit(), np.zeros(col.COLUMNS)
     for i in range(len(out)):
         oscillator, near = oscillator_of(pixels, i), out[i]
-        fill_harmonic_of_row(pixels.lever, near, harmonic)
+        fill_harmonic_from_row(pixels.lever, near, harmonic)
         harmonic.amplitude = pixels.amplitudes[i]
         status, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
         done[i] = status == col.GOOD and same_orbit(row, near)
@@ -100,7 +100,7 @@ def nearby_rows(
     orbit, harmonic = new_orbit(pixels.lever, tables), HarmonicOrbit()
     for i in range(len(out)):
         oscillator, row, z0 = oscillator_of(pixels, i), out[i], out[i, col.TIP_OFFSET]
-        fill_harmonic_of_row(pixels.lever, row, harmonic)
+        fill_harmonic_from_row(pixels.lever, row, harmonic)
         done = col.NOT_CONVERGED
         for warm in (True, False):
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):

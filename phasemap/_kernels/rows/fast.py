@@ -23,7 +23,7 @@ from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maxim
 from phasemap._kernels.orbits.harmonic_orbit import (
     HarmonicOrbit,
     fill_harmonic_orbit,
-    fill_row_of_harmonic,
+    fill_row_from_harmonic,
     store_harmonic_orbit,
 )
 from phasemap._kernels.orbits.orbit_nodes import FAINT_DRIVE, OrbitNodes, keep_nodes, nodes_from_response
@@ -70,7 +70,7 @@ def averaging_rows(pixels: Pixels, answers: Answers) -> int:
         solver[i] = col.AVERAGING
         if engage_by_averaging(oscillator_of(pixels, i), pixels.amplitudes[i], harmonic, top) == SURE:
             status[i] = col.GOOD
-            fill_row_of_harmonic(pixels.lever, harmonic, out[i])
+            fill_row_from_harmonic(pixels.lever, harmonic, out[i])
         else:
             status[i] = col.PENDING
             waiting += 1
@@ -92,7 +92,7 @@ def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
             if slope < 0.0:
                 push, drag, mean = harmonics(oscillator, amplitude, c)
                 fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
-                fill_row_of_harmonic(pixels.lever, harmonic, row)
+                fill_row_from_harmonic(pixels.lever, harmonic, row)
             else:
                 status[i] = col.NO_AVERAGED_ORBIT
         solver[i] = col.AVERAGING

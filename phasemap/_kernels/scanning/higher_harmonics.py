@@ -20,7 +20,7 @@ from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.averaged.harmonics import attraction
+from phasemap._kernels.orbits.averaged.harmonics import longrange_integrals
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine
@@ -89,7 +89,7 @@ def pull_of(oscillator: Oscillator, amplitude: float, c: float) -> float:
     """First harmonic [m], below zero, of the attraction on an orbit: in contact it is as large as at the edge."""
     law, p, lever = oscillator
     within = contact_force(law, 0.0, p) * math.sqrt(1.0 - c * c) if abs(c) < 1.0 else 0.0
-    return 2.0 / (math.pi * lever[col.STIFFNESS]) * (within + attraction(law, p, amplitude, c)[1])
+    return 2.0 / (math.pi * lever[col.STIFFNESS]) * (within + longrange_integrals(law, p, amplitude, c)[1])
 
 
 @kernel

@@ -12,7 +12,7 @@ from phasemap._kernels.chosen import Chosen
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, free_phasor, slowest_decay
-from phasemap._kernels.orbits.averaged.orbits import far_start
+from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.records import assign, clear
 from phasemap._kernels.scanning.loop import (
     A_IMAG,
@@ -117,7 +117,7 @@ def approach_in_time(setup: Setup, row: np.ndarray, ground: float, tip: Any) -> 
     p = parameters(row)
     free = free_amplitude(lever)
     decay, y = 1.0 / slowest_decay(lever), tip.y
-    far = free * far_start(Oscillator(law, p, lever), loop.setpoint)
+    far = free * ratio_far_from_surface(Oscillator(law, p, lever), loop.setpoint)
     start_swinging(tip, lever, ground + far, 0.0, free_phasor(lever))
     lowering, tally, passed = Loop(), Tally(), 0.0
     assign(lowering, loop)

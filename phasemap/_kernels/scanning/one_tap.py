@@ -126,7 +126,7 @@ def tap_once(oscillator: Oscillator, z0: float, y: np.ndarray, acc: PeriodResult
         if tap.good and down.time + tap.time < period - SHORTEST_FLIGHT:
             up = _solve_return(surface, alone, tap.end, period - tap.time, down.time, taps)
             if up.good:
-                _first_harmonic(alone, start, up.end, down.push + tap.push + up.push, acc)
+                _fill_first_harmonic(alone, start, up.end, down.push + tap.push + up.push, acc)
                 y[Z], y[V] = up.end.z, up.end.v
                 return True
     knew = taps.duration > 0.0
@@ -280,7 +280,7 @@ def _solve_contact(surface: Surface, alone: SprungLever, at: Instant, taps: Taps
 
 
 @kernel
-def _first_harmonic(lever: SprungLever, start: Instant, end: Instant, push: complex, acc: PeriodResult) -> None:
+def _fill_first_harmonic(lever: SprungLever, start: Instant, end: Instant, push: complex, acc: PeriodResult) -> None:
     """Fill in the first harmonic of the motion in a period that begins at drive phase 0: theory, Eq. (time-10)."""
     omega, alpha0 = lever.omega, lever.alpha0
     dz, dv = end.z - start.z, end.v - start.v

@@ -83,7 +83,7 @@ def _add_time(memory: PeriodMemory, time: float, tally: Tally) -> None:
 
 
 @kernel
-def _add_noise(
+def _add_period_noise(
     lever: np.ndarray, loop: Loop, period: float, noise: np.random.Generator, state: PeriodsUnderLoop
 ) -> None:
     """Add the thermal noise of a period to z and z', and the noise of the detector to a."""
@@ -111,7 +111,7 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
             return col.DIVERGED
         y[A_REAL], y[A_IMAG] = state.sums.cos, -state.sums.sin
         if noisy:
-            _add_noise(lever, loop, period, noise, state)
+            _add_period_noise(lever, loop, period, noise, state)
         amplitude, phase = lock_in_output(loop, y)
         filter_cubic(loop, y, CubicPath(complex(y[A_REAL], y[A_IMAG]), still, still, still), period, y)
         amplitude_after, phase_after = lock_in_output(loop, y)

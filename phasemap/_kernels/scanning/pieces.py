@@ -129,7 +129,7 @@ def move_by_series(lever: SprungLever, at: Instant, time: float) -> Instant:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _cosine_and_sine(angle: float) -> tuple[float, float]:
+def _cosine_and_sine_by_series(angle: float) -> tuple[float, float]:
     """Cosine and sine of an angle of at most a turn and a quarter, by Taylor's series of an eighth of it."""
     c, s = cosine_and_sine(0.125 * angle)
     c, s = c * c - s * s, 2.0 * c * s
@@ -184,10 +184,10 @@ def fill_free_flight_at_nodes(lever: SprungLever, at: Instant, z0: float, nodes:
         t = nodes.time[j]
         x = 0.125 * alpha0 * t
         fall = _eighth_power(_exponential(-x))
-        cosine, sine = _cosine_and_sine(own * t)
+        cosine, sine = _cosine_and_sine_by_series(own * t)
         nodes.gain[j] = 1.0 / (fall * fall)
         nodes.cosine[j], nodes.sine[j] = fall * cosine, fall * sine
-        cosine, sine = _cosine_and_sine(omega * t)
+        cosine, sine = _cosine_and_sine_by_series(omega * t)
         nodes.drive_cos[j], nodes.drive_sin[j] = cosine, sine
         nodes.depth[j] = re * cosine - im * sine + y * nodes.cosine[j] + u * nodes.sine[j] + low
         nodes.speed[j] = -omega * (re * sine + im * cosine) + q * nodes.cosine[j] - p * nodes.sine[j]

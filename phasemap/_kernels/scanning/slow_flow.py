@@ -165,7 +165,7 @@ def _path(loop: Loop, k: np.ndarray, stage: int, b: complex, h: float, inverse: 
 
 
 @kernel
-def _add_noise(lever: np.ndarray, loop: Loop, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
+def _add_flow_noise(lever: np.ndarray, loop: Loop, h: float, noise: np.random.Generator, y: np.ndarray) -> None:
     """Add noise of a time h to the amplitude a and to the first filter: theory, Eq. (slow-flow-8)."""
     alpha0, rate = lever[col.ALPHA0], loop.rate
     thermal = math.sqrt(-loop.thermal_noise * math.expm1(-2.0 * alpha0 * h))
@@ -215,7 +215,7 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
             trial[A_IMAG] += lead.imag - memory.lead_imag
             filter_cubic(loop, y, _path(loop, k, stage, b, h, inverse), _WHEN[stage] * h, trial)
             if noisy and stage == STAGES - 1:
-                _add_noise(lever, loop, h, noise, trial)
+                _add_flow_noise(lever, loop, h, noise, trial)
             slow_flow_rhs(sample, loop, ground + slope * (done + _WHEN[stage] * h), trial, memory, k[stage])
         error = _step_error(loop, k, h, modulus(complex(trial[A_REAL], trial[A_IMAG])))
         memory.step = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h

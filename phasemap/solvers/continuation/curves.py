@@ -19,7 +19,7 @@ from phasemap._kernels.continuation.piece import (
     follow_piece,
     mark_start,
 )
-from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point, start_far
+from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point, solve_far_from_surface
 from phasemap._kernels.continuation.step import copy_orbit
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
@@ -96,7 +96,7 @@ class Curves:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
         free = free_amplitude(self.standing(0.0).lever)
         orbit = new_orbit(self.path.lever, TABLES)
-        status = start_far(self.path, orbit, 0.9999 * free)
+        status = solve_far_from_surface(self.path, orbit, 0.9999 * free)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
             orbit, found = self._go(np.array([[farthest, 0.0, free, 0.0, 0.0, 0.0]]), np.zeros(1), False)
             status = col.GOOD if len(found) else col.NOT_CONVERGED

@@ -64,7 +64,7 @@ DEEP_CONTACT = -0.6  # below this c the contact integrals need the finer nodes
 
 
 @kernel
-def _neck(law: Law, p: np.ndarray, amplitude: float, c: float, caught: bool) -> tuple[float, float, float]:
+def _neck_integrals(law: Law, p: np.ndarray, amplitude: float, c: float, caught: bool) -> tuple[float, float, float]:
     """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
 
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
@@ -111,7 +111,7 @@ def _neck(law: Law, p: np.ndarray, amplitude: float, c: float, caught: bool) -> 
 
 
 @kernel(fastmath=ANY_ORDER)
-def attraction(law: Law, p: np.ndarray, amplitude: float, c: float) -> tuple[float, float]:
+def longrange_integrals(law: Law, p: np.ndarray, amplitude: float, c: float) -> tuple[float, float]:
     """Integrals of F and F cos [N] outside contact, over 0 ... pi."""
     if not has_longrange(p) or not c > -1.0:
         return 0.0, 0.0
@@ -176,7 +176,7 @@ def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: b
                 if damped:
                     loss += share * damping(law, d, p) * (1.0 - x * x)
     if outside:
-        more_mean, more_push = attraction(law, p, amplitude, c)
+        more_mean, more_push = longrange_integrals(law, p, amplitude, c)
         mean, push = mean + more_mean, push + more_push
     return _over_stiffness((mean, push, loss), 1.0 / lever[STIFFNESS], amplitude, lever[OMEGA])
 
@@ -189,14 +189,16 @@ def harmonics(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float
     """
     law, p, lever = oscillator
     if knows_all(law, p, c):  # a whole oscillator costs as much to hand over as these integrals
-        push, drag, mean = _of_known(known_of(p), 1.0 / lever[STIFFNESS], lever[OMEGA], amplitude, c)
+        push, drag, mean = _harmonics_of_known(known_of(p), 1.0 / lever[STIFFNESS], lever[OMEGA], amplitude, c)
     else:
-        push, drag, mean = _of_one_mode(oscillator, amplitude, c)
+        push, drag, mean = _harmonics_of_one_mode(oscillator, amplitude, c)
     return push, drag, static_compliance(lever) * mean
 
 
 @kernel(shared=True)
-def _of_known(known: Known, inverse_k: float, omega: float, amplitude: float, c: float) -> tuple[float, float, float]:
+def _harmonics_of_known(
+    known: Known, inverse_k: float, omega: float, amplitude: float, c: float
+) -> tuple[float, float, float]:
     """`_without_neck` of the forces that kernels know."""
     mean, push, loss = contact_integrals(known, amplitude, c) if c < 1.0 else (0.0, 0.0, 0.0)
     if known.longrange != 0.0:
@@ -206,7 +208,7 @@ def _of_known(known: Known, inverse_k: float, omega: float, amplitude: float, c:
 
 
 @kernel(shared=True)
-def _of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
+def _harmonics_of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
     """P, S and what A0 would be if the lever had its first mode alone [m]."""
     law, p, lever = oscillator
     if law.memory != 0 and abs(c) < 1.0 and remembers(p):
@@ -215,6 +217,6 @@ def _of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[fl
         return _without_neck(oscillator, amplitude, c, True)  # bit by bit what it is for laws without a neck
     caught = amplitude * (c + 1.0) < -p[RELEASE]
     push, drag, mean = _without_neck(oscillator, amplitude, c, not caught)
-    more_mean, more_push, more_drag = _neck(law, p, amplitude, c, caught)
+    more_mean, more_push, more_drag = _neck_integrals(law, p, amplitude, c, caught)
     share = 2.0 / (math.pi * lever[STIFFNESS])
     return push + share * more_push, drag + share * more_drag, mean - 0.5 * share * more_mean

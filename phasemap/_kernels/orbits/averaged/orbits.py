@@ -25,7 +25,7 @@ MOST_ORBITS = 32  # of one amplitude that are kept, from far to near; a material
 
 
 @kernel
-def far_start(oscillator: Oscillator, amplitude: float) -> float:
+def ratio_far_from_surface(oscillator: Oscillator, amplitude: float) -> float:
     """Ratio c = (z0 - A0)/A of a harmonic orbit so far out that the surface hardly matters at this setpoint."""
     p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
@@ -55,7 +55,7 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
     stiffness, scale = oscillator.lever[col.DYNAMIC_STIFFNESS], scale_of(oscillator)
-    start = max(far_start(oscillator, amplitude), 1.5)
+    start = max(ratio_far_from_surface(oscillator, amplitude), 1.5)
     begin, end = math.asinh(2.0 * start * amplitude / scale), -math.asinh(6.0 * amplitude / scale)
     gaps, f, count = np.empty(2 * SAMPLES + 2), np.empty(2 * SAMPLES + 2), 0
     x_before = 0.0

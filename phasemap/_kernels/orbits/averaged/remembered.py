@@ -39,7 +39,7 @@ _FAR_X, _FAR_W = gauss_on_half_line(16)
 
 
 @kernel(inline=True)
-def _added(sums: TapSums, force: float, cosine: float, sine: float) -> TapSums:
+def _tap_sums_with(sums: TapSums, force: float, cosine: float, sine: float) -> TapSums:
     """Mean, in-phase and out-of-phase sums with the force at one more node."""
     mean, push, drag = sums
     return mean + force, push + force * cosine, drag + force * sine
@@ -108,7 +108,7 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
             arms.y[a] += faded * (before - arms.y[a]) + (1 - faded / passed) * (whole - before)
             force -= arms.share[a] * arms.y[a]
             growing[i, 2 + a], growing[i, 2 + n + a] = _dashpot_depth(time, c, start, theta, cosine, sine), arms.y[a]
-        sums = _added(sums, weight * scale * force, cosine, sine)
+        sums = _tap_sums_with(sums, weight * scale * force, cosine, sine)
         growing[i, 0], growing[i, 1] = theta, weight
         before, last = whole, theta
     back = 1.0
@@ -123,7 +123,7 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
             seen, before = pressed_to(layer, q, arms.value[a])[0], pressed_to(layer, q, row[2 + a])[0]
             force -= arms.share[a] * (seen - arms.slope[a] * (before - row[2 + n + a]))
         weight *= math.sin(theta) * found.rate  # d theta / d theta_1
-        sums = _added(sums, -weight * scale * force, found.depth + c, sine)
+        sums = _tap_sums_with(sums, -weight * scale * force, found.depth + c, sine)
     first = np.zeros(2 + n)
     first[0] = start
     return sums, _angle_of_equal_edge(arms, omega, tap, first, 0.0, -back * start, -start).theta
@@ -139,16 +139,18 @@ def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[TapSums, 
         slope, q = math.sqrt(1 - m2 * _SIN[i] * _SIN[i]), math.sqrt(1 - c) * _COS[i]
         cosine, sine = q * q + c, -2 * m * _SIN[i] * slope
         force = scale * (q * q * q - 1.5 * time * q * sine)
-        sums = _added(sums, _WEIGHTS[i] * 2 * m * _COS[i] / slope * force, cosine, sine)
+        sums = _tap_sums_with(sums, _WEIGHTS[i] * 2 * m * _COS[i] / slope * force, cosine, sine)
         theta = end * (1 - _COS[i] * _COS[i])
         pushed = max(whole * math.cos(theta + lag) - c, 0.0)
         weight = _WEIGHTS[i] * end * 2 * _COS[i] * _SIN[i]
-        sums = _added(sums, weight * scale * pushed * math.sqrt(pushed), math.cos(theta), math.sin(theta))
+        sums = _tap_sums_with(sums, weight * scale * pushed * math.sqrt(pushed), math.cos(theta), math.sin(theta))
     return sums, end
 
 
 @kernel
-def _attraction(law: Law, p: Any, amplitude: float, c: float, theta: float, dent: float, rate: float) -> TapSums:
+def _longrange_integrals_over_dent(
+    law: Law, p: Any, amplitude: float, c: float, theta: float, dent: float, rate: float
+) -> TapSums:
     """Integrals of the long-range force from theta to pi over a dent that recovers, theory, Eq. (memory-6)."""
     start, sums = math.tan(0.5 * theta), (0.0, 0.0, 0.0)
     delta = distance_to_pole(start, reach_of(p) / amplitude)
@@ -160,7 +162,7 @@ def _attraction(law: Law, p: Any, amplitude: float, c: float, theta: float, dent
         if dent > 0:
             gap += dent * math.exp((theta - 2 * math.atan(u)) * rate)
         force = delta * _FAR_W[i] * below * longrange_force(law, -amplitude * max(gap, 0.0), p)
-        sums = _added(sums, force, cosine, 2 * u * below)
+        sums = _tap_sums_with(sums, force, cosine, 2 * u * below)
     return sums
 
 
@@ -174,14 +176,14 @@ def remembered_harmonics(oscillator: Oscillator, amplitude: float, c: float) -> 
     else:
         sums, end = _viscous(p, amplitude, c, omega / recovery)
     touch, pull = math.acos(c), contact_force(law, 0.0, p)
-    sums = _added(sums, pull * (end + touch), 0.0, 0.0)
+    sums = _tap_sums_with(sums, pull * (end + touch), 0.0, 0.0)
     mean, push, drag = sums
     push += pull * (math.sin(end) + math.sin(touch))
     drag += pull * (math.cos(touch) - math.cos(end))
     if has_longrange(p):
         dent = max(math.cos(end) - c, 0.0)
-        mean_in, push_in, drag_in = _attraction(law, p, amplitude, c, touch, 0.0, 0.0)
-        mean_out, push_out, drag_out = _attraction(law, p, amplitude, c, end, dent, recovery / omega)
+        mean_in, push_in, drag_in = _longrange_integrals_over_dent(law, p, amplitude, c, touch, 0.0, 0.0)
+        mean_out, push_out, drag_out = _longrange_integrals_over_dent(law, p, amplitude, c, end, dent, recovery / omega)
         mean += mean_in + mean_out
         push += push_in + push_out
         drag += drag_out - drag_in

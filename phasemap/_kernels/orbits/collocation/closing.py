@@ -60,7 +60,7 @@ def _append_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
 
 
 @kernel
-def _hold(held: tuple[Equation, Equation], row: int, system: np.ndarray) -> None:
+def _fill_held_equations(held: tuple[Equation, Equation], row: int, system: np.ndarray) -> None:
     """Fill in the coefficients of two equations for what is held, from a row of the system on."""
     for i in range(2):
         one = held[i]
@@ -75,7 +75,7 @@ def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[E
     Where no parameter moves, the second of what is held is `hold_parameter`.
     """
     head, system, row = head_of(orbit), orbit.system, _append_drive(lever, orbit, drift)
-    _hold(held, row, system)
+    _fill_held_equations(held, row, system)
     for i in range(2):
         system[row + i, RIGHT] = held[i].equals - held[i].normal_m * head.parameter
     return eliminate(system, len(system))
@@ -88,7 +88,7 @@ def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: t
     The first equation stays, the second changes by one.
     """
     system, row = orbit.system, _append_drive(lever, orbit, drift)
-    _hold(held, row, system)
+    _fill_held_equations(held, row, system)
     system[:, RIGHT] = 0.0
     system[row + 1, RIGHT] = 1.0
     return eliminate(system, len(system))

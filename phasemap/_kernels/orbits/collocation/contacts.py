@@ -48,7 +48,7 @@ def _between_nodes(
 
 
 @kernel(fastmath=ANY_ORDER)
-def interpolate(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
+def motion_in_element(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e."""
     one, following = element_of(orbit, e), element_of(orbit, e + 1)
     first, last = (one.edge_w, one.edge_u), (following.edge_w, following.edge_u)
@@ -66,7 +66,7 @@ def interpolate_mode(orbit: Orbit, e: int, theta: float, i: int) -> tuple[float,
 @kernel
 def depth_at(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return d and d' (by the angle) at an angle inside element e."""
-    w, u = interpolate(orbit, e, theta)
+    w, u = motion_in_element(orbit, e, theta)
     amplitude = head_of(orbit).amplitude
     return amplitude * math.cos(theta) + w - head_of(orbit).tip_offset, u - amplitude * math.sin(theta)
 

@@ -15,8 +15,8 @@ from phasemap._kernels.orbits.collocation.contacts import (
     PERMANENT,
     TWO_PI,
     find_contacts,
-    interpolate,
     interpolate_mode,
+    motion_in_element,
 )
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
@@ -237,7 +237,7 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
                 at = 0
             while at < last - 1 and theta > element_of(source, at + 1).edge:
                 at += 1
-            w, u = interpolate(source, at, theta)
+            w, u = motion_in_element(source, at, theta)
             if k == NODES:
                 one.edge_w, one.edge_u = w, u
             else:

@@ -110,7 +110,7 @@ def add_times(factor: float, x: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _add_response(lever: np.ndarray, orbit: Orbit, e: int, i: int, slopes: Slopes, m: np.ndarray) -> None:
+def _add_response_at_all_nodes(lever: np.ndarray, orbit: Orbit, e: int, i: int, slopes: Slopes, m: np.ndarray) -> None:
     """Add to m[k] how the force at node k changes that at all nodes through the motion of mode i; mode 0 sets it.
 
     A mode answers a kick of one with Im exp(lambda theta) / (omega^2 nu): theory, Eq. (collocation-4).
@@ -159,7 +159,7 @@ def _force_in_element(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.nd
         m[NODES + RZ, j], m[NODES + RA, j] = -gd, gd * c - gu * s
         m[NODES + RM, j] = g - gd * d - gu * turn
     for i in range(count):
-        _add_response(lever, orbit, e, i, slopes, m)
+        _add_response_at_all_nodes(lever, orbit, e, i, slopes, m)
     for k in range(NODES):
         add_times(one.cos[k], m[k], m[NODES + RP])
         add_times(one.sin[k], m[k], m[NODES + RS])

@@ -10,7 +10,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import detected_compliance
-from phasemap._kernels.orbits.collocation.contacts import depth_at, interpolate
+from phasemap._kernels.orbits.collocation.contacts import depth_at, motion_in_element
 from phasemap._kernels.orbits.collocation.system import (
     IN_CONTACT,
     OUT_OF_CONTACT,
@@ -91,7 +91,7 @@ def state_at(oscillator: Oscillator, orbit: Orbit, theta: float) -> tuple[float,
     e = 0
     while e < count - 1 and element_of(orbit, e + 1).edge <= theta:
         e += 1
-    w, u = interpolate(orbit, e, theta)
+    w, u = motion_in_element(orbit, e, theta)
     amplitude = head_of(orbit).amplitude
     z = amplitude * math.cos(theta) + w
     v = omega * (u - amplitude * math.sin(theta))

@@ -23,11 +23,11 @@ from phasemap._kernels.orbits.response.nodes import (
     count_of,
     counts,
     fill_mode,
-    first_harmonic,
     first_of,
     first_of_element,
     parts_of,
     periods_before,
+    response_to_first_harmonic,
 )
 
 # of the fourth power of what the highest polynomials find, that nodes miss of the force on a mode
@@ -44,7 +44,7 @@ def respond(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: flo
         all_re, all_im = _sum_up(nodes)
         e_re, e_im = periods_before(mode.decay, mode.turn)
         round_ = e_re * all_re - e_im * all_im, e_re * all_im + e_im * all_re
-        h = first_harmonic(lever[OMEGA], mode, push, drag)
+        h = response_to_first_harmonic(lever[OMEGA], mode, push, drag)
         share = mode.share / (lever[OMEGA] * lever[OMEGA] * mode.turn)
         _add_motion(nodes, mode, share, round_, (mean * mode.share / mode.square, h[0], h[1]), i == 0)
         if i > 0:

@@ -31,11 +31,11 @@ from phasemap._kernels.orbits.response.nodes import (
     contact_node,
     count_of,
     fill_mode,
-    first_harmonic,
     first_of,
     move_nodes,
     parts_of,
     periods_before,
+    response_to_first_harmonic,
     weight_of_node,
 )
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
@@ -95,7 +95,7 @@ def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) ->
     m[:, :] = 0.0
     for i in range(modes_of(lever)):
         mode = mode_of(lever, i)
-        share, h = mode.share / (omega * omega * mode.turn), first_harmonic(omega, mode, 1.0, 0.0)
+        share, h = mode.share / (omega * omega * mode.turn), response_to_first_harmonic(omega, mode, 1.0, 0.0)
         mean, along, across = mean + mode.share / mode.square, along + h[0], across - h[1]
         e_re, e_im = periods_before(mode.decay, mode.turn)
         fill_mode(nodes, mode)
@@ -179,7 +179,7 @@ def _fill_changes(oscillator: Oscillator, nodes: Nodes, state: PassState, worksp
 
 
 @kernel
-def _step(lever: np.ndarray, state: PassState, h: float, hold: bool, rates: np.ndarray) -> tuple[float, float]:
+def _newton_step(lever: np.ndarray, state: PassState, h: float, hold: bool, rates: np.ndarray) -> tuple[float, float]:
     """Changes of e and A [m] that leave neither the mismatch h nor a wrong amplitude seen; the slopes of the state."""
     orbit = (state.amplitude, state.push, state.drag)
     x, y = drive_needed(lever, *orbit)
@@ -242,7 +242,7 @@ def newton_pass(
     respond(nodes, lever, state.mean_force, state.push, state.drag)
     if not _fill_changes(oscillator, nodes, state, workspace):
         return False, h
-    centre, amplitude = _step(lever, state, h, hold, rates)
+    centre, amplitude = _newton_step(lever, state, h, hold, rates)
     for k in range(N * parts_of(nodes)):
         nodes.g[contact_node(k)] += (
             changes[BY_PASS, k] + centre * changes[BY_CENTRE, k] + amplitude * changes[BY_AMPLITUDE, k]

@@ -304,7 +304,7 @@ def periods_before(a: float, nu: float) -> tuple[float, float]:
 
 
 @kernel(fastmath=ANY_ORDER)
-def first_harmonic(omega: float, mode: Mode, push: float, drag: float) -> tuple[float, float]:
+def response_to_first_harmonic(omega: float, mode: Mode, push: float, drag: float) -> tuple[float, float]:
     """A mode's response to the first harmonic of g: share (P - iS)/(square - omega^2 + 2 i rate omega)."""
     x, y = mode.square - omega * omega, 2.0 * mode.rate * omega
     below = mode.share / (x * x + y * y)
@@ -333,12 +333,12 @@ def cut_contact(nodes: Nodes, finer: Nodes) -> None:
     copy(nodes.far, finer.far)
     copy(nodes.far_weight, finer.far_weight)
     lay_nodes(finer, nodes.theta[ENTRY], nodes.theta[EXIT])
-    _interpolate(nodes.w, parts_of(nodes), finer.w)
-    _interpolate(nodes.u, parts_of(nodes), finer.u)
+    _carry_over(nodes.w, parts_of(nodes), finer.w)
+    _carry_over(nodes.u, parts_of(nodes), finer.u)
 
 
 @kernel
-def _interpolate(row: np.ndarray, parts: int, finer: np.ndarray) -> None:
+def _carry_over(row: np.ndarray, parts: int, finer: np.ndarray) -> None:
     """Carry the values at nodes over to those that cut each part of the contact in two."""
     for j in range(ALL):
         finer[j] = row[j]

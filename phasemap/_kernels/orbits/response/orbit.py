@@ -75,17 +75,17 @@ def grazes(p: np.ndarray, harmonic: HarmonicOrbit) -> bool:
 def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""
     amplitude, e = harmonic.amplitude, centre_height(harmonic)
-    if _pass_from(oscillator, harmonic, e, limits, workspace):
+    if _orbit_by_passes(oscillator, harmonic, e, limits, workspace):
         return True
     if not grazes(oscillator.p, harmonic):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
     e = amplitude + (1e-6 if e < amplitude else -0.05) * reach_of(oscillator.p)
-    return _pass_from(oscillator, harmonic, e, limits, workspace)
+    return _orbit_by_passes(oscillator, harmonic, e, limits, workspace)
 
 
 @kernel(shared=True)
-def _pass_from(
+def _orbit_by_passes(
     oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: ErrorLimits, workspace: ResponseWorkspace
 ) -> bool:
     """Passes from a harmonic orbit with this e, which settles whether the tip touches.

@@ -244,7 +244,7 @@ def dent_of(p: np.ndarray, lever: np.ndarray, memory: ContactMemory) -> tuple[fl
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
-def _added(sums: NodeSums, nodes: Nodes, i: int, weight: float, amplitude: float) -> NodeSums:
+def _node_sums_with(sums: NodeSums, nodes: Nodes, i: int, weight: float, amplitude: float) -> NodeSums:
     """Sums of g over the nodes (mean, P, S, work, virial) with one more node."""
     mean, push, drag, work, virial = sums
     share = weight * nodes.weight[i] * nodes.g[i]
@@ -265,7 +265,7 @@ def relaxing_force(oscillator: Oscillator, workspace: TapWorkspace) -> NodeSums:
     for j in range(N):
         d = max(memory.depth[j], 0.0)
         nodes.g[TOUCH + j] = stiff * (2.0 / 3.0 * d * math.sqrt(d) - kappa * memory.inside[j]) + pull
-        sums = _added(sums, nodes, TOUCH + j, GAUSS_WEIGHTS[j], amplitude)
+        sums = _node_sums_with(sums, nodes, TOUCH + j, GAUSS_WEIGHTS[j], amplitude)
     for j in range(N, 2 * N):
         q2 = max(memory.early_depth[j], 0.0)
         q, third = math.sqrt(q2), q2 / 3.0
@@ -273,16 +273,16 @@ def relaxing_force(oscillator: Oscillator, workspace: TapWorkspace) -> NodeSums:
             q * (memory.early_seen[j] - third) - memory.early_inside[j]
         )
         nodes.g[LATE + j - N] = stiff * (q * (memory.depth[j] - third) - kappa * y) + pull
-        sums = _added(sums, nodes, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
+        sums = _node_sums_with(sums, nodes, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)
     if nodes.outside == 1:
         dent, recovery = dent_of(p, lever, memory)
         for j in range(N):
             d = depth_at_node(nodes, amplitude, centre, IN + j)
             nodes.g[IN + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
-            sums = _added(sums, nodes, IN + j, GAUSS_WEIGHTS[j], amplitude)
+            sums = _node_sums_with(sums, nodes, IN + j, GAUSS_WEIGHTS[j], amplitude)
             d = depth_at_node(nodes, amplitude, centre, OUT + j)
             d -= dent * math.exp((nodes.theta[EXIT] - nodes.theta[OUT + j]) * recovery)
             nodes.g[OUT + j] = inverse_k * longrange_force(law, min(d, 0.0), p)
-            sums = _added(sums, nodes, OUT + j, GAUSS_WEIGHTS[j], amplitude)
+            sums = _node_sums_with(sums, nodes, OUT + j, GAUSS_WEIGHTS[j], amplitude)
     mean, push, drag, work, virial = sums
     return mean / (2.0 * math.pi), push / math.pi, drag / math.pi, work, virial

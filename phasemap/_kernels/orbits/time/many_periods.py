@@ -28,8 +28,8 @@ from phasemap._kernels.orbits.time.period_map import (
     Tolerance,
     fill_change_by_period,
     linearise_period,
+    march_period_from,
     march_tip,
-    pass_from,
     skip_transient,
 )
 from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, V, Way, Z, copy_memory, move_state
@@ -197,7 +197,7 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
         part = min(FORMING_STEP * target / step, 1.0)
         way += part * step
         move_state(lever, ahead, part, u)
-        if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
+        if not march_period_from(oscillator, step_size, tip, u, u[Z0], y):
             return False
         copy_memory(y, u)
         fill_change_by_period(lever, u, y, tip.acc, now)

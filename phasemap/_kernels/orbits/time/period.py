@@ -156,7 +156,7 @@ def stop_at_touch(here: Here, motion: Motion) -> None:
 
 
 @kernel(inline=True)
-def _take_step(here: Here, step_size: float, motion: Motion) -> None:
+def _step_to_event(here: Here, step_size: float, motion: Motion) -> None:
     """Take a step to what happens first, or to the end of the period."""
     off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, step_size, motion)
     if h == math.inf:
@@ -206,7 +206,7 @@ def march_through(here: Here, step_size: float, motion: Motion) -> int:
         steps += 1
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
-        _take_step(here, step_size, motion)
+        _step_to_event(here, step_size, motion)
         _move_on(here, motion)
         if not pass_event(here.contact, here, motion):
             return -col.NOT_SETTLED

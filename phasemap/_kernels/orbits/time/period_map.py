@@ -98,7 +98,9 @@ def pass_pattern(oscillator: Oscillator, z0: float, step_size: float, tip: Tip, 
 
 
 @kernel
-def pass_from(oscillator: Oscillator, step_size: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray) -> bool:
+def march_period_from(
+    oscillator: Oscillator, step_size: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray
+) -> bool:
     """March a period in y from a start at z0, and say whether it ends, as it began, in contact or out of it.
 
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
@@ -139,20 +141,20 @@ def linearise_period(oscillator: Oscillator, step_size: float, tip: Tip) -> bool
     u, acc, linear, count = tip.u, tip.acc, tip.linear, coordinate_count(lever)
     size, y, start, beside = neighbour_distance(lever, tip), np.empty(len(u)), np.empty(motion_size(lever)), Change()
     linear.count = count
-    if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
+    if not march_period_from(oscillator, step_size, tip, u, u[Z0], y):
         return False
     fill_change_by_period(lever, u, y, acc, linear.now)
     for i in range(count):
         copy_state(u, start)
         start[entry_of(i)] += size
-        if not pass_from(oscillator, step_size, tip, start, u[Z0], y):
+        if not march_period_from(oscillator, step_size, tip, start, u[Z0], y):
             return False
         fill_change_by_period(lever, start, y, acc, beside)
         differentiate(beside, linear.now, size)
         linear.amplitude[i] = beside.amplitude
         for j in range(count):
             linear.motion[count * i + j] = beside.motion[j]
-    if not pass_from(oscillator, step_size, tip, u, u[Z0] + size, y):
+    if not march_period_from(oscillator, step_size, tip, u, u[Z0] + size, y):
         return False
     fill_change_by_period(lever, u, y, acc, linear.by_z0)
     differentiate(linear.by_z0, linear.now, size)
@@ -174,7 +176,7 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
     left = math.inf
     for i in range(most):
         move_state(lever, way, 1.0, u)
-        if not pass_from(oscillator, step_size, tip, u, u[Z0], y):
+        if not march_period_from(oscillator, step_size, tip, u, u[Z0], y):
             return math.inf
         copy_memory(y, u)
         fill_change_by_period(lever, u, y, tip.acc, now)
@@ -213,7 +215,7 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
         while before > 1 or not moved:
             copy_state(u, trial)
             move_state(lever, way, 1.0, trial)
-            if not pass_from(oscillator, step_size, tip, trial, trial[Z0], y):
+            if not march_period_from(oscillator, step_size, tip, trial, trial[Z0], y):
                 return False
             fill_change_by_period(lever, trial, y, tip.acc, now)
             fill_way_to_rest(linear, now, target, way)
