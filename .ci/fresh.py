@@ -2,8 +2,8 @@
 
 Both are built, and installed and run in environments of their own, side by side: the sdist on the oldest CPython of
 pyproject.toml's classifiers that is here, with the oldest dependencies that pyproject.toml allows, the wheel on the
-newest with the newest ones, where it brings its compiled kernels. Both must give the same numbers, compiled and as
-plain Python. Needs Python 3.11, pip, and nothing else.
+newest with the newest ones, where kernels are compiled into it and numba is not there. Both must give the same numbers,
+compiled and as plain Python. Needs Python 3.11, pip and, for compiled kernels, a C compiler that links them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import json
 import math
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -47,7 +48,17 @@ class Leg:
     distribution: Path
     limits: tuple[str, ...]  # the oldest dependencies; none for the newest
     folder: Path
-    ahead: bool = False  # whether the wheel brings compiled kernels, for this interpreter
+    ahead: bool = False  # whether kernels are compiled into the wheel, and numba is not installed
+
+    def compiled_ahead(self) -> Path:
+        """The wheel with compiled kernels: those of one kind of work, for all take minutes."""
+        python, uv = self.folder / "compiling/bin/python", self.folder.parent / "build/bin/uv"
+        call(self.python, "-m", "venv", "--without-pip", "compiling", cwd=self.folder)
+        call(uv, "pip", "install", "--quiet", "--python", python, self.distribution, "wheel", cwd=self.folder)
+        some = ("--kinds", "averaging")
+        call(python, SOURCE / "tools/wheel/ahead.py", self.distribution, ".", *some, cwd=self.folder)
+        (wheel,) = self.folder.glob("*.whl")
+        return wheel
 
     def run(self) -> str:
         """Install and run; return the numbers that were computed there."""
@@ -56,12 +67,10 @@ class Leg:
         call(self.python, "-m", "venv", "--without-pip", "env", cwd=self.folder)
         uv, into = self.folder.parent / "build/bin/uv", ("--quiet", "--python", here / "python")
         binary = ("--only-binary", ":all:") if self.distribution.suffix == ".whl" else ()
-        call(uv, "pip", "install", *into, *binary, self.distribution, *self.limits, cwd=self.folder)
-        if self.ahead:
-            call(uv, "pip", "install", *into, "wheel", cwd=self.folder)
-            call(here / "python", SOURCE / "tools/wheel/ahead.py", self.distribution, ".", "averaging", cwd=self.folder)
-            (wheel,) = self.folder.glob("*.whl")
-            call(uv, "pip", "install", *into, "--no-deps", "--reinstall", wheel, cwd=self.folder)
+        brought = self.compiled_ahead() if self.ahead else self.distribution
+        call(uv, "pip", "install", *into, *binary, brought, *self.limits, cwd=self.folder)
+        installed = json.loads(call(uv, "pip", "list", *into, "--format", "json", cwd=self.folder))
+        assert self.ahead != ("numba" in {one["name"] for one in installed}), f"{self.ahead}, and there are {installed}"
         call(uv, "pip", "check", *into, cwd=self.folder)
         small = ("surface.shape=[8,16]", "scan.solver=averaging", "--quiet")
         call(here / "phasemap", "run", scene, "-o", "compiled.nc", *small, cwd=self.folder)
@@ -145,7 +154,7 @@ def main() -> None:
     first, *_, last = *found.values(), *found.values()
     legs = [
         Leg(first, sdist, oldest(folder), folder / "oldest"),
-        Leg(last, wheel, (), folder / "newest", ahead=True),
+        Leg(last, wheel, (), folder / "newest", ahead=shutil.which("cc") is not None),
     ]
     with ThreadPoolExecutor(2) as pool:
         reports = [json.loads(numbers) for numbers in pool.map(Leg.run, legs)]

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numba
-from numba.core import types
-from numba.extending import models, register_model, typeof_impl
+from phasemap._kernels.compilation import COMPILES
 
 
 class Chosen:
@@ -31,25 +29,7 @@ class Chosen:
         return self.kernels[type(first)](first, *more)
 
 
-class _ChosenType(types.Callable, types.Dummy):
-    """The numba type of such a function."""
+if COMPILES:
+    from phasemap._kernels.compilation.numba_types import declare_chosen
 
-    def __init__(self, function: Chosen) -> None:
-        self.function = function
-        super().__init__(f"chosen({function.__name__}, {id(function)})")
-
-    def _kernel(self, args: Any) -> Any:
-        return numba.typeof(self.function.kernels[args[0].instance_class])
-
-    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        return self._kernel(args).get_call_type(context, args, kws)
-
-    def get_call_signatures(self) -> tuple[tuple[()], bool]:
-        return (), True
-
-    def get_impl_key(self, sig: Any) -> Any:
-        return self._kernel(sig.args).get_impl_key(sig)
-
-
-register_model(_ChosenType)(models.OpaqueModel)
-typeof_impl.register(Chosen)(lambda one, _context: _ChosenType(one))
+    declare_chosen(Chosen)

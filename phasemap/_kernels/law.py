@@ -11,24 +11,19 @@ import ctypes
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.ccallback import CFunc
-from numba.core.compiler_lock import global_compiler_lock
-from numba.extending import intrinsic
 
-from phasemap._kernels import forces
+from phasemap._kernels import forces, loaded_sources
 from phasemap._kernels.columns import BIAS, LONGRANGE, RELEASE, ROW, WITHDRAWN
-from phasemap._kernels.compilation import kernel
-from phasemap._kernels.compilation.disk_cache import DiskCache
-from phasemap._kernels.compilation.frozen import frozen
+from phasemap._kernels.compilation import COMPILES, LIBRARY, kernel
+from phasemap._kernels.compilation.of_numba import cgutils, intrinsic, ir, types
 
 Formula = Callable[[float, Any], float]
-
-_FORMULA_SIGNATURE = types.float64(types.float64, types.CPointer(types.float64))
-_COMPILED: dict[Any, CFunc] = {}  # by digest
+KNOWN = (  # of a law's formulas, in its order, those that kernels know by themselves
+    forces.hertzian, forces.hertzian_slope, forces.inverse_square, forces.inverse_square_slope, forces.power_law,
+    forces.power_law_slope,
+)  # fmt: skip
+HOW = "Install it: pip install 'afm-phasemap[law]'."
 
 
 class Law(NamedTuple):
@@ -66,14 +61,12 @@ def law_of(*formulas: Formula) -> Law:
     TypeError
         With the reason, where numba refuses a formula.
     """
-    known = (
-        forces.hertzian, forces.hertzian_slope, forces.inverse_square, forces.inverse_square_slope, forces.power_law,
-        forces.power_law_slope,
-    )  # fmt: skip
     found = []
-    for role, formula, own in zip(Law._fields[:6], formulas, known, strict=True):
+    for role, formula, own in zip(Law._fields[:6], formulas, KNOWN, strict=True):
         try:
             found.append(0 if formula is own else address_of(formula))
+        except ModuleNotFoundError as error:
+            raise TypeError(f"Of its {role}: {error}") from error
         except Exception as error:  # numba's errors have no common base
             said = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = next((line for line in said if "Untyped" in line or "NameError" in line), " ".join(said[1:3]))
@@ -81,19 +74,26 @@ def law_of(*formulas: Formula) -> Law:
     return Law(*found)
 
 
+def digest_of(formula: Formula) -> str | None:
+    """Digest of a formula and all that it uses; None where that may mean another thing in another process."""
+    sources = loaded_sources.digest()
+    if LIBRARY and sources and (formula in KNOWN or LIBRARY.symbol_of(formula)):
+        return f"{sources.hex()} {LIBRARY.symbol_of(formula) or formula.__qualname__}"
+    from phasemap._kernels.compilation.frozen import frozen
+
+    copy = frozen(formula)
+    return copy.digest if copy.lasts else None
+
+
 def address_of(formula: Formula) -> int:
     """Address of the compiled code of a formula."""
-    with global_compiler_lock:
-        copy = frozen(formula)
-        code = _COMPILED.get(copy.digest)
-        if code is None:
-            signature = _FORMULA_SIGNATURE.args, _FORMULA_SIGNATURE.return_type
-            code = CFunc(copy.function, signature, {}, {"error_model": "numpy"})
-            if copy.lasts:
-                code._cache = DiskCache(formula, digest=copy.digest)
-            code.compile()
-            _COMPILED[copy.digest or code] = code  # what has no digest is compiled anew each time, and stays in use
-        return int(code.address)
+    if LIBRARY and LIBRARY.symbol_of(formula):
+        return LIBRARY.address_of(formula)
+    try:
+        from phasemap._kernels.compilation.by_address import compiled_formula
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"it is compiled by numba, which is not installed. {HOW}") from error
+    return int(compiled_formula(formula).address)
 
 
 @intrinsic
@@ -121,7 +121,7 @@ def _called_by_python(address: int, d: float, p: Any) -> float:
     return kind(address)(d, (ctypes.c_double * ROW)(*p[:ROW]))
 
 
-if numba.config.DISABLE_JIT:
+if not COMPILES:
     _call_formula = _called_by_python
 
 _hertzian = kernel(forces.hertzian, inline=True)

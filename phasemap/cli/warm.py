@@ -24,6 +24,11 @@ def add_warm(parser: argparse.ArgumentParser) -> None:
 
 def warm(arguments: argparse.Namespace) -> None:
     """Compile kernels ahead, and say what it cost."""
+    from phasemap._kernels.compilation import COMPILES
+
+    if not COMPILES:
+        print("nothing is left to compile: this installation brings its compiled code")
+        return
     from phasemap._kernels.compilation.disk_cache import folder
     from phasemap.cli.kinds_of_work import ALL, USUAL, Cost, in_processes
 

@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from numba.core import event
-
+from phasemap._kernels.compilation import watch
 from phasemap._shared.errors import InputError, PhasemapError, Word
 from phasemap._shared.units import say
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
@@ -41,21 +40,21 @@ class TooLong(PhasemapError):
     """An answer that takes longer than the page may."""
 
 
-class Compiling(event.Listener):  # type: ignore[misc]
-    """Whether numba compiles, and how long it did in each thread [s of the processor]."""
+class Compiling:
+    """Whether kernels are compiled now, and how long it did in each thread [s of the processor]."""
 
     def __init__(self) -> None:
         self._depth, self._began, self._spent = 0, 0.0, threading.local()
         self.first = 0.0  # when it began for the first time [s of a clock]
-        event.register("numba:compile", self)
+        watch(self._start, self._end)
 
-    def on_start(self, _event: object) -> None:
+    def _start(self) -> None:
         """It begins, in one thread at a time; functions that a function calls are compiled within it."""
         self._began = self._began if self._depth else time.thread_time()
         self.first = self.first or time.monotonic()
         self._depth += 1
 
-    def on_end(self, _event: object) -> None:
+    def _end(self) -> None:
         """It ends."""
         self._depth -= 1
         if not self._depth:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasemap._kernels.columns import RELEASE, ROW
-from phasemap._kernels.compilation.frozen import frozen
+from phasemap._kernels.law import digest_of
 from phasemap._shared.errors import FileError
 from phasemap._shared.files import replacing
 from phasemap.experiment.interaction import ContactLaw
@@ -150,9 +150,9 @@ def _law_in_words(law: ContactLaw) -> str:
             row[j] = np.broadcast_to(column, 1)[0]
         row[RELEASE] = np.broadcast_to(law.release(stiffness, adhesion, radius), 1)[0]
         formulas = law.force, law.slope, law.damping, law.damping_slope, law.attraction.force, law.attraction.slope
-        copies = [frozen(one) for one in formulas]
-        if all(one.lasts for one in copies):
-            return repr([code, getattr(law, "__dict__", {}), row.tolist(), [one.digest for one in copies]])
+        digests = [digest_of(one) for one in formulas]
+        if None not in digests:
+            return repr([code, getattr(law, "__dict__", {}), row.tolist(), digests])
     except Exception:  # typed into a shell, or methods that do not work here
         pass
     return str(uuid.uuid4())  # nothing that was kept is taken for it

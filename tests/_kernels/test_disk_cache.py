@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import sys
@@ -18,7 +17,7 @@ from numba import float64
 from numba.core.registry import cpu_target
 
 from phasemap._kernels import law
-from phasemap._kernels.compilation import disk_cache, private_files
+from phasemap._kernels.compilation import by_address, disk_cache, private_files
 from phasemap._kernels.compilation.disk_cache import DiskCache
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no owners and modes")
@@ -160,41 +159,6 @@ def test_nothing_is_unpickled_that_others_can_have_written(place: Path, monkeypa
     assert executes()  # it is, where the user has written it
 
 
-def test_code_that_a_wheel_brought_is_taken_on_processors_that_have_what_it_needs(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(disk_cache, "folder", lambda: None)  # nor is there any place to write to
-    monkeypatch.setattr(disk_cache, "AHEAD", place)
-    monkeypatch.setattr(disk_cache, "brought_for", disk_cache.brought_for.__wrapped__)
-    cache, sign, magic = DiskCache(trap, digest="of a law"), place / "executed", ("here", "x86-64-v3", "")
-
-    def executes() -> bool:
-        assert cache.load_overload(SIGNATURE, cpu_target.target_context) is None
-        found = sign.exists()
-        if found:
-            sign.rmdir()
-        return found
-
-    name = cache._file(SIGNATURE, magic)
-    assert name is not None
-    path = trap(cache, sign, place / name)
-    assert not executes()  # nothing says which processor it is for
-    target = place / disk_cache.TARGET
-    for needs, taken in (([], True), (["not on any processor"], False)):
-        target.unlink(missing_ok=True)
-        private_files.write(target, json.dumps({"magic": magic, "needs": needs}).encode())
-        assert executes() == taken
-    target.unlink()
-    private_files.write(target, json.dumps({"magic": ("here", "generic", ""), "needs": []}).encode())
-    assert not executes()  # another processor's
-    target.unlink()
-    private_files.write(target, json.dumps({"magic": magic, "needs": []}).encode())
-    path.chmod(0o666)
-    assert not executes()
-    path.chmod(0o600)
-    assert executes()
-
-
 def test_files_under_each_others_names_are_not_found(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(disk_cache, "folder", lambda: place)
 
@@ -205,7 +169,7 @@ def test_files_under_each_others_names_are_not_found(place: Path, monkeypatch: p
         return 3.0 * d
 
     def values() -> tuple[list[float], int]:
-        monkeypatch.setattr(law, "_COMPILED", found := {})
+        monkeypatch.setattr(by_address, "KEPT", found := {})
         seen = [law._called_by_python(law.address_of(one), 3.0, np.zeros(16)) for one in (twice, thrice)]
         return seen, sum(code.cache_hits for code in found.values())
 

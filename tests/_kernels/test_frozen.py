@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from numba.extending import overload
 
 from phasemap._kernels import law
-from phasemap._kernels.compilation import disk_cache
+from phasemap._kernels.compilation import by_address, disk_cache
 from phasemap._kernels.compilation.frozen import frozen
 
 HELPERS = """
@@ -203,7 +203,7 @@ def test_compiled_formulas_have_their_own_numbers_here_and_from_disk(
     helpers.K += 5.0
     helpers.L += 5.0
     assert value(formula) == pytest.approx(expected, rel=1e-15)
-    monkeypatch.setattr(law, "_COMPILED", found := {})
+    monkeypatch.setattr(by_address, "KEPT", found := {})
     assert value(formula) == pytest.approx(expected, rel=1e-15)
     assert [code.cache_hits for code in found.values()] == [1]
     formula, _ = made(ONE)
@@ -217,8 +217,8 @@ def test_what_is_known_in_one_process_only_is_not_kept(tmp_path: Any, monkeypatc
     assert value(lambda d, p: large[-1]) == 199_999.0
     large[-1] = 1.0
     assert value(lambda d, p: large[-1]) == 1.0
-    kept = len(law._COMPILED)
+    kept = len(by_address.KEPT)
     mode = Mode.soft
     for _ in range(2):
         assert value(lambda d, p: 3.0 if mode > 0 else d) == 3.0
-    assert len(law._COMPILED) == kept + 2 and not list(tmp_path.iterdir())
+    assert len(by_address.KEPT) == kept + 2 and not list(tmp_path.iterdir())

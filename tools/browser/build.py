@@ -116,6 +116,7 @@ def compiled() -> Path:
     code = [
         *(bundle.PACKAGE / "_kernels").rglob("*.py"),
         *(bundle.PACKAGE / "experiment" / "interaction").rglob("*.py"),  # formulas
+        *HERE.parent.glob("*.py"),
         HERE / "kernels.py",
     ]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(code))).hexdigest()[:16]

@@ -25,7 +25,7 @@ HERE = Path(__file__).parent / "python"
 FOLDERS = ("_shared", "experiment", "explorer", "imaging", "io", "plot", "results", "scenes", "solvers", "sweeps")
 KERNELS = "phasemap._kernels"
 VERBATIM = ("columns", "forces")
-OWN = ("law", "orbits.time.march")  # modules of kernels that are written anew in the folder python
+OWN = ("law", "compilation", "orbits.time.march")  # modules of kernels that are written anew in the folder python
 IMPORTS = f"""from __future__ import annotations
 import math
 from typing import Any, NamedTuple
@@ -118,14 +118,14 @@ def written(module: ModuleType, name: str) -> tuple[str, list[tuple[str, str]]]:
     if isinstance(value, compilation._Entry):
         short = f"{module.__name__.removeprefix(f'{KERNELS}.')}.{name}"
         return f"{name} = compiled.entry({short!r})", []
-    if hasattr(value, "record_type"):
-        return f"{name} = lambda: compiled.Record({value.record_type.words})", []
+    if hasattr(value, "record_words"):
+        return f"{name} = lambda: compiled.Record({value.record_words})", []
     if isinstance(value, type):
         source = re.sub(r"^class .*?:\n", lambda line: line[0], inspect.getsource(value))
         return bare(source), []
     if isinstance(value, FunctionType) and value.__qualname__.startswith("rows_of."):
         held = inspect.getclosurevars(value).nonlocals
-        first = {one: place for one, (_, place, _) in held["made"].record_type.fields.items()}
+        first = {one: place for one, (_, place, _) in held["made"].record_fields.items()}
         return f"{name} = compiled.rows_of({held['field']!r}, {first!r})", []
     if isinstance(value, FunctionType):
         return bare(textwrap.dedent(inspect.getsource(value))), needs_of(value, module)

@@ -1,5 +1,21 @@
-"""How kernels are compiled, linked and kept on disk, by parts of numba that are replaced here."""
+"""How kernels become machine code: they are compiled when they are first called, or found in the library of a wheel.
 
-from phasemap._kernels.compilation.entries import ANY_ORDER, compiled, compiled_more_than_once, kernel
+Where `NUMBA_DISABLE_JIT` is set Python runs them as they are.
+"""
 
-__all__ = ["ANY_ORDER", "compiled", "compiled_more_than_once", "kernel"]
+import os
+
+from phasemap._kernels.compilation import library
+
+_AS_THEY_ARE = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+LIBRARY = None if _AS_THEY_ARE else library.found()
+"""The library of a wheel; None without one."""
+COMPILES = not _AS_THEY_ARE and LIBRARY is None
+"""Whether kernels are compiled here; else they, and what only numba can run in them, are functions of Python."""
+
+if COMPILES:
+    from phasemap._kernels.compilation.entries import ANY_ORDER, compiled, compiled_more_than_once, kernel, watch
+else:
+    from phasemap._kernels.compilation.uncompiled import ANY_ORDER, compiled, compiled_more_than_once, kernel, watch
+
+__all__ = ["ANY_ORDER", "COMPILES", "LIBRARY", "compiled", "compiled_more_than_once", "kernel", "watch"]

@@ -5,16 +5,12 @@ they were loaded, of a formula all that it uses, the versions of Python, numba a
 processor. It begins with a digest of this name and its content. What is damaged, renamed, of another version, or in the
 reach of another user is not found, and compiled again; what cannot be written is compiled again by the next process,
 after one sentence on stderr.
-
-A wheel for one platform brings such files in `AHEAD`, compiled for a kind of processor that `TARGET` there names. They
-are looked for first, so that nothing is compiled, nor written, where versions are the same.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import json
 import os
 import pathlib
 import pickle
@@ -35,8 +31,6 @@ from phasemap._kernels import loaded_sources
 from phasemap._kernels.compilation.private_files import is_private_folder, read, user, write
 
 SUFFIX, KERNELS = ".compiled", "phasemap._kernels."
-AHEAD = pathlib.Path(__file__).parents[1] / "ahead"
-TARGET = "target.json"  # "magic": how numba names the processor; "needs": what it must have
 _DIGEST = hashlib.sha256().digest_size
 _written: list[int] = []  # sizes of files
 
@@ -67,13 +61,7 @@ class DiskCache:
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """The code for a signature; None if there is none."""
         target_context.refresh()
-        return self._brought(sig, target_context) or _loaded(self._path(sig, target_context.codegen()), target_context)
-
-    def _brought(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """The code for a signature that a wheel brought."""
-        magic = brought_for()
-        name = None if magic is None else self._file(sig, magic)
-        return None if name is None else _loaded(AHEAD / name, target_context)
+        return _loaded(self._path(sig, target_context.codegen()), target_context)
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         """Keep the code for a signature, in place of what an older source gave."""
@@ -92,18 +80,13 @@ class DiskCache:
             _say_once(f"compiled code cannot be kept in {path.parent} ({error.strerror}); the next run compiles again.")
 
     def _path(self, sig: Any, codegen: Any) -> pathlib.Path | None:
-        """The file for a signature."""
-        place, name = folder(), self._file(sig, codegen.magic_tuple())
-        return None if place is None or name is None else place / name
-
-    def _file(self, sig: Any, magic: tuple[str, ...]) -> str | None:
-        """Name of the file for a signature on a processor; None where it is not known what the code depends on."""
-        sources = loaded_sources.digest()
-        if sources is None or self._digest is None:
+        """The file for a signature; None where it is not known what the code depends on."""
+        place, sources = folder(), loaded_sources.digest()
+        if place is None or sources is None or self._digest is None:
             return None
-        of_what = hashlib.sha256(repr((sig, magic)).encode()).hexdigest()[:16]
+        of_what = hashlib.sha256(repr((sig, codegen.magic_tuple())).encode()).hexdigest()[:16]
         of_which = hashlib.sha256(sources + self._digest.encode()).hexdigest()[:16]
-        return f"{self._name}-{versions()}-{of_what}.{of_which}{SUFFIX}"
+        return place / f"{self._name}-{versions()}-{of_what}.{of_which}{SUFFIX}"
 
     def flush(self) -> None:
         """Remove the files of this function."""
@@ -123,17 +106,6 @@ def _loaded(path: pathlib.Path | None, target_context: Any) -> CompileResult | N
         return CompileResult._rebuild(target_context, *pickle.loads(zlib.decompress(content[_DIGEST:])))
     except Exception:  # a file that says what it is and yet cannot be read is worth no more than none
         return None
-
-
-@functools.cache
-def brought_for() -> tuple[str, ...] | None:
-    """How numba names the processor that a wheel has code for; None without any, or where the processor has less."""
-    try:
-        said = json.loads(read(AHEAD / TARGET))
-    except OSError:
-        return None
-    here = llvmlite.binding.get_host_cpu_features()
-    return tuple(said["magic"]) if all(here.get(one) for one in said["needs"]) else None
 
 
 def _seal(path: pathlib.Path, content: bytes) -> bytes:

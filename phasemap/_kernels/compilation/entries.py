@@ -17,12 +17,13 @@ from __future__ import annotations
 import functools
 import gc
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numba
 from llvmlite.binding import add_symbol
-from numba.core import sigutils, types
+from numba.core import event, sigutils, types
 from numba.core.base import OverloadSelector
 from numba.core.bytecode import FunctionIdentity
 from numba.core.compiler import Compiler, CompileResult
@@ -54,7 +55,7 @@ class Names(set[str]):
         return Names(self)
 
 
-ANY_ORDER = Names({"contract", "reassoc", "nsz"})
+ANY_ORDER: set[str] = Names({"contract", "reassoc", "nsz"})
 """`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
 
 OTHERWISE = "is not one that phasemap was made for: kernels are compiled by it alone, which takes minutes."
@@ -91,8 +92,6 @@ def kernel(
     if function is None:
         return lambda one: kernel(one, fastmath=fastmath, inline=inline, shared=shared, vectors=vectors, light=light)
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
-    if numba.config.DISABLE_JIT:
-        return function
     if not compiles_by_linking():
         return _Plain(function, targetoptions=options)
     return (_Light if light else _Entry)(function, _compiler_of(shared, vectors), options)
@@ -314,6 +313,19 @@ def _kernels_of(function: Any) -> list[_Entry]:
 def _all_kernels() -> list[_Entry]:
     """The kernels that this process has imported."""
     return [one for one in gc.get_objects() if isinstance(one, _Entry)]
+
+
+def watch(started: Callable[[], None], ended: Callable[[], None]) -> None:
+    """Call these whenever a compilation starts or ends, in its thread; those within it too."""
+
+    class Watching(event.Listener):
+        def on_start(self, _event: object) -> None:
+            started()
+
+        def on_end(self, _event: object) -> None:
+            ended()
+
+    event.register("numba:compile", Watching())
 
 
 def compiled() -> int:

@@ -104,7 +104,7 @@ def _start_averaged(tip: Flow, lever: np.ndarray, place: float, mean: float, a: 
 def _start_marched(tip: PeriodsUnderLoop, lever: np.ndarray, place: float, mean: float, a: complex) -> None:
     """Begin the motion in time with the complex amplitude a, the mean deflection and the scanner at `place` [m]."""
     _set_loop(place, a, tip.y)
-    begin_periods(lever, mean, a, tip)
+    begin_periods(lever, mean, a.real, a.imag, tip)
 
 
 @kernel

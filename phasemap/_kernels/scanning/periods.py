@@ -65,9 +65,9 @@ def new_periods(step_size: float) -> PeriodsUnderLoop:
 
 
 @kernel
-def begin_periods(lever: np.ndarray, mean: float, a: complex, state: PeriodsUnderLoop) -> None:
+def begin_periods(lever: np.ndarray, mean: float, real: float, imag: float, state: PeriodsUnderLoop) -> None:
     """Set the lever swinging about a mean deflection with a complex amplitude [m], at drive phase 0."""
-    state.tip[Z], state.tip[V], state.tip[TOUCHES] = mean + a.real, -lever[col.OMEGA] * a.imag, 0.0
+    state.tip[Z], state.tip[V], state.tip[TOUCHES] = mean + real, -lever[col.OMEGA] * imag, 0.0
     fill_higher_modes(lever, mean, state.tip)
     state.memory.ahead = 0.0
     clear(state.taps)

@@ -219,7 +219,7 @@ class TipState:
         """Go on by the equation of motion from where the averaged lever is."""
         periods, y = new_periods(ETA), self.state.y
         periods.y[:] = y
-        begin_periods(lever, 0.0, complex(y[A_REAL], y[A_IMAG]), periods)
+        begin_periods(lever, 0.0, y[A_REAL], y[A_IMAG], periods)
         self.engine, self.state = col.MARCH, periods
 
     def copy(self) -> TipState:

@@ -13,14 +13,11 @@ import ctypes
 import math
 from typing import Any
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.compilation import kernel
+from phasemap._kernels.compilation import COMPILES, kernel
+from phasemap._kernels.compilation.of_numba import intrinsic, ir, types
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.records import column, record
 
@@ -64,7 +61,7 @@ def _read(address: int, i: int) -> float:
     return float((ctypes.c_double * (i + 1)).from_address(address)[i])
 
 
-if numba.config.DISABLE_JIT:
+if not COMPILES:
     _number_at = _read
 
 

@@ -21,17 +21,11 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba import carray, typeof
-from numba.core import cgutils, types
-from numba.core.ccallback import CFunc
-from numba.extending import intrinsic
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.compilation import kernel
-from phasemap._kernels.compilation.disk_cache import DiskCache
+from phasemap._kernels.compilation import COMPILES, LIBRARY, kernel
+from phasemap._kernels.compilation.of_numba import carray, cgutils, intrinsic, ir, types
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time.arms import remembers
 from phasemap._kernels.orbits.time.elastic import march_elastic
@@ -42,7 +36,6 @@ from phasemap._kernels.orbits.time.tip import PeriodResult
 ADDRESSES = len(Law._fields)
 MEMORY = Law._fields.index("memory")
 LEVER_SIZE = (col.MODE + col.MODE_NUMBERS * col.MOST_MODES,)  # at most: what is not there is not read
-_KEPT: list[CFunc] = []  # code that is called by its address
 
 
 @intrinsic
@@ -76,15 +69,18 @@ def _march_in_python(
     return int(march_relaxing(Oscillator(law, p, lever), z0, step_size, y, acc))
 
 
-if numba.config.DISABLE_JIT:
+if not COMPILES:
     _march_by_address = _march_in_python
 
 
 @functools.cache
 def address_of_relaxing() -> int:
     """Address of the compiled march over surfaces that remember; 1 where numba's compiler is off."""
-    if numba.config.DISABLE_JIT:
-        return 1
+    if not COMPILES:
+        return LIBRARY.address_of(address_of_relaxing) if LIBRARY else 1
+    from numba import typeof
+
+    from phasemap._kernels.compilation.by_address import compiled_kernel
 
     def march(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, p, lever, z0, step_size, y, size, acc):  # type: ignore[no-untyped-def]
         row = (
@@ -95,11 +91,7 @@ def address_of_relaxing() -> int:
 
     numbers, number, whole = types.CPointer(types.float64), types.float64, types.int64
     given = (*(whole,) * ADDRESSES, numbers, numbers, number, number, numbers, whole, typeof(PeriodResult()))
-    code = CFunc(march, (given, whole), {}, {"error_model": "numpy"})
-    code._cache = DiskCache(march)
-    code.compile()
-    _KEPT.append(code)
-    return int(code.address)
+    return int(compiled_kernel(march, (given, whole)).address)
 
 
 @kernel

@@ -11,13 +11,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
-
 from phasemap._kernels import columns as col
-from phasemap._kernels.compilation import ANY_ORDER, kernel
+from phasemap._kernels.compilation import ANY_ORDER, COMPILES, kernel
+from phasemap._kernels.compilation.of_numba import intrinsic, ir, types
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
@@ -111,7 +107,7 @@ def _along(y: float, h: float, slopes: tuple[float, ...]) -> float:
     return y + sum(h * weight * slopes[stage - 1] for stage, weight in TABLEAU[len(slopes) - 1].items())
 
 
-if numba.config.DISABLE_JIT:
+if not COMPILES:
     along_tableau = _along
 
 

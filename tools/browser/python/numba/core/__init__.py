@@ -1,1 +1,0 @@
-"""What the explorer asks of numba: whether it compiles, which it never does here."""
