@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,16 @@ class Interpolants:
         close(rows.T, lever)
         rows[[col.AMPLITUDE, col.PHASE]] = shown
         return rows.T
+
+
+class Block(NamedTuple):
+    """Lines of an image that are worked on together."""
+
+    # first, last: from this line to before that one
+    first: int
+    last: int
+    materials: Array  # shape (n, 4); what they are made of, each once
+    numbers: Numbers  # which of these each pixel of a range is made of
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +153,10 @@ def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
         _fill_from_atlas(job, canvas, plan.interpolants)
         _fill_rest(job, canvas)
     else:
-        _fill_segments(job, canvas)
+        for block in blocks(job, MOST):
+            first, last = (line * job.surface.shape[1] for line in (block.first, block.last))
+            _put(job, canvas, solved(job, block.materials), block.numbers, first, last)
+            job.report(last)
 
 
 def numbers_of(job: Job, materials: Array) -> Numbers:
@@ -162,14 +175,17 @@ def numbers_in(job: Job, known: Distinct) -> Numbers:
     return lambda part: known.numbers(job.surface.materials(part))
 
 
-def collect(job: Job, known: Distinct, first: int) -> int:
-    """Take in the materials of the pixels from `first` on, and return where there was no more room."""
-    for start in range(first, job.pixels, BLOCK):
-        part = slice(start, min(start + BLOCK, job.pixels))
-        taken = known.add(job.surface.materials(part))
-        if start + taken < part.stop:
-            return start + taken
-    return job.pixels
+def blocks(job: Job, most: int) -> Iterator[Block]:
+    """As many lines at a time as have no more distinct materials than so many, or one."""
+    lines, pixels = job.surface.shape
+    first = 0
+    while first < lines:
+        known = Distinct(max(most, pixels))
+        last, count = first, 0
+        while last < lines and known.add(job.surface.materials(slice(last * pixels, (last + 1) * pixels))) == pixels:
+            last, count = last + 1, len(known)
+        yield Block(first, last, known.materials[:count], numbers_in(job, known))
+        first = last
 
 
 def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int, last: int) -> None:
@@ -180,18 +196,6 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int,
         canvas.take(part, values, numbers(part))
 
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
-
-
-def _fill_segments(job: Job, canvas: Canvas) -> None:
-    """Solve an image range by range, each with as many distinct materials as are kept."""
-    first = 0
-    while first < job.pixels:
-        known = Distinct(min(MOST, job.pixels))
-        taken = collect(job, known, first)
-        values = solved(job, known.materials)
-        _put(job, canvas, values, numbers_in(job, known), first, taken)
-        job.report(taken)
-        first = taken
 
 
 def _fill_from_atlas(job: Job, canvas: Canvas, interpolants: Interpolants) -> None:

@@ -6,7 +6,6 @@ is where the tip is; the other branch is solved only of pixels to which the tip 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, Values, values_of
-from phasemap.imaging.engaged import FEW, Interpolants, Numbers, interpolates, make_atlas, numbers_in, numbers_of
+from phasemap.imaging.engaged import FEW, Block, Interpolants, blocks, interpolates, make_atlas, numbers_in, numbers_of
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.variables import OF_ORBITS
@@ -43,16 +42,6 @@ class TipState(NamedTuple):
 
     branch: int = NOWHERE
     z0: float = 0.0
-
-
-class Block(NamedTuple):
-    """Lines of an image that are worked on together."""
-
-    # first, last: from this line to before that one
-    first: int
-    last: int
-    materials: Array  # shape (n, 4); what they are made of, each once
-    numbers: Numbers  # which of these each pixel of a range is made of
 
 
 def _interpolates(job: Job) -> bool:
@@ -88,7 +77,7 @@ def _fill(job: Job, plan: Table | Interpolants | None, canvas: Canvas, state: Ti
     if plan is not None:
         whole = Block(0, job.surface.shape[0], plan.materials, numbers_of(job, plan.materials))
         return _walk(job, canvas, whole, plan, tip)
-    for block in _blocks(job):
+    for block in blocks(job, MOST):
         tip = _walk(job, canvas, block, _table(job, block.materials, _progress_of(job, block)), tip)
     return tip
 
@@ -98,19 +87,6 @@ def _progress_of(job: Job, block: Block) -> Progress:
     pixels = job.surface.shape[1]
     start, size = block.first * pixels, (block.last - block.first) * pixels
     return lambda done, total: job.report(start + done * size // total)
-
-
-def _blocks(job: Job) -> Iterator[Block]:
-    """As many lines at a time as have no more distinct materials than are kept."""
-    lines, pixels = job.surface.shape
-    first = 0
-    while first < lines:
-        known = Distinct(max(MOST, pixels))
-        last, count = first, 0
-        while last < lines and known.add(job.surface.materials(slice(last * pixels, (last + 1) * pixels))) == pixels:
-            last, count = last + 1, len(known)
-        yield Block(first, last, known.materials[:count], numbers_in(job, known))
-        first = last
 
 
 def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -> TipState:

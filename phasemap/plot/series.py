@@ -20,7 +20,7 @@ from phasemap.results.words import of_file
 MOST = 6  # files that are shown
 COLOURED = (2, 98)  # percentiles of an image between which colours differ
 SPARE = 0.08  # of the range of contrasts, above and below it
-WIDTH, SIDE, TALL = 11.0, 3.0, 2.6  # of the page, of curves [inch]
+WIDTH, TALL = 11.0, 2.6  # of the page, of curves [inch]
 TITLE, TITLES, AXIS, GAP, LEFT, MARGIN = 0.35, 0.5, 0.55, 0.75, 0.65, 0.25  # titles of images have three lines
 BAR = 0.55  # of an image's width, beside its column of images
 

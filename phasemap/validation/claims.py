@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import xarray as xr
 
@@ -23,7 +23,6 @@ from phasemap.scenes.scene import Scene, scene_from_json
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name
 
-T = TypeVar("T")
 NEEDED = ("microscope", "setpoint", "solver", "control", "accuracy", "realism", "shape", "pixel_size")
 
 
