@@ -18,15 +18,9 @@ HIGHEST = 2**128 - 1  # of whole numbers without a maximum of their own; seeds h
 
 
 def number(
-    name: str,
-    value: object,
-    unit: str,
-    *,
-    minimum: float = -math.inf,
-    above: float = -math.inf,
-    maximum: float = math.inf,
-    below: float = math.inf,
-) -> float:
+    name: str, value: object, unit: str, *, minimum: float = -math.inf, above: float = -math.inf,
+    maximum: float = math.inf, below: float = math.inf,
+) -> float:  # fmt: skip
     """Return a number, text with a unit or a quantity as a float in `unit`."""
     given = value
     if isinstance(value, str) or is_quantity(value):
@@ -72,13 +66,9 @@ def numbers(name: str, values: Any, unit: str) -> Any:
 
 
 def in_words(
-    unit: str,
-    *,
-    minimum: float = -math.inf,
-    above: float = -math.inf,
-    maximum: float = math.inf,
+    unit: str, *, minimum: float = -math.inf, above: float = -math.inf, maximum: float = math.inf,
     below: float = math.inf,
-) -> str:
+) -> str:  # fmt: skip
     """Say a range so that it reads well aloud."""
     bounds = []
     if max(above, minimum) > -math.inf:

@@ -47,16 +47,9 @@ class Number(Generic[T]):
     """
 
     def __init__(
-        self,
-        unit: str,
-        default: float | None = _REQUIRED,
-        *,
-        said: str | None = None,
-        optional: bool | None = None,
-        usual: Usual | None = None,
-        asks: bool = True,
-        **bounds: float,
-    ) -> None:
+        self, unit: str, default: float | None = _REQUIRED, *, said: str | None = None, optional: bool | None = None,
+        usual: Usual | None = None, asks: bool = True, **bounds: float,
+    ) -> None:  # fmt: skip
         self.unit, self.usual, self._asks = unit, usual, asks
         self._said, self._bounds = said, bounds
         self._optional = default is None if optional is None else optional

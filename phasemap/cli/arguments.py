@@ -83,14 +83,9 @@ def check_files(arguments: argparse.Namespace) -> None:
 
 
 def conclude(
-    arguments: argparse.Namespace,
-    found: xr.Dataset,
-    draw: str,
-    summary: Iterable[str],
-    started: float | None = None,
-    width: int = 12,
-    **options: Any,
-) -> None:
+    arguments: argparse.Namespace, found: xr.Dataset, draw: str, summary: Iterable[str], started: float | None = None,
+    width: int = 12, **options: Any,
+) -> None:  # fmt: skip
     """Write what was found, and its picture, where the command names files, and say what was found.
 
     `draw`: the function of `phasemap.plot`. `started`: when the work began [s]; without it no time is said.

@@ -31,14 +31,9 @@ class PhasemapBackend(BackendEntrypoint):
     )  # fmt: skip
 
     def open_dataset(
-        self,
-        filename_or_obj: Any,
-        *,
-        drop_variables: str | Iterable[str] | None = None,
-        height: str | None = None,
-        phase: str | None = None,
-        amplitude: str | None = None,
-    ) -> xr.Dataset:
+        self, filename_or_obj: Any, *, drop_variables: str | Iterable[str] | None = None, height: str | None = None,
+        phase: str | None = None, amplitude: str | None = None,
+    ) -> xr.Dataset:  # fmt: skip
         """Read an image into memory, with the channels of `phasemap.read_image`, without the variables to drop."""
         ds = read_image(filename_or_obj, height=height, phase=phase, amplitude=amplitude)
         dropped = [drop_variables] if isinstance(drop_variables, str) else list(drop_variables or [])

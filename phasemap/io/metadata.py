@@ -152,17 +152,12 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any])
     lever = scope.cantilever
     scan = ScanData()
     scan.take(
-        drive_frequency=scope.drive.frequency or lever.resonance_frequency,
-        free_amplitude=scope.driven_amplitude,
-        setpoint=setpoint,
-        stiffness=lever.stiffness,
-        resonance_frequency=lever.resonance_frequency,
-        quality_factor=lever.quality_factor,
-        line_rate=control.get("line_rate"),
-        proportional_gain=control.get("proportional_gain"),
-        integral_gain=control.get("integral_gain"),
+        drive_frequency=scope.drive.frequency or lever.resonance_frequency, free_amplitude=scope.driven_amplitude,
+        setpoint=setpoint, stiffness=lever.stiffness, resonance_frequency=lever.resonance_frequency,
+        quality_factor=lever.quality_factor, line_rate=control.get("line_rate"),
+        proportional_gain=control.get("proportional_gain"), integral_gain=control.get("integral_gain"),
         phase_zero=scope.free_phase,
-    )
+    )  # fmt: skip
     return scan.values
 
 

@@ -99,13 +99,10 @@ def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
 
     time = value("Time/Line")  # of a line in one direction
     scan.take(
-        drive_frequency=value("Vibration freq."),
-        free_amplitude_voltage=value("Vibration ampl."),
-        lock_in_phase=value("Ref. phase"),
-        line_rate=1 / (2 * time) if time else None,
-        proportional_gain=value("P-Gain"),
-        integral_gain=value("I-Gain"),
-    )
+        drive_frequency=value("Vibration freq."), free_amplitude_voltage=value("Vibration ampl."),
+        lock_in_phase=value("Ref. phase"), line_rate=1 / (2 * time) if time else None,
+        proportional_gain=value("P-Gain"), integral_gain=value("I-Gain"),
+    )  # fmt: skip
     setpoint = metadata.get("Setpoint", metadata.get("Set point", "")).strip()  # in contact mode it is in volts
     if setpoint.endswith("%"):
         scan.take(setpoint=quantity(setpoint))
@@ -212,14 +209,10 @@ def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     sensitivity = amplitude_sensitivity(path)
     scan.take(
         drive_frequency=settings.get("frequency", quantity(metadata.get("Feedback Frequency"))),
-        line_rate=quantity(metadata.get("Scan Rate")),
-        proportional_gain=quantity(metadata.get("Feedback PGain")),
-        integral_gain=quantity(metadata.get("Feedback IGain")),
-        setpoint_voltage=volts,
-        setpoint=settings.get("relative-setpoint"),
-        free_amplitude_voltage=free,
-        amplitude_sensitivity=sensitivity,
-    )
+        line_rate=quantity(metadata.get("Scan Rate")), proportional_gain=quantity(metadata.get("Feedback PGain")),
+        integral_gain=quantity(metadata.get("Feedback IGain")), setpoint_voltage=volts,
+        setpoint=settings.get("relative-setpoint"), free_amplitude_voltage=free, amplitude_sensitivity=sensitivity,
+    )  # fmt: skip
     if sensitivity:
         _take_metres(scan, free, volts, sensitivity)
     elif free:

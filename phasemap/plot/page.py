@@ -105,16 +105,9 @@ class Page(Figure):
     """
 
     def __init__(
-        self,
-        width: float,
-        body: float,
-        head: Sequence[str] = (),
-        keys: Sequence[Sequence[Artist]] = (),
-        notes: Lines = (),
-        *,
-        left: float = 0.25,
-        titles: int = 1,
-    ) -> None:
+        self, width: float, body: float, head: Sequence[str] = (), keys: Sequence[Sequence[Artist]] = (),
+        notes: Lines = (), *, left: float = 0.25, titles: int = 1,
+    ) -> None:  # fmt: skip
         self._top = EDGE + LINE * len(head) + 0.06
         below = list(_wrapped(notes, int(LETTERS * (width - 2 * EDGE))))
         tall = self._top + KEYS * len(keys) + body + LINE * (len(below) + 0.5 * bool(below))

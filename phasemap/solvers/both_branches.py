@@ -73,13 +73,9 @@ class Branches(NamedTuple):
 
 
 def stable_branches(
-    work: Work,
-    solver: Solver,
-    accuracy: Accuracy,
-    workers: int = 1,
-    progress: Progress | None = None,
+    work: Work, solver: Solver, accuracy: Accuracy, workers: int = 1, progress: Progress | None = None,
     engaged: Found | None = None,
-) -> Branches:
+) -> Branches:  # fmt: skip
     """Find the stable orbits that hold the setpoint on the attractive and on the repulsive branch.
 
     An orbit counts if its Floquet multipliers are inside the unit circle and the amplitude rises with the tip offset.

@@ -44,14 +44,9 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
 
 
 def with_forces(
-    rows: Array,
-    work: Work,
-    used: NDArray[np.int8],
-    *,
-    second: int = NOT_DRIVEN,
-    harmonics: int = col.HARMONICS,
+    rows: Array, work: Work, used: NDArray[np.int8], *, second: int = NOT_DRIVEN, harmonics: int = col.HARMONICS,
     kept: Array = NONE,
-) -> Array:
+) -> Array:  # fmt: skip
     """Result rows with the mean slope of the force [N/m], the mean damping [1], harmonics [m] and losses of modes [J].
 
     All are good to 0.1 % of the largest harmonic, however hard the tap. Where the orbit was averaged it is taken as

@@ -74,17 +74,9 @@ def check_setpoint(setpoint: object) -> float:
 
 
 def work_of(
-    stiffness: Array,
-    adhesion: Array,
-    damping: Array,
-    scope: Microscope,
-    amplitude: float | Array,
-    film: Array | None = None,
-    relaxation: Array | None = None,
-    liquid: Array | None = None,
-    *,
-    marched: bool = False,
-) -> Work:
+    stiffness: Array, adhesion: Array, damping: Array, scope: Microscope, amplitude: float | Array,
+    film: Array | None = None, relaxation: Array | None = None, liquid: Array | None = None, *, marched: bool = False,
+) -> Work:  # fmt: skip
     """Work of what `properties`, `film_of`, `relaxation_of` and `liquid_of` give, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film, liquid)
     if scope.interaction.law.lossy:  # a damping coefficient [N s/m] is alpha_s = c omega_c / (2 k)

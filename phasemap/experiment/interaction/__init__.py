@@ -153,14 +153,9 @@ class Interaction(Shown):
         return law.beside(self.decay_length)
 
     def columns(
-        self,
-        contact_stiffness: Array,
-        adhesion: Array,
-        damping: Array,
-        radius: float,
-        film: Array | None = None,
+        self, contact_stiffness: Array, adhesion: Array, damping: Array, radius: float, film: Array | None = None,
         liquid: Array | None = None,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """Parameter rows of the kernels, one a material, shape (n, 16).
 
         `contact_stiffness` (shape (n,)): K [Pa], 1/K = (3/4) [(1 - nu_s^2)/E_s + (1 - nu_t^2)/E_t].

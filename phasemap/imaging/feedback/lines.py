@@ -75,13 +75,9 @@ def check_loop(control: Feedback, scope: Microscope, pixels: int) -> None:
 
 
 def loop_of(
-    control: Feedback,
-    scope: Microscope,
-    amplitude: float,
-    temperature: float = 0.0,
-    detector_noise: float = 0.0,
+    control: Feedback, scope: Microscope, amplitude: float, temperature: float = 0.0, detector_noise: float = 0.0,
     periods: int = MOST_PERIODS,
-) -> Loop:
+) -> Loop:  # fmt: skip
     """The loop's numbers, with an amplitude at the setpoint [m]; gains that are to be tuned are 0.
 
     `temperature`: of the lever's own noise [K]; `detector_noise`: its one-sided density [m/sqrt(Hz)]. `periods`: of the

@@ -57,20 +57,14 @@ class Atlas:
         tables = [_without_rest(border.coefficients) for border in borders]
         kinds, numbers, below, above = np.array(nodes, np.int64).reshape(-1, 4).T.copy()
         tree = Tree(
-            kinds,
-            numbers,
-            below,
-            above,
-            np.array(values, np.float64),
+            kinds, numbers, below, above, np.array(values, np.float64),
             np.array([border.box for border in borders], np.float64).reshape(-1, 2, 2),
             np.array([table.shape for table in tables], np.int64).reshape(-1, 2),
             np.cumsum([0, *(table.size for table in tables)]).astype(np.int64),
             _joined([table.reshape(-1) for table in tables], np.float64),
-            np.array([piece.cell.box for piece in pieces], np.float64).reshape(-1, 3, 2),
-            ends,
-            end_borders,
+            np.array([piece.cell.box for piece in pieces], np.float64).reshape(-1, 3, 2), ends, end_borders,
             np.array([piece.cell.form for piece in pieces], np.int64),
-        )
+        )  # fmt: skip
         errors = np.array([piece.errors for piece in pieces], np.float64).reshape(-1, 2)
         return cls(tree, _packed(pieces), errors)
 

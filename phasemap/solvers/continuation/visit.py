@@ -155,14 +155,9 @@ def _segment(number: int, piece: Piece, part: slice, column: int, held: bool) ->
 
 
 def walk(
-    curves: Curves,
-    column: int,
-    first: Segment | OffOrbit | None,
-    parts: list[Segment],
-    down: bool,
-    direction: int,
+    curves: Curves, column: int, first: Segment | OffOrbit | None, parts: list[Segment], down: bool, direction: int,
     landing: Landing | None = None,
-) -> Visit:
+) -> Visit:  # fmt: skip
     """Go through the values wanted, from the highest down or from the lowest up, beginning on `first`.
 
     `landing` says where a tip goes whose segment has ended; by default `land` does. As long as it follows no periodic

@@ -38,13 +38,9 @@ RULE = (
 
 
 def record(
-    axes: Axes,
-    names: Sequence[str],
-    engaged: Answers,
-    regime: Array,
-    jumps: Sequence[Jump],
+    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[Jump],
     inversions: Sequence[Inversion],
-) -> xr.Dataset:
+) -> xr.Dataset:  # fmt: skip
     """Make the Dataset of a map as `phasemap.contrast` describes it, with all its dimensions, without attributes."""
     coords: dict[str, Any] = {dim: (dim, values, ABOUT[dim]) for dim, values in zip(DIMS, axes, strict=True)}
     coords["material"] = ("material", list(names), {"long_name": "material"})
