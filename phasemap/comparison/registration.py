@@ -58,16 +58,7 @@ class Registration:
 
     @asked_as()
     def apply(self, moving: xr.Dataset) -> xr.Dataset:
-        """Return the moving image in its place: with shifted coordinates if the shift is accepted, else as it is.
-
-        Parameters
-        ----------
-        moving : xarray.Dataset
-
-        Returns
-        -------
-        xarray.Dataset
-        """
+        """Return the moving image in its place: with shifted coordinates if the shift is accepted, else as it is."""
         if not self.accepted:
             return moving
         down, right = self.shift
@@ -94,10 +85,6 @@ def register(
         The longest shift looked for [m], >= 0; default: a tenth of the shorter side.
     direction : str or pair of str, optional
         Of both images, or of each; default: the trace, if there are directions.
-
-    Returns
-    -------
-    Registration
 
     Examples
     --------

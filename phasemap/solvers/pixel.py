@@ -110,10 +110,6 @@ def solve_pixel(
     strict : bool
         Raise if there is no solution.
 
-    Returns
-    -------
-    Pixel
-
     Raises
     ------
     SolveError

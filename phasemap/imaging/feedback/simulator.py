@@ -131,11 +131,6 @@ NOTES = {
 
 
 SIMULATOR = Simulator(
-    lambda job: MOST,
-    _plan,
-    _fill,
-    _check,
-    NOTES,
-    freeze=lambda tip: {} if tip is None else tip.freeze(),
+    lambda job: MOST, _plan, _fill, _check, NOTES, freeze=lambda tip: {} if tip is None else tip.freeze(),
     thaw=lambda arrays: TipState.thaw(arrays) if arrays else None,
-)
+)  # fmt: skip
