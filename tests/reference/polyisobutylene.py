@@ -6,8 +6,9 @@ The table is 1stMode.txt of https://github.com/ealopez/TappingMode_Simulations. 
 is written anew here: a lever of three modes by Verlet's method in 10,000 steps a period, for 760 periods from rest; the
 theory of Lee and Radok, one element, with all arms of the series that are slower than ten steps (the slowest of up to
 10^5 s hold 0.9 MPa in shear, and the sample sinks by 30 nm; without them by 80). Depth, dent and peak force of its file
-119.txt come out (-33.51 nm, -30.335 nm, 105.64 nN). The table's phases do not: over whole periods of this motion they
-are 0.40 to 0.46 degree smaller at the same amplitude, far from the surface as well.
+119.txt come out (-33.51 nm, -30.335 nm, 105.64 nN), and amplitudes and phases of its table to the fifth digit, if they are
+read as there: from a hundred samples a period, the first of them 11 steps after a whole period but taken for its begin
+(0.396 degree), and with the sum of 1000 samples divided by the 999 intervals between them.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ FREQUENCY, QUALITY, FREE, STIFFNESS, RADIUS = 46e3, 150.0, 230e-9, 6.5, 10e-9
 HAMAKER, ATOM = 2e-19, 0.2e-9
 STEP = 1 / FREQUENCY / 1e4
 PERIODS, AVERAGED, MODES = 760, 10, (1.0, 6.27, 17.6)
+LATE, APART = 11, 100  # steps: the first sample of the record after a whole period, and the samples
 
 
 @njit(cache=True)
@@ -61,18 +63,19 @@ def motion(moduli, times, rest, ratios):
 
 
 def main() -> None:
-    """Print amplitude over free, phase [degree] and what its file has, for five heights of the table."""
+    """Print amplitude over free and phase [degree] of the motion and as the table has them, and what its files have."""
     arms = tomllib.loads(SPECTRA.read_text(encoding="utf-8"))["PIB"]
     moduli, times = np.array(arms["shear_moduli"]), np.array(arms["times"])
     seen = times > 10 * STEP
-    angle = 2 * math.pi * np.arange(1, AVERAGED * 10_000 + 1) / 10_000
+    turned = np.exp(2j * math.pi * np.arange(1, AVERAGED * 10_000 + 1) / 10_000)
     for rest in (150e-9, 130e-9, 120e-9, 100e-9, 80e-9, 50e-9):
         tip, surface, force = motion(moduli[seen], times[seen], rest, np.array(MODES))
-        first = 2 * np.mean(tip * np.exp(1j * angle))
-        print(
-            f"{rest * 1e9:.0f} nm: {abs(first) / FREE:.4f}, {90 - math.degrees(np.angle(first)):.3f} degrees; "
-            f"tip {tip.min() * 1e9:.4f} nm, surface {surface[0] * 1e9:.4f} nm, force {force.max() * 1e9:.2f} nN"
-        )
+        record = tip[LATE - 1 :: APART]
+        supposed = np.exp(2j * math.pi * APART / 10_000 * np.arange(len(record)))
+        as_read = 2 * np.sum(record * supposed) / (len(record) - 1)
+        for first in (2 * np.mean(tip * turned), as_read):
+            print(f"{rest * 1e9:.0f} nm: {abs(first) / FREE:.5f}, {90 - math.degrees(np.angle(first)):.4f} degrees")
+        print(f"tip {tip.min() * 1e9:.4f} nm, surface {surface[0] * 1e9:.4f} nm, force {force.max() * 1e9:.2f} nN")
 
 
 if __name__ == "__main__":
