@@ -17,7 +17,8 @@ from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import evidence, problem
 from phasemap.inference.curves.data import Setup, check_data, check_parameters
-from phasemap.inference.curves.recorded import of_curve, under
+from phasemap.inference.curves.recorded import EVERY, compared, of_curve, under
+from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.continuation.visit import Visit
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 148.24e3, 250.0), pm.Tip(30e-9), pm.Drive(155e-9))  # Wang (1999), Fig. 3
@@ -407,6 +408,15 @@ def test_a_law_starts_from_the_numbers_of_another_whatever_its_own_are_called() 
         assert one.value(one.q(0.7 * one.start + 0.1)) == pytest.approx(0.7 * one.start + 0.1), one.name
     lengthened = Setup(start, scope, 0.0).with_parameter("neck_length", 2e-9)
     assert lengthened.scope.interaction.contact == pm.interaction.Neck(2e-9) and lengthened.value("neck_length") == 2e-9
+
+
+def test_of_all_laws_those_are_compared_that_may_have_the_material() -> None:
+    assert compared("all", SCOPE, FILM) == (list(EVERY), "")
+    laws, said = compared("all", SCOPE, RUBBER)
+    assert set(laws) == {"dmt", "hertz", "film", "slipping film", "capillary"}
+    begun = [under(law, SCOPE, RUBBER) for law in laws]
+    assert all(Question(start, scope).work(marched=True).in_time for scope, start, _ in begun)
+    assert said == "Not compared, because they know no relaxation: jkr, maugis, punch, cone, neck, lossy dmt."
 
 
 def test_a_law_that_is_not_there_is_refused() -> None:

@@ -323,9 +323,14 @@ class Interaction(Shown):
             return np.where(np.abs(energies) < 1e-9 * np.abs(rows[:, 4] * rows[:, col.RELEASE]), 0.0, energies)
 
 
+def may_remember(law: ContactLaw, *, relaxes: bool) -> bool:
+    """Whether contacts under a law are known to remember, as the material relaxes or as withdrawal after Ting."""
+    return law.force in (hertzian, Capillary.force, Film.force if relaxes else None) and not law.lossy
+
+
 def check_memory(law: ContactLaw, *, relaxes: bool) -> None:
     """Refuse a law whose contacts are not known to remember, as the material relaxes or as withdrawal after Ting."""
-    if law.force not in (hertzian, Capillary.force, Film.force if relaxes else None) or law.lossy:
+    if not may_remember(law, relaxes=relaxes):
         allowed = "'hertz', 'dmt' or 'capillary' where withdrawal is 'ting'"
         if relaxes:
             allowed = "'hertz', 'dmt', 'capillary' or 'film' where materials relax"

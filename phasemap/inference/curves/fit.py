@@ -17,7 +17,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import Setup, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
 from phasemap.inference.curves.problem import Problem
-from phasemap.inference.curves.recorded import EVERY, begun, of_curve, under
+from phasemap.inference.curves.recorded import EVERY, begun, compared, of_curve, under
 from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.verdict import PRIOR
 from phasemap.solvers.continuation.path import Question
@@ -124,10 +124,10 @@ def fit_distance(
     start : Material
         Of one that relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
     laws : sequence of str or Interaction, optional
-        Contact laws to compare, or "all"; by default that of `scope`. Each starts, too, from what the best before it
-        found, so name simple ones first. Of "neck", "lossy dmt" and films the law's own
-        numbers are fitted, of "capillary" the film of tip and sample together. "lossy dmt" and "capillary" are marched
-        in time, which takes minutes.
+        Contact laws to compare, or "all", for a material that relaxes all that know it; by default that of `scope`.
+        Each starts, too, from what the best before it found, so name simple ones first. Of "neck", "lossy dmt" and
+        films the law's own numbers are fitted, of "capillary" the film of tip and sample together. "lossy dmt" and
+        "capillary" are marched in time, which takes minutes.
     offset : float
         That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
     amplitude, amplitude_error, phase, phase_error : array_like
@@ -171,17 +171,17 @@ def fit_distance(
         own |= parameters or {}
     if laws is None and not read:
         return _fit("tip_offset", tip_offsets, given, direction, (start, scope, height), own, starts)
-    named: Sequence[Any] = (scope.interaction,) if laws is None else EVERY if laws == "all" else laws
+    named, left_out = compared(laws, scope, start)
     if not named:
         raise InputError("laws", laws, f"one at least of {', '.join(EVERY)}, or all")
     fits: list[Fit] = []
-    for law in [named] if isinstance(named, str) else named:
+    for law in named:
         beneath, first, more = under(law, scope, start)
         asked = {**(own if isinstance(own, Mapping) else dict.fromkeys(own)), **more} if own else own
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
         fits.append(_fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known))
     best, *others = sorted(fits, key=lambda one: -one.evidence)
-    return replace(best, rivals=tuple(others))
+    return replace(best, rivals=tuple(others), status=f"{best.status} {left_out}".rstrip())
 
 
 def _fit(

@@ -11,7 +11,7 @@ import xarray as xr
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError
 from phasemap._shared.fields import number_of
-from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Neck
+from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Neck, may_remember
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
@@ -119,6 +119,20 @@ def begun(start: Material) -> Material:
     if start.damping or start.viscosity or relaxes(start):
         return replace(start, adhesion=adhesion)
     return replace(start, adhesion=adhesion, damping=PRIOR.damping, viscosity=None)
+
+
+def compared(laws: Any, scope: Microscope, start: Material) -> tuple[list[Any], str]:
+    """Contact laws to compare, and what is said of those that "all" leaves out."""
+    if laws is None:
+        return [scope.interaction], ""
+    if laws != "all":
+        return [laws] if isinstance(laws, str) else list(laws), ""
+    known = [
+        law for law in EVERY
+        if not relaxes(start) or may_remember(under(law, scope, start)[0].interaction.law, relaxes=True)
+    ]  # fmt: skip
+    unknown = [law for law in EVERY if law not in known]
+    return known, f"Not compared, because they know no relaxation: {', '.join(unknown)}." if unknown else ""
 
 
 def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, Material, dict[str, float | None]]:
