@@ -1,24 +1,7 @@
 """What a tip of finite size sees: a relief dilated by its shape, and edges as wide as what it touches and attracts.
 
-The tip is a sphere that goes over, along its tangent, into a cone: the blunted cone (B. J. Briscoe, K. S. Sebastian and
-M. J. Adams, J. Phys. D 27 (1994) 1156). With the half angle a of the cone its surface is above its apex, at distance r
-from the axis, by
-
-    s(r) = R - sqrt(R^2 - r^2)                        up to r = R cos(a)
-    s(r) = R (1 - sin(a)) + (r - R cos(a)) / tan(a)   beyond
-
-Over each pixel the apex comes down until the tip touches the relief t somewhere, to max over d of t(x + d) - s(|d|)
-(J. S. Villarrubia, J. Res. Natl. Inst. Stand. Technol. 102 (1997) 425, section 4, "dilation").
-
-Around the point below its apex a tip at the depth d touches a disc of radius a = sqrt(R d) (Hertz; Johnson, Contact
-Mechanics, 1985, section 4.2), which it presses most in the middle, as sqrt(1 - r^2/a^2). Outside, the surface is
-(r^2 - a^2)/(2 R) farther from the tip than where they touch, and the inverse-square attraction of a sphere is that of
-a pressure that falls with the cube of the distance (Derjaguin 1934): as (1 + (r^2 - a^2)/(2 R d0))^-3.
-
-The law of mixing is that of parts that act side by side: of the plane-strain modulus E/(1 - nu^2) and of Poisson's
-ratio the mean under the pressure, of damping that over the disc, of adhesion that over the disc and the reach of the
-attraction. The disc is that of the material right below the tip, so that what lies deeper where the sample is softer
-has a wider edge on that side.
+The tip is a blunted cone (theory, Eq. (model-28)), and the law of mixing that of parts that act side by side under the
+pressure of Hertz's disc, and the attraction around it (theory, Eq. (model-29)).
 """
 
 from __future__ import annotations

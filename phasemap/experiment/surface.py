@@ -285,8 +285,8 @@ class Surface(Maps):
         Returns
         -------
         Surface
-            Its topography is the height of the apex, its materials are those of the points touched. See
-            `phasemap.experiment.seen_by_tip.dilated`.
+            Its topography is the height of the apex, its materials are those of the points touched: theory,
+            Eq. (model-28).
         """
         from phasemap.experiment.seen_by_tip import HALF_ANGLE, dilated
 
@@ -312,7 +312,7 @@ class Surface(Maps):
         Surface
             Its plane-strain modulus and Poisson's ratio are means over the contact's disc of radius sqrt(R d) under the
             pressure of Hertz, its damping that over the disc, its adhesion that over the disc and the reach of the
-            long-range force beyond. See `phasemap.experiment.seen_by_tip`. The topography stays.
+            long-range force beyond: theory, Eq. (model-29). The topography stays.
 
         Examples
         --------
