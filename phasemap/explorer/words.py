@@ -1,13 +1,9 @@
 """What a setting shows, in words: which regime each material is in, and why the contrast has the sign that it has.
 
-Of a stable orbit at amplitude A under a drive u0, the balance of energy and that of the conservative forces say
-
-    pi k u0 A cos(phase) = E_contact + E_air,        u0 sin(phase) = A (omega_e^2 - omega^2)
-
-(Cleveland 1998; Wang 1999, Eqs. 5-8). The setpoint fixes A, and with it E_air: |phase| follows from the energy lost in
-contact alone, and only the sign of the phase tells what the conservative force does. So the contrast of two materials
-whose phases have one sign is the difference of their losses, however different their moduli are; where the signs
-differ, it is what two lossless materials would show there, +- arccos(E_air / (pi k u0 A)), and the losses take from it.
+The setpoint fixes the amplitude, and with it what air takes. So |phase| follows from the energy lost in contact alone
+(theory, Eq. (energy-2)), and only the sign of the phase tells what the conservative force does: the contrast of two
+materials whose phases have one sign is the difference of their losses, however different their moduli are; where the
+signs differ, it is what two lossless materials would show there, +- arccos(E_air / (pi k u0 A)), less for the losses.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """What must hold in every image, whatever the sample: its layout, and in every pixel relations that ask no solver.
 
-A periodic orbit z = mean + A cos + higher harmonics A_n of the lever, z'' + 2 alpha0 z' + z + F/k = u0 cos, obeys
-
-* energy: pi k u0 A cos(phase) = dissipation + 2 pi alpha0 omega k (A^2 + sum n^2 A_n^2), and
-* virial: virial = k (mean^2 + A^2 (1 - omega^2) / 2 - u0 A sin(phase) / 2) - k sum (n^2 omega^2 - 1) A_n^2 / 2,
-
-sums from n = 2. The image has all but the harmonics; what they leave in the one must fit what they leave in the other.
+A periodic orbit obeys theory, Eqs. (energy-2) and (energy-4). The image has all that is in them but the higher
+harmonics; what these leave in the balance of energy must fit what they leave in that of the virial.
 """
 
 from __future__ import annotations
