@@ -164,27 +164,12 @@ class Motion:
 
     @property
     def modulus_bound(self) -> Array:
-        """Share of the bimodal modulus that the quadrature leaves out: theory, Eq. (errors-6).
-
-        A second mode that moves by A2 adds A2^2/2 to the square of the depth D, to which the virial of Hertz's force is
-        proportional: at the same setpoint the tip goes less deep, and E* ~ <k>2^2/<k>1 falls by (A2/D)^2/2. What the
-        modes do at sidebands beyond second order of the slope goes with the largest force of Hertz's law over k A, and
-        0.3 of that covers all that was found in time.
-
-        For a short tap, d = D - A theta^2/2, that force is F2 = 4 sqrt(2)/3 <k>2 sqrt(A D) by the mean slope and
-        F1 = 4 sqrt(2)/3 <k>1 A sqrt(A/D) by the virial. An attraction F0 that lasts through contact takes 16/(3 pi) F0
-        from F1, and its rise to F0 outside 4/(3 pi) F0 from F2; outside it takes more from F1. So at most (F2 - F1)/3
-        is to be added to F2.
-
-        Infinite where a multiple of the drive lies between twice the second mode's resonance without and with the
-        surface, or within its width, which is that of the mode, of either: the sideband that mirrors the mode is at its
-        resonance there, and pumps it. Of a mode of low Q, as in liquid, some sideband always is.
-        """
+        """Share of the bimodal modulus that the quadrature leaves out, or infinite: theory, Eq. (errors-6)."""
         stiffer = self.felt.real
         with np.errstate(all="ignore"):
             share = np.sqrt(np.maximum(self.orbit["indentation"], 0.0) / self.amplitude)
             scale = 4 * np.sqrt(2) / 3 / self.lever[col.STIFFNESS]
-            by_slope, by_virial = scale * np.abs(self.stiffness_2) * share, scale * self.stiffness_1 / share
+            by_slope, by_virial = scale * np.abs(self.stiffness_2) * share, scale * self.stiffness_1 / share  # F / k A
             lacking = np.where(share > 0.0, np.maximum(by_slope - by_virial, 0.0), 0.0)
             rest: Array = 0.5 * self.second_over_depth**2 + SIDEBANDS_BEYOND * (by_slope + lacking / 3)
             turns = 2 * self.second.frequency / self.frequency
