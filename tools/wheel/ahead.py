@@ -83,7 +83,7 @@ define void @NRT_MemInfo_call_dtor(ptr %header) {
 """
 RELEASE = "NRT_MemInfo_call_dtor"
 # Formulas that fail would tell Python so; none of those that are brought can.
-OF_PYTHON = re.compile(r'^declare [^@]*@"?((?:Py|numba_)\w+)"?\(|^@"?(PyExc_\w+)"? = external', re.M)
+OF_PYTHON = re.compile(r'^declare [^@]*@"?((?:Py|numba_)\w+)"?\(|^@(PyExc_\w+) = external', re.M)
 
 
 def called_by_python() -> Iterable[entries._Entry]:
@@ -186,8 +186,15 @@ def never_called(modules: list[llvm_code.Module]) -> str:
 
 
 def defined(text: str) -> set[str]:
-    """Names of the functions that a module has for others."""
-    return set(re.findall(r'^define (?!private|internal|linkonce|weak)[^@]*@"?([^"(]+)"?\(', text, flags=re.M))
+    """Names that a module has for others."""
+    functions = re.findall(r'^define (?!private|internal|linkonce|weak)[^@]*@"?([^"(]+)"?\(', text, flags=re.M)
+    return {*functions, *re.findall(r"^@(\w+) = global", text, flags=re.M)}
+
+
+def needed(text: str) -> set[str]:
+    """Names that a module asks others for."""
+    functions = re.findall(r'^declare [^@]*@"?([^"(]+)"?\(', text, flags=re.M)
+    return {*functions, *re.findall(r"^@(\w+) = external", text, flags=re.M)}
 
 
 class Kernels(NamedTuple):
@@ -211,8 +218,9 @@ def compile_into(ahead: Path, kernels: Kernels, triple: str, linker: list[str]) 
     llvm.initialize_all_asmprinters()
     modules, table, named = kernels
     called = {one["symbol"] for versions in table.values() for one in versions} | set(named.values()) | {RELEASE}
-    needed = {name for one in modules for name in re.findall(r'^declare [^@]*@"?([^"(]+)"?\(', one.text, flags=re.M)}
-    shared = {name for one in modules for name in defined(one.text)} & needed - called
+    shared = (
+        set.union(*(defined(one.text) for one in modules)) & set.union(*(needed(one.text) for one in modules)) - called
+    )
     ahead.mkdir()
     levels = []
     for processor, needs in LEVELS[triple.partition("-")[0]]:
