@@ -68,6 +68,9 @@ NECK_DRAWN = 2
 LAST_TOUCH = 2  # d = 0 on the way out
 NECK_CLOSES = 3  # d = 0 on the way in
 NECK_BREAKS = 4
+CLOSED = (
+    1e-9  # of the gap at which a neck breaks: the least in one of liquid, for at 0 its law has the slope in contact
+)
 
 
 @record
@@ -151,7 +154,8 @@ def _step_length(contact: Elastic, beam: Beam, step_size: float, motion: Motion)
     rate = contact_rate(contact, beam, now.bottom, u.x)
     rate += pull_in_contact(contact, beam, beam.z0 + now.bottom + u.x * u.x, u) + (CONTACT_WEIGHT * u.v / now.deep) ** 2
     if now.mode == NECK_DRAWN and contact.p[col.FORMING] < 0.0:
-        rate += 4 * u.x * u.x * approach_square(contact, beam, now.bottom + u.x * u.x, u.v, True)
+        d = min(now.bottom + u.x * u.x, CLOSED * now.bottom)
+        rate += 4 * u.x * u.x * approach_square(contact, beam, d, u.v, True)
     if neck > 0 and now.mode == CONTACT_MADE:
         rate += (CONTACT_WEIGHT * u.v) ** 2 / (u.x * u.x + neck * neck)  # the root at release, seen from contact
     return step_size / math.sqrt(rate)
