@@ -16,7 +16,7 @@ from phasemap._shared.arrays import Array, is_uniform
 from phasemap._shared.threads import Progress, bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of, of_tip
-from phasemap.experiment.material_rows import film_of, liquid_of
+from phasemap.experiment.material_rows import film_of, liquid_of, relaxation_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, Values, values_of
 from phasemap.imaging.interpolation.atlas import Atlas, build
@@ -34,6 +34,8 @@ FEW = 1 << 13  # distinct materials up to which an atlas does not pay
 MOST = 1 << 19  # distinct materials that are kept at a time
 FINER = 0.1  # accuracy of what an atlas is made of, over that of the image
 MANY, KINDS = 500, 30  # materials that are marched for which an atlas pays, and values that are no continuum
+MANY_DRY = 5000  # the same of materials that relax under no liquid, whose orbits cost a tenth
+DIGITS = 13  # behind the point, to which relaxation is the same in a kind
 REST = 1 << 16  # pixels without an interpolant that are solved together
 
 
@@ -112,10 +114,11 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
     """Variables of distinct materials; of many that are marched in time most are interpolated, kind by kind.
 
     A kind has everything in common but what has more than `KINDS` values: stiffness, damping, and one of adhesion, film
-    of liquid and its contact angle.
+    of liquid and its contact angle. Of materials that relax it has the same times and shares under this tip.
     """
-    law = job.scope.interaction.law
-    if len(materials) < MANY or job.solver.name != "auto" or not law.in_time or job.remembers:
+    interaction = job.scope.interaction
+    ting, many = job.remembers and interaction.withdrawal == "ting", MANY if interaction.law.in_time else MANY_DRY
+    if len(materials) < many or job.solver.name != "auto" or not job.only_in_time or ting:
         return job.solve(materials, progress)
     stiffness, adhesion, damping = job.properties(materials)
     wet = liquid_of(materials)
@@ -126,8 +129,11 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
     keys = [one for i, one in enumerate(columns) if not (i in (0, 1, 2 + third) and counts[i] > KINDS)]
     rows = np.full((len(materials), col.COLUMNS), np.nan)
     dry = columns[3] == 0.0  # no neck is the limit of small ones
+    film, relaxation = film_of(materials), relaxation_of(materials, job.scope)
+    alike = film, None if relaxation is None else np.round(relaxation, DIGITS)
+    keys += [one for part in alike if part is not None for one in part.T]
     _, kind = np.unique(np.column_stack([dry, *keys]), axis=0, return_inverse=True)
-    for number in np.flatnonzero(np.bincount(kind.reshape(-1)) >= MANY):
+    for number in np.flatnonzero(np.bincount(kind.reshape(-1)) >= many):
         of = np.flatnonzero(kind.reshape(-1) == number)
         same = tuple(float(one[of[0]]) for one in columns[2:])
         mine = make_atlas(job, materials[of], len(of), {"third": third, "same": same})
@@ -229,7 +235,8 @@ def make_atlas(job: Job, materials: Array, count: int, liquid: dict[str, Any] | 
     axes = replace(axes, **liquid or {})
     sample = axes.points(stiffness, adhesion, damping, None if wet is None else wet[valid]).T
     finer = Accuracy(FINER * job.accuracy.phase, FINER * job.accuracy.height, job.accuracy.periods)
-    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs, film_of(materials[:1]))
+    alike = film_of(materials[:1]), relaxation_of(materials[:1], job.scope)
+    exact = ExactOrbits(job.scope, job.amplitude, axes, job.workers, finer, job.needs, *alike)
     shuffled = np.ascontiguousarray(sample[np.random.default_rng(1).permutation(len(sample))])
     return Interpolants(axes, build(exact, shuffled, count, tolerances_of(job, exact, shuffled)))
 

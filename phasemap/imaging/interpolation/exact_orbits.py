@@ -95,32 +95,32 @@ class ExactOrbits:
     `amplitude`: at the setpoint [m].
     `names`: image variables; of those in `phasemap.results.variables.OF_ORBITS` the columns are functions, too.
     `film` (shape (1, 2)): Poisson's ratio [1] and thickness [m] of the film on a rigid base that all materials are.
+    `relaxation` (shape (1, 4)): how all of them relax, see `phasemap.experiment.material_rows.relaxation_of`.
     """
 
     def __init__(
         self, scope: Microscope, amplitude: float, axes: Axes, workers: int, accuracy: Accuracy | None = None,
-        names: tuple[str, ...] = (), film: Array | None = None,
+        names: tuple[str, ...] = (), film: Array | None = None, relaxation: Array | None = None,
     ) -> None:  # fmt: skip
-        self.film = film
+        self.film, self.relaxation = film, relaxation
         self.scope, self.amplitude, self.axes = scope, amplitude, axes
         self.asked = 0
         self.functions = functions_of(names)
         self._names = names
         # The same orbits without the integrals, which borders do not ask for
         self.bare = (
-            self if self.functions == FUNCTIONS else ExactOrbits(scope, amplitude, axes, workers, accuracy, film=film)
-        )
+            self if self.functions == FUNCTIONS
+            else ExactOrbits(scope, amplitude, axes, workers, accuracy, film=film, relaxation=relaxation)
+        )  # fmt: skip
         self._workers, self._accuracy = workers, accuracy or Accuracy()
-        self.marched = scope.interaction.law.in_time
+        self.marched = scope.interaction.law.in_time or relaxation is not None
         self.errors = np.array([ERROR_HEIGHT, ERROR_PHASE]) if self.marched else np.zeros(2)  # of orbits [m, rad]
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
         self.asked += len(points)
-        given = *self.axes.materials(points.T), self.scope, amplitude or self.amplitude, self._films(len(points))
-        return work_of(*given, liquid=self.axes.liquid(points.T), marched=self.marched)
-
-    def _films(self, count: int) -> Array | None:
-        return None if self.film is None else np.broadcast_to(self.film, (count, 2))
+        given = *self.axes.materials(points.T), self.scope, amplitude or self.amplitude
+        alike = _repeated(self.film, len(points)), _repeated(self.relaxation, len(points))
+        return work_of(*given, *alike, self.axes.liquid(points.T), marched=self.marched)
 
     def __call__(self, points: Array, amplitude: float | None = None, *, in_time: bool = True) -> Array:
         """Functions after engagement at n points, shape (n, functions); `in_time` takes a thousand times as long."""
@@ -156,13 +156,17 @@ class ExactOrbits:
         self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]
     ) -> Array:
         def bare() -> Array:
-            return bare_rows(self.axes.materials(points.T)[0], self.scope, self._films(len(points)))
+            return bare_rows(self.axes.materials(points.T)[0], self.scope, _repeated(self.film, len(points)))
 
         # From the row, though the solver may know its nodes: orbits of `near` have none, and what differs between the
         # two, 1e-4, would be a step in the interpolant.
         values: Array = widened(rows, work, used, self.scope, bare, self._names)[:, self.functions]
         values[(status != col.GOOD) | col.irregular(rows)] = np.nan
         return values
+
+
+def _repeated(row: Array | None, count: int) -> Array | None:
+    return None if row is None else np.repeat(row, count, axis=0)
 
 
 def functions_of(names: tuple[str, ...]) -> tuple[int, ...]:
