@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bits import bits
 
-from phasemap._kernels.compilation import compiled_more_than_once
+from phasemap._kernels.compilation.entries import compiled_more_than_once
 from phasemap.cli.kinds_of_work import KINDS
 
 if __name__ == "__main__":

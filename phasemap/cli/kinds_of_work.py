@@ -110,8 +110,8 @@ class Cost:
 
 def try_out(kinds: Iterable[str]) -> list[Cost]:
     """Do work of these kinds in this process, and say on stderr what each took as soon as it is done."""
-    from phasemap._kernels.compilation import compiled
     from phasemap._kernels.compilation.disk_cache import written
+    from phasemap._kernels.compilation.entries import compiled
 
     os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
     costs = []

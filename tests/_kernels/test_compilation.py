@@ -178,7 +178,7 @@ image = pm.simulate(pm.Surface(modulus, adhesion=adhesion, pixel_size=2e-9), sco
 digest = hashlib.sha256(b"".join(image[name].values.tobytes() for name in sorted(image.data_vars))).hexdigest()
 """
 SAYING = """
-from phasemap._kernels.compilation import compiled_more_than_once
+from phasemap._kernels.compilation.entries import compiled_more_than_once
 assert not compiled_more_than_once(), compiled_more_than_once()
 print(digest)
 """

@@ -1,21 +1,10 @@
-"""How kernels become machine code: they are compiled when they are first called, or found in the library of a wheel.
+"""How kernels become machine code: they are compiled when they are first called, or found in the library of a wheel."""
 
-Where `NUMBA_DISABLE_JIT` is set Python runs them as they are.
-"""
-
-import os
-
-from phasemap._kernels.compilation import library
-
-_AS_THEY_ARE = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-LIBRARY = None if _AS_THEY_ARE else library.found()
-"""The library of a wheel; None without one."""
-COMPILES = not _AS_THEY_ARE and LIBRARY is None
-"""Whether kernels are compiled here; else they, and what only numba can run in them, are functions of Python."""
+from phasemap._kernels.compilation.mode import COMPILES, LIBRARY
 
 if COMPILES:
-    from phasemap._kernels.compilation.entries import ANY_ORDER, compiled, compiled_more_than_once, kernel, watch
+    from phasemap._kernels.compilation.entries import ANY_ORDER, kernel, watch
 else:
-    from phasemap._kernels.compilation.uncompiled import ANY_ORDER, compiled, compiled_more_than_once, kernel, watch
+    from phasemap._kernels.compilation.uncompiled import ANY_ORDER, kernel, watch
 
-__all__ = ["ANY_ORDER", "COMPILES", "LIBRARY", "compiled", "compiled_more_than_once", "kernel", "watch"]
+__all__ = ["ANY_ORDER", "COMPILES", "LIBRARY", "kernel", "watch"]

@@ -1,6 +1,6 @@
 """What kernels need of numba to write instructions that it has not; nothing where nothing is compiled."""
 
-from phasemap._kernels.compilation import COMPILES
+from phasemap._kernels.compilation.mode import COMPILES
 
 if COMPILES:
     from llvmlite import ir
