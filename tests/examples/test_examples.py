@@ -83,7 +83,7 @@ def in_this_process(path: Path, less: bool) -> None:
 SLOW = (
     "paper_fig6_laws", "fit_response", "measured_series", "large_map", "learn_segment", "many_images",
     "relaxation_spectrum", "gel_beside_glass", "loss_tangent", "forces_outside_contact", "what_a_tap_sees", "thin_film",
-    "soft_lever_in_liquid", "paper_fig5_jumps", "rubber_beside_glass", "invert_stack", "scan_series",
+    "soft_lever_in_liquid", "paper_fig5_jumps", "rubber_beside_glass", "invert_stack", "scan_series", "wet_rubber",
 )  # fmt: skip
 """More laws to compile, fits of some hundred curves, processes of their own: other tests ask for what these do."""
 SLOW_PAGES = ("docs/howto/series.md", "docs/howto/channels.md")
