@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+
+from phasemap.experiment import arms, prony
 
 PLACE = Path(__file__).parents[2] / "tools" / "browser" / "python" / "numpy" / "__init__.py"
 EXPRESSIONS = """
@@ -37,6 +40,8 @@ EXPRESSIONS = """
     np.isin(np.array([1, 2, 3]), (1, 3))  np.sign(np.array([-2., 0, 3]))
     np.sqrt(np.array([4., -1.]))  np.log(np.array([0., 1.]))
     np.column_stack([np.arange(2), np.arange(2)])  np.broadcast_to(np.array([1., 2]), (2, 2))
+    np.diag(np.array([1., 2]))  np.outer(np.array([1., 2]), np.array([3., 4, 5]))
+    np.linalg.inv(np.array([[0., 2], [4, 1]]))
 """
 
 
@@ -72,3 +77,20 @@ def test_a_part_of_an_array_is_a_view_of_it(of_page: Any) -> None:
         whole[1:][0, 2], whole[:, 1][2] = 5.0, 7.0
         whole[[0, 2], 3] += 1.0
         assert whole.tolist() == [[0, 0, 0, 1], [0, 0, 5, 0], [0, 7, 0, 1]]
+
+
+def test_a_spectrum_has_the_contact_that_numpy_gives_it(of_page: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eigenvalues and their directions, of rates that are decades apart."""
+    key = prony.Prony.preset("PIB").key
+    expected = arms.contact_of.__wrapped__(key, 2e-12, 300e3, 2e6)
+    tables: list[Any] = []
+    monkeypatch.setattr(of_page.ndarray, "ctypes", property(lambda one: tables.append(one) or SimpleNamespace(data=8)))
+    for module in (arms, prony):
+        monkeypatch.setattr(module, "np", of_page)
+    monkeypatch.setattr(arms, "SHORTENED", of_page.geomspace(1.0, 1e6, 400))
+    monkeypatch.setattr(arms, "_TABLES", known := dict(arms._TABLES))
+    found = arms.contact_of.__wrapped__(key, 2e-12, 300e3, 2e6)
+    assert found[:3] == pytest.approx(expected[:3], rel=1e-12)
+    n, whole = int(known[expected.address][0]), known[expected.address]
+    assert n > 2
+    np.testing.assert_allclose(tables[0].tolist(), whole, rtol=1e-9, atol=1e-9 * abs(whole[1 + 3 * n :]).max())

@@ -33,6 +33,7 @@ MESSAGES = (
     ("picture", "step", {"changes": {"interaction.bias": 2.0, "cantilever.quality_factor": 5.0}}),
     ("picture", "step", {"changes": {"interaction.withdrawal": "ting"}}),
     ("picture", "step", {"changes": {f"materials.{i}.{key}": value for i in (0, 1) for key, value in RELAXES}}),
+    ("picture", "step", {"changes": {"materials.0.relaxation": "PIB", "materials.0.damping": 0.0}}),
     ("picture", "step", {"changes": {f"cantilever.{key}": value for key, value in WATER}}),
     ("curves", "bistable", {}), ("save/scene", "blend", {"changes": {"tip.radius": 2e-8}}),
 )  # fmt: skip

@@ -16,12 +16,16 @@ export async function begin(loadPyodide, files, options = {}) {
       of.forEach((one) => one.destroy());
     }
   };
+  const keep = (buffer) => {
+    const view = buffer.getBuffer("u8");
+    try { return kernels.keep(view.data); } finally { view.release(); }
+  };
   const unpack = (archive) => pyodide.unpackArchive(archive, "zip", { extractDir: "/page" });
   unpack(files["python.zip"]);
   pyodide.FS.writeFile("/page/tables.bin", files["tables.bin"]);
   pyodide.runPython("import sys; sys.path.insert(0, '/page')");
   const engine = pyodide.pyimport("browser_engine");
-  engine.begin(call, pyodide.toPy(table.entries), pyodide.toPy(kernels.formulas));
+  engine.begin(call, keep, pyodide.toPy(table.entries), pyodide.toPy(kernels.formulas));
   return {
     pyodide,
     /** Takes in a sample. */

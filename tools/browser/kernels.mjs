@@ -35,6 +35,13 @@ export class Kernels {
     return at;
   }
 
+  /** Copies bytes to where they stay, for they are taken between calls; returns the address. */
+  keep(bytes) {
+    const at = this.take(bytes.byteLength);
+    new Uint8Array(this.exports.memory.buffer, at, bytes.byteLength).set(bytes);
+    return at;
+  }
+
   /** What numba asks for an array: a header that counts references, and the data. */
   allocate(size, align) {
     const header = this.take(64), data = up(this.take(size + align), align);

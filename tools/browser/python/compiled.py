@@ -12,14 +12,18 @@ import numpy as np
 KINDS = {"float64": "d", "int64": "q", "int8": "b", "bool": "b"}
 TYPES = {"float64": np.float64, "int64": np.int64, "int8": np.int8, "bool": np.bool_}
 _call: Any = None
+_keep: Any = None
 _formulas: dict[str, int] = {}
 _entries: dict[str, Any] = {}
 
 
-def connect(call, entries, formulas, missing):
-    """Take in JavaScript's `call(name, parts, buffers)`, what entries take and return, places of formulas, an error."""
-    global _call, _missing
-    _call, _missing = call, missing
+def connect(call, keep, entries, formulas, missing):
+    """Take in JavaScript's functions, what entries take and return, places of formulas, an error.
+
+    `call(name, parts, buffers)` calls an entry, `keep(buffer)` copies numbers to where kernels find them.
+    """
+    global _call, _keep, _missing
+    _call, _keep, _missing = call, keep, missing
     _entries.update(entries)
     _formulas.update(formulas)
 
@@ -46,6 +50,11 @@ def entry(name):
 def place_of(formula):
     """Where the compiled formula of a law is."""
     return _formulas[f"{formula.__module__}.{formula.__qualname__}"]
+
+
+def kept(numbers):
+    """The address of a copy of an array, which stays."""
+    return _keep(array(KINDS[numbers.dtype.name], numbers._list()))
 
 
 def table(shape):

@@ -9,7 +9,6 @@ const ELSEWHERE = "is not simulated in this page. Save the scene; phasemap run s
 export const refused = {
   scan: `A scan ${ELSEWHERE}`, "save/image": `The whole image ${ELSEWHERE}`,
   open: "Files are opened by phasemap explore: this page has no server that could read them.",
-  "materials.*.loss=spectrum": "Several relaxation times are solved by phasemap explore.",
 };
 
 const prepared = fetch("prepared.json").then((answer) => answer.json()); // files of answers that were made with the page

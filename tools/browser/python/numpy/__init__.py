@@ -13,8 +13,9 @@ import operator
 from array import array as packed
 from bisect import bisect_left, bisect_right
 from contextlib import contextmanager
+from itertools import combinations
 from itertools import product as _product
-from types import EllipsisType
+from types import EllipsisType, SimpleNamespace
 
 nan, inf, pi, newaxis = math.nan, math.inf, math.pi, None
 LARGE = 1024  # numbers, of which a list would be too large
@@ -322,6 +323,12 @@ class ndarray:
     def __rmatmul__(self, other):
         return dot(asarray(other), self)
 
+    @property
+    def ctypes(self):
+        import compiled
+
+        return SimpleNamespace(data=compiled.kept(self))
+
     # ---- reductions
 
     def any(self, axis=None):
@@ -539,6 +546,14 @@ def geomspace(start, stop, count=50):
 
 def eye(n, dtype=float64):
     return array([[i == j for j in range(n)] for i in range(n)], dtype)
+
+
+def diag(numbers):
+    return array([[x if i == j else 0.0 for j in range(len(numbers))] for i, x in enumerate(numbers)])
+
+
+def outer(one, other):
+    return array([[x * y for y in other] for x in one])
 
 
 def concatenate(arrays, axis=0):
@@ -908,3 +923,43 @@ def format_float_scientific(value, trim="k", exp_digits=2, unique=True):
         digits, _, exponent = f"{value:.{length}e}".partition("e")
     digits += "" if "." in digits else ".0"
     return f"{digits}e{int(exponent):+0{exp_digits + 1}d}"
+
+
+def _eigh(matrix):
+    """By rotations of pairs (Jacobi), until none of them is seen in the numbers."""
+    a, n = [list(row) for row in matrix.tolist()], len(matrix)
+    v = [[float(i == j) for j in range(n)] for i in range(n)]
+    while True:
+        rotated = False
+        for p, q in combinations(range(n), 2):
+            if abs(a[p][q]) <= 1e-17 * math.sqrt(abs(a[p][p] * a[q][q])):
+                continue
+            rotated = True
+            theta = 0.5 * (a[q][q] - a[p][p]) / a[p][q]
+            t = math.copysign(1.0, theta) / (abs(theta) + math.hypot(theta, 1.0))
+            c = 1 / math.hypot(t, 1.0)
+            for rows in (a, v):  # columns p and q
+                for row in rows:
+                    row[p], row[q] = c * (row[p] - t * row[q]), c * (row[q] + t * row[p])
+            a[p], a[q] = ([c * (x - t * y) for x, y in zip(a[p], a[q])], [c * (y + t * x) for x, y in zip(a[p], a[q])])
+            a[p][q] = a[q][p] = 0.0
+        if not rotated:
+            order = sorted(range(n), key=lambda i: a[i][i])
+            return array([a[i][i] for i in order]), array([[row[i] for i in order] for row in v])
+
+
+def _inv(matrix):
+    """By elimination, with the largest pivot of each column."""
+    n = len(matrix)
+    rows = [[*row, *(float(i == j) for j in range(n))] for i, row in enumerate(matrix.tolist())]
+    for i in range(n):
+        best = builtins.max(range(i, n), key=lambda k: abs(rows[k][i]))
+        rows[i], rows[best] = rows[best], rows[i]
+        rows[i] = [x / rows[i][i] for x in rows[i]]
+        for k in range(n):
+            if k != i:
+                rows[k] = [x - rows[k][i] * y for x, y in zip(rows[k], rows[i])]
+    return array([row[n:] for row in rows])
+
+
+linalg = SimpleNamespace(eigh=_eigh, inv=_inv)
