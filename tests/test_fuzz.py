@@ -651,6 +651,7 @@ def test_numpy_is_never_allowed_to_unpickle() -> None:
 def test_only_names_in_the_source_are_imported() -> None:
     """Modules by name: what is installed besides (`extra`) and, lazily, the package's own."""
     allowed = {"__init__.py", "io/gwyddion.py", "imaging/job.py", "comparison/scores.py"}
+    allowed.add("_kernels/compilation/library.py")  # classes that a wheel's own index names beside its machine code
     for path, name, call in calls():
         if name in ("import_module", "importlib.import_module"):
             told = call.args[0]
