@@ -23,7 +23,7 @@ KNOWN = (  # of a law's formulas, in its order, those that kernels know by thems
     forces.hertzian, forces.hertzian_slope, forces.inverse_square, forces.inverse_square_slope, forces.power_law,
     forces.power_law_slope,
 )  # fmt: skip
-HOW = "Install it: pip install 'afm-phasemap[law]'."
+NO_NUMBA = "Here that takes numba, which is not installed: pip install 'afm-phasemap[law]'."
 
 
 class Law(NamedTuple):
@@ -66,7 +66,7 @@ def law_of(*formulas: Formula) -> Law:
         try:
             found.append(0 if formula is own else address_of(formula))
         except ModuleNotFoundError as error:
-            raise TypeError(f"Of its {role}: {error}") from error
+            raise TypeError(str(error)) from error
         except Exception as error:  # numba's errors have no common base
             said = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = next((line for line in said if "Untyped" in line or "NameError" in line), " ".join(said[1:3]))
@@ -92,7 +92,7 @@ def address_of(formula: Formula) -> int:
     try:
         from phasemap._kernels.compilation.by_address import compiled_formula
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"it is compiled by numba, which is not installed. {HOW}") from error
+        raise ModuleNotFoundError(NO_NUMBA) from error
     return int(compiled_formula(formula).address)
 
 

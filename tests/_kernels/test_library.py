@@ -15,6 +15,7 @@ from numba.core.runtime import _nrt_python
 sys.path.append(str(Path(__file__).parents[2] / "tools"))
 from llvm_types import kind_of
 
+import phasemap as pm
 from phasemap._kernels.compilation.library import Called
 from phasemap._kernels.records import column, record
 
@@ -108,3 +109,19 @@ def test_random_numbers_are_those_of_numpys_generator() -> None:
     rng, same = np.random.default_rng(1), np.random.default_rng(1)
     drawn = by_address(draw, rng)
     assert [drawn(rng) for _ in range(3)] == [draw(same) for _ in range(3)]
+
+
+class Own(pm.ContactLaw):
+    """A law that no wheel brings."""
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return float(0.3 * p[0] * d * d)
+
+
+def test_where_there_is_no_numba_a_law_of_ones_own_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "phasemap._kernels.compilation.by_address", None)
+    drive, own = pm.Drive(16e-9), pm.Interaction(Own())
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), drive, own)
+    with pytest.raises(ValueError, match=r"takes numba, which is not installed: pip install 'afm-phasemap\[law\]'"):
+        pm.solve_pixel(pm.Material(2e9, 0.05), scope, 0.8)
