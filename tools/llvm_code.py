@@ -79,8 +79,8 @@ def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
     from phasemap._kernels.columns import WIDE, ErrorLimits, SolvedRows
     from phasemap._kernels.continuation.piece import exact_orbits_at
+    from phasemap._kernels.engagement.detected_setpoint import SLOPES
     from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
-    from phasemap._kernels.engagement.seen import SLOPES
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
     from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface

@@ -14,7 +14,7 @@ Words that are the same everywhere:
 * c: that over A, so that a harmonic orbit just touches at c = 1; `mismatch`: drive that such an orbit needs over the
   drive that there is, squared, less one: 0 on an averaged orbit;
 * `top`: the maximum of the mismatch as the tip comes near, behind which the repulsive side begins;
-* `seen`: what the detector shows, where that is not the tip's motion; of dashpots, the depth that they have crept to;
+* `seen`: what the detector shows, where that is not the tip's motion;
 * `hold`: what stays the same while an orbit is sought; `level`: of refinement of its elements in time;
 * m: the parameter of a sweep, -1 to 1; in `orbits.time` what a surface remembers, whose elements lie at xi = q^2 [m], q
   the edge of the contact; `arms`: its relaxing springs with their dashpots; `dent`: what a tap leaves of its depth;

@@ -45,7 +45,7 @@ def tables() -> Iterator[tuple[str, list[list[str]]]]:
         ones = list(every)
         columns = list(ones[0].numbers)
         heads = ["name", "", *(HEADS.get(name, name) for name in columns)]
-        rows = ([one.name, _in_words(one), *(_said(column, one) for column in columns)] for one in ones)
+        rows = ([one.name, _description(one), *(_said(column, one) for column in columns)] for one in ones)
         yield kind, [heads, *rows]
 
 
@@ -60,9 +60,9 @@ def _listed() -> Iterator[str]:
     yield NOTE
 
 
-def _in_words(preset: Preset) -> str:
+def _description(preset: Preset) -> str:
     """What a table says beside the name: of a lever its maker, where the title repeats the name."""
-    return preset.title.removesuffix(f" {preset.name}") if "stiffness" in preset.numbers else preset.title
+    return preset.title.removesuffix(f" {preset.name}") if "levers" in preset.kind else preset.title
 
 
 NOTE = """\

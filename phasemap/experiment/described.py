@@ -42,7 +42,7 @@ def made(stored: Any, *kinds: type[T]) -> T:
     """The object, of one of these kinds, that `describe` described."""
     try:
         with unquestioned():  # who made the image was told already
-            thing = _object(stored)
+            thing = _rebuilt(stored)
     except RecursionError:
         raise InputError("configuration of the image", stored, "tables that are not nested so deeply") from None
     if not isinstance(thing, kinds):
@@ -50,13 +50,13 @@ def made(stored: Any, *kinds: type[T]) -> T:
     return thing
 
 
-def _object(stored: Any) -> Any:
+def _rebuilt(stored: Any) -> Any:
     """Whatever was described."""
     if isinstance(stored, list):
-        return tuple(map(_object, stored))
+        return tuple(map(_rebuilt, stored))
     if not isinstance(stored, Mapping):
         return stored
-    fields = {name: _object(value) for name, value in stored.items() if name != "kind"}
+    fields = {name: _rebuilt(value) for name, value in stored.items() if name != "kind"}
     kind = stored.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError("kind", kind, "one of " + ", ".join(KINDS))

@@ -70,7 +70,7 @@ class Sweep:
         return self.ds["motion"].values == 1 if "motion" in self.ds else self.ds["status"].values < 0
 
     def spread(self, name: str) -> np.ndarray:
-        """That of a quantity, in either direction; 0 where it has none."""
+        """Standard deviation of a quantity behind the lock-in, at each point; 0 where it has none."""
         return self.ds[f"{name}_spread"].fillna(0).values if f"{name}_spread" in self.ds else np.zeros(1)
 
     def shown(self, x: np.ndarray) -> np.ndarray:

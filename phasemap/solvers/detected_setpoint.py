@@ -1,7 +1,7 @@
 """Orbits at which the detector shows the setpoint, where what it sees is not the position of the tip.
 
 Which amplitude A of z the detector shows as the setpoint depends on the phase. Engagement from far holds what is seen
-itself (`phasemap._kernels.engagement.seen`).
+itself (`phasemap._kernels.engagement.detected_setpoint`).
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import pytest
 from cases import plain
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import averages, leap, other_branch, rebound, second_drive, side_from_far, stuck
+from phasemap._kernels.engagement import leap, lock_in, other_branch, rebound, second_drive, side_from_far, stuck
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum
 from phasemap.experiment.lever import one_mode
@@ -149,4 +149,4 @@ def test_a_second_drive_is_seen_without_the_harmonics_of_the_first() -> None:
 
 def test_angles_are_counted_from_one_phasor_to_another() -> None:
     one, other = 2.0 * np.exp(0.4j), 0.3 * np.exp(-2.1j)
-    assert plain(averages.angle_between)(one.real, one.imag, other.real, other.imag) == pytest.approx(-2.5)
+    assert plain(lock_in.angle_between)(one.real, one.imag, other.real, other.imag) == pytest.approx(-2.5)

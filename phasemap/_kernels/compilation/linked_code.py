@@ -85,7 +85,7 @@ def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:
 def _link(library: Any, module: Any, linkage: str) -> None:
     """Add all that a library reaches to its module, with this linkage."""
     own = {one.name for one in module.functions if not one.is_declaration}
-    # A function of numba that is given one of ours, as `engage_in_time` its engine, holds that code and may need more.
+    # A function of numba that is given one of ours, as `engage_in_time` its `tip`, holds that code and may need more.
     library.needs.update({one.needed: None for one in _reached(library) if hasattr(one, "needed")})
     for other in _reached(library, through=LinkedCode):  # what is to be linked does not hold what it calls itself
         if hasattr(other, "needed"):

@@ -157,9 +157,8 @@ def next_exact_point(
 
 @kernel
 def turn_between(
-    path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit,
-    point: Point,
-) -> bool:  # fmt: skip
+    path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit, point: Point
+) -> bool:
     """Find the point of a curve between `start` and `after` at which a value of it is extreme: dx/ds = 0.
 
     By false position in the arclength s: theory, Eq. (continuation-5). `entry` names the value x, as ENTRY_Z0 and

@@ -1,15 +1,15 @@
 """Which orbit holds the setpoint: the one on which a tip ends that comes from far. Three rungs answer.
 
-`averaged`: averaging, where its decision has a margin; `side_from_far` says which side of the resonance a tip from far
+`branch_by_averaging`, where its decision has a margin; `side_from_far` says which side of the resonance a tip from far
 is on, `leap` where a lever is carried over it, `rebound` where a tip keeps a time of its own. What it leaves open the
-`end_of_attractive_branch` may decide, sought among orbits of the lever's response (`response`).
+`end_of_attractive_branch` may decide, sought among orbits of the lever's response (`without_collocation`).
 
 `exact_orbit`: the curve of exact orbits, with its folds.
 
 `in_time`: time, which leads to a `goal`. `lowering` is how the tip comes to the setpoint, `holding` and `holding_mean`
-how it stays there, `averages` what a lock-in shows, `stuck` recognises a tip that sticks, and `ringing` lowers levers
+how it stays there, `lock_in` what a lock-in shows, `stuck` recognises a tip that sticks, and `ringing` lowers levers
 that ring for long; `second_drive` has the loops of a second mode that is driven too.
 
-`seen` holds what a detector shows that does not see the tip itself, `other_branch` finds the orbit that engagement does
-not, `orbit_of_row` solves again for that of a result row.
+`detected_setpoint` is for a detector that does not see the tip itself, `other_branch` finds the orbit that engagement
+does not, `orbit_of_row` solves again for that of a result row.
 """

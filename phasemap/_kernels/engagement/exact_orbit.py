@@ -27,7 +27,7 @@ from phasemap._kernels.continuation.step import (
     mark_point,
     next_point,
 )
-from phasemap._kernels.engagement.averaged import LEAP, SURE, fill_setpoint_orbit_on_side, worst_amplitude
+from phasemap._kernels.engagement.branch_by_averaging import LEAP, SURE, fill_setpoint_orbit_on_side, worst_amplitude
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.side_from_far import leaps, side_reached_from_far
 from phasemap._kernels.excitation import likely_amplitude
@@ -100,7 +100,7 @@ class CurveDescent:
 @kernel
 def descend(
     path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: CurveDescent, found: Orbit
-) -> int:  # fmt: skip
+) -> int:
     """Go on from one point of the curve to another, whose orbit is `near`, with no turn of the amplitude between.
 
     GOOD where the tip stops, on the orbit `found`, PENDING where it goes on; NOT_CONVERGED where it comes to an orbit
@@ -129,7 +129,7 @@ def descend(
 @kernel
 def descend_by_turn(
     path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: CurveDescent, found: Orbit
-) -> int:  # fmt: skip
+) -> int:
     """Go down from one point of the curve to the next, by the point between at which the amplitude turns, if any.
 
     Returns what `descend` does; the amplitude may just reach the setpoint where it turns.

@@ -17,7 +17,11 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averages import (
+from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
+from phasemap._kernels.engagement.holding import hold
+from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
+from phasemap._kernels.engagement.leap import attraction_defies_averaging
+from phasemap._kernels.engagement.lock_in import (
     FEWEST_AVERAGED,
     LockIn,
     average,
@@ -26,10 +30,6 @@ from phasemap._kernels.engagement.averages import (
     mean_amplitude,
     touches_alike,
 )
-from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
-from phasemap._kernels.engagement.holding import hold
-from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
-from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_REACHED,
     DISTURBED,
@@ -159,9 +159,7 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
 
 
 @kernel
-def lower_to_setpoint(
-    oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray,
-) -> int:  # fmt: skip
+def lower_to_setpoint(oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray) -> int:
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
     law, p, lever = oscillator
     free = free_amplitude(lever)

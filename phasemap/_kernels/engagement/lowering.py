@@ -172,7 +172,7 @@ class Fall(NamedTuple):
 
 
 @record
-class Seen:
+class FilteredMotion:
     """The motion of a falling tip behind a low-pass of one ring-down time."""
 
     cos: float  # phasor [m]
@@ -194,47 +194,50 @@ def falls_gently(oscillator: Oscillator) -> bool:
 
 
 @kernel
-def pass_ring_down_time(oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: PeriodFlow, seen: Seen) -> bool:
+def pass_ring_down_time(
+    oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: PeriodFlow, motion: FilteredMotion
+) -> bool:
     """Let a ring-down time pass, in which the tip is lowered, or held by the feedback; False where marching fails."""
     lever = oscillator.lever
     acc, passed, allowed = tip.acc, 0, MANY_PERIODS_MISS * reach_of(oscillator.p)
-    seen.change = seen.missed = 0.0
+    motion.change = motion.missed = 0.0
     while passed < ring:
         last_x, last_y, many = acc.cos, acc.sin, 1
-        if seen.held == 0 and fall.gentle:
+        if motion.held == 0 and fall.gentle:
             flow.count = min(flow.count, ring)
             many = pass_many(oscillator, ROUGH_STEPS * fall.step_size, fall.pace, allowed, tip, flow)
         else:
-            off, gain = math.hypot(seen.cos, seen.sin) - fall.amplitude, FIRST_GAIN / (ring + seen.held / GAIN_HALVES)
-            tip.u[Z0] -= fall.pace if seen.held == 0 else gain * off
+            off = math.hypot(motion.cos, motion.sin) - fall.amplitude
+            gain = FIRST_GAIN / (ring + motion.held / GAIN_HALVES)
+            tip.u[Z0] -= fall.pace if motion.held == 0 else gain * off
             many = 1 if march_tip(oscillator, fall.step_size, tip) else 0
         if many == 0:
             return False
         passed += many
-        seen.change = max(seen.change, math.hypot(acc.cos - last_x, acc.sin - last_y) / many)
+        motion.change = max(motion.change, math.hypot(acc.cos - last_x, acc.sin - last_y) / many)
         late_x, late_y, behind = acc.cos, acc.sin, float(ring)
         if many > 1:
             late_x, late_y = 0.5 * (last_x + acc.cos), 0.5 * (last_y + acc.sin)
             behind = 1.0 / (1.0 - (1.0 - 1.0 / ring) ** many)
         late_x, late_y = detected_phasor(lever, late_x, late_y)
-        seen.cos += (late_x - seen.cos) / behind
-        seen.sin += (late_y - seen.sin) / behind
-        off = math.hypot(seen.cos, seen.sin) - fall.amplitude
-        if seen.held > 0 or off <= 0.0:
-            seen.held += 1
-        seen.missed = max(seen.missed, abs(off))
+        motion.cos += (late_x - motion.cos) / behind
+        motion.sin += (late_y - motion.sin) / behind
+        off = math.hypot(motion.cos, motion.sin) - fall.amplitude
+        if motion.held > 0 or off <= 0.0:
+            motion.held += 1
+        motion.missed = max(motion.missed, abs(off))
     return True
 
 
 @kernel
-def end_of_fall(oscillator: Oscillator, goal: Goal, far: bool, tip: Tip, seen: Seen) -> int:
+def end_of_fall(oscillator: Oscillator, goal: Goal, far: bool, tip: Tip, motion: FilteredMotion) -> int:
     """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. Orbits above the amplitude count if `far`."""
     ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), goal.amplitude
-    still, held, tolerance = seen.change < STILL_MOTION * amplitude, seen.held > 0, coarse_tolerance(goal)
-    if seen.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * goal.most_periods):
+    still, held, tolerance = motion.change < STILL_MOTION * amplitude, motion.held > 0, coarse_tolerance(goal)
+    if motion.held > FEEDBACK_PATIENCE * ring or (held and tip.periods.marched > FEEDBACK_SHARE * goal.most_periods):
         if not still:
             return AMPLITUDE_REACHED
-        return ORBIT_AGAIN if math.hypot(seen.cos, seen.sin) > amplitude else ORBIT_HELD
+        return ORBIT_AGAIN if math.hypot(motion.cos, motion.sin) > amplitude else ORBIT_HELD
     if still and held:
         if in_contact_throughout(oscillator.p, tip):
             return ORBIT_AGAIN if amplitude_of(oscillator.lever, tip.acc) > amplitude else ORBIT_HELD
@@ -256,23 +259,23 @@ def fall_to_setpoint(oscillator: Oscillator, goal: Goal, pace: float, least: flo
     LOWEST_OFFSET. An orbit above the amplitude is not looked for before z0 has fallen by `least` [m].
     """
     lever, acc, u, amplitude, tolerance = oscillator.lever, tip.acc, tip.u, goal.amplitude, coarse_tolerance(goal)
-    ring, seen, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), Seen(), PeriodFlow(), 0
+    ring, motion, flow, steady = max(FEWEST_RINGING, ring_down_periods(lever)), FilteredMotion(), PeriodFlow(), 0
     if not march_tip(oscillator, tolerance.step_size, tip):
         return TIME_SPENT
-    seen.cos, seen.sin = detected_phasor(lever, acc.cos, acc.sin)
-    seen.held, from_z0 = 0 if pace > 0.0 else 1, u[Z0]
+    motion.cos, motion.sin = detected_phasor(lever, acc.cos, acc.sin)
+    motion.held, from_z0 = 0 if pace > 0.0 else 1, u[Z0]
     fall = Fall(amplitude, pace, tolerance.step_size, falls_gently(oscillator))
-    if seen.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.step_size, pace, tip, flow):
+    if motion.held == 0 and fall.gentle and not begin_flow(oscillator, ROUGH_STEPS * fall.step_size, pace, tip, flow):
         return TIME_SPENT
     while tip.periods.marched + ring <= goal.most_periods:
-        if not pass_ring_down_time(oscillator, fall, ring, tip, flow, seen):
+        if not pass_ring_down_time(oscillator, fall, ring, tip, flow, motion):
             return TIME_SPENT
         if too_far(lever, from_z0, u[Z0]):
             return LOWEST_OFFSET
-        ends = end_of_fall(oscillator, goal, from_z0 - u[Z0] > least, tip, seen)
+        ends = end_of_fall(oscillator, goal, from_z0 - u[Z0] > least, tip, motion)
         if ends != ORBIT_LEFT:
             return ends
-        steady = steady + 1 if seen.held > 0 and seen.missed < KEPT_WITHIN * amplitude else 0
+        steady = steady + 1 if motion.held > 0 and motion.missed < KEPT_WITHIN * amplitude else 0
         if steady >= KEPT_FOR:
             return MOTION_KEPT
     return TIME_SPENT

@@ -15,7 +15,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averages import (
+from phasemap._kernels.engagement.goal import Goal, coarse_tolerance, fine_tolerance
+from phasemap._kernels.engagement.holding_mean import GROUP, SLOW_GAIN, WORST_CLOSURE, hold_mean
+from phasemap._kernels.engagement.lock_in import (
     FEWEST_AVERAGED,
     STEPS_LENGTH,
     STEPS_PHASE,
@@ -27,8 +29,6 @@ from phasemap._kernels.engagement.averages import (
     mean_amplitude,
     mean_phasor,
 )
-from phasemap._kernels.engagement.goal import Goal, coarse_tolerance, fine_tolerance
-from phasemap._kernels.engagement.holding_mean import GROUP, SLOW_GAIN, WORST_CLOSURE, hold_mean
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_REACHED,
     DISTURBED,
@@ -96,7 +96,7 @@ def fill_row_of_pattern(oscillator: Oscillator, step_size: float, tip: Tip, row:
     fill_row_of_period(lever, tip.u[Z0], tip.acc, row)
     lock_in, whole = LockIn(), count * (LOCK_IN_SETTLES // count + 1)
     begin_lock_in(lever, tip.acc, lock_in)
-    for _ in range(2):
+    for _ in range(2):  # the first average only settles the lock-in
         if not average(oscillator, step_size, whole, (0.0, 0.0, 0.0), tip, lock_in):
             return col.NOT_SETTLED
     fill_spread(lock_in.total, row)
@@ -105,9 +105,7 @@ def fill_row_of_pattern(oscillator: Oscillator, step_size: float, tip: Tip, row:
 
 
 @kernel
-def follow_and_hold(
-    oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray,
-) -> int:  # fmt: skip
+def follow_and_hold(oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray) -> int:
     """Lower a tip along a periodic pattern of taps, or from far, and hold the amplitude when it reaches it.
 
     Returns GOOD; NOT_CONVERGED where the pattern ends, or UNSTABLE where it ends as it is held; else what is final.
@@ -179,9 +177,7 @@ def move_until(oscillator: Oscillator, goal: Goal, tip: Tip, lock_in: LockIn, wa
 
 
 @kernel
-def engage_ringing(
-    oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray,
-) -> int:  # fmt: skip
+def engage_ringing(oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray) -> int:
     """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
     law, p, lever = oscillator
     slow, periods, acc = with_ring_down(lever, LONG_RINGING), tip.periods, tip.acc

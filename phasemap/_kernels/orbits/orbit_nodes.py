@@ -77,8 +77,10 @@ def _put(at: OrbitNodes, j: int, amplitude: float, c: float, s: float, depth: fl
 
 
 @kernel
-def _outside(reach: float, amplitude: float, c: float, begin: float, side: float, first: int, at: OrbitNodes) -> int:
-    """Nodes from tan(theta/2) = `begin` to theta = pi, way in (side -1) or out (1); returns how many there are."""
+def _put_nodes_outside_contact(
+    reach: float, amplitude: float, c: float, begin: float, side: float, first: int, at: OrbitNodes
+) -> int:
+    """Put nodes from tan(theta/2) = `begin` to theta = pi, way in (side -1) or out (1); returns how many there are."""
     delta = distance_to_pole(begin, max(c - 1.0, 0.0) + reach / amplitude)
     there = (1.0 - begin * begin) / (1.0 + begin * begin)
     for i in range(HARMONIC_NODES):
@@ -138,8 +140,8 @@ def fill_harmonic_nodes(p: np.ndarray, amplitude: float, depth: float, at: Orbit
         at.ends = 1.0 / (amplitude * math.sqrt(1.0 - last * last))
     if has_longrange(p):
         reach, end = reach_of(p), math.sqrt((1.0 - last) / (1.0 + last)) if last < 1.0 else 0.0
-        count = _outside(reach, amplitude, c, begin, -1.0, count, at)
-        count = _outside(reach, amplitude, c, end, 1.0, count, at)
+        count = _put_nodes_outside_contact(reach, amplitude, c, begin, -1.0, count, at)
+        count = _put_nodes_outside_contact(reach, amplitude, c, end, 1.0, count, at)
     at.count = count
 
 

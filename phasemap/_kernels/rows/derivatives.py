@@ -16,7 +16,11 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.seen import SLOPES, DetectedWorkspace, response_orbit_at_detected_amplitude
+from phasemap._kernels.engagement.detected_setpoint import (
+    SLOPES,
+    DetectedWorkspace,
+    response_orbit_at_detected_amplitude,
+)
 from phasemap._kernels.excitation import detected_signal
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.averaged.branch import (

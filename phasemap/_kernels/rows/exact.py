@@ -14,15 +14,15 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits, SolvedRows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact_orbit import exact_orbit, new_curve_workspace, tip_amplitude_wanted
-from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
-from phasemap._kernels.engagement.seen import (
+from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
+from phasemap._kernels.engagement.detected_setpoint import (
     DetectedWorkspace,
     exact_orbit_at_detected_amplitude,
     move_to_detected_amplitude,
     response_orbit_at_detected_amplitude,
 )
+from phasemap._kernels.engagement.exact_orbit import exact_orbit, new_curve_workspace, tip_amplitude_wanted
+from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
 from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis, parameters
 from phasemap._kernels.numerics import copy

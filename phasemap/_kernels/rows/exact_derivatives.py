@@ -12,14 +12,14 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import engage_by_averaging
+from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
+from phasemap._kernels.engagement.detected_setpoint import SLOPES, move_to_detected_amplitude
 from phasemap._kernels.engagement.exact_orbit import (
     CurveWorkspace,
     detected_amplitude_wanted,
     exact_orbit,
     new_curve_workspace,
 )
-from phasemap._kernels.engagement.seen import SLOPES, move_to_detected_amplitude
 from phasemap._kernels.excitation import detected_rates, detected_signal, likely_amplitude
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.numerics import copy

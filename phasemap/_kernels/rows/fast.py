@@ -13,10 +13,10 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, engage_by_averaging
+from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
+from phasemap._kernels.engagement.detected_setpoint import DetectedWorkspace, branch_orbit_at_detected_amplitude
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
-from phasemap._kernels.engagement.response import cheap_orbit, choose
-from phasemap._kernels.engagement.seen import DetectedWorkspace, branch_orbit_at_detected_amplitude
+from phasemap._kernels.engagement.without_collocation import choose, orbit_without_collocation
 from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
@@ -44,7 +44,7 @@ def cheap_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answ
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
         surety = engage_by_averaging(oscillator, amplitude, harmonic, workspace.top)
-        status[i] = cheap_orbit(oscillator, amplitude, surety, limits, harmonic, workspace)
+        status[i] = orbit_without_collocation(oscillator, amplitude, surety, limits, harmonic, workspace)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.KNOWN:

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import sure_orbit
+from phasemap._kernels.engagement.branch_by_averaging import sure_orbit
 from phasemap._kernels.engagement.goal import Goal
 from phasemap._kernels.engagement.holding import hold_from_row, hold_over_remembering_surface
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive

@@ -69,12 +69,12 @@ def _angle_of_equal_edge(
         d, off, falls, held = cosine - c, cosine - c - q2, sine, 1.0
         for a in range(arms.count):
             time, share = omega / arms.rate[a], arms.share[a]
-            seen, kept = _dashpot_depth(time, c, start, at, cosine, sine), math.exp((row[0] - at) / time)
+            dashpot_depth, kept = _dashpot_depth(time, c, start, at, cosine, sine), math.exp((row[0] - at) / time)
             left = (row[2 + a] - q2) * kept
-            off -= share * (seen - q2 - left)
-            falls += share / time * (d - seen + left)
+            off -= share * (dashpot_depth - q2 - left)
+            falls += share / time * (d - dashpot_depth + left)
             held -= share * (1 - kept)
-            arms.value[a], arms.slope[a] = seen, kept
+            arms.value[a], arms.slope[a] = dashpot_depth, kept
         before = at
         at, low, high = newton_in_bracket(at, off, -falls, low, high, False)
         if abs(at - before) < 1e-6 * most:
@@ -120,8 +120,8 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
         q, sine = math.sqrt(q2), math.sin(found.theta)
         force = pressed_to(layer, q, found.depth)[0]
         for a in range(n):
-            seen, before = pressed_to(layer, q, arms.value[a])[0], pressed_to(layer, q, row[2 + a])[0]
-            force -= arms.share[a] * (seen - arms.slope[a] * (before - row[2 + n + a]))
+            now, before = pressed_to(layer, q, arms.value[a])[0], pressed_to(layer, q, row[2 + a])[0]
+            force -= arms.share[a] * (now - arms.slope[a] * (before - row[2 + n + a]))
         weight *= math.sin(theta) * found.rate  # d theta / d theta_1
         sums = _tap_sums_with(sums, -weight * scale * force, found.depth + c, sine)
     first = np.zeros(2 + n)

@@ -72,10 +72,7 @@ def attractive_mismatch(lever: np.ndarray, amplitude: float, push: float, drag: 
 
 @kernel
 def attractive_mismatch_at_gap(oscillator: Oscillator, amplitude: float, gap: float) -> tuple[float, float]:
-    """Attractive mismatch, and in-phase force P [m], of the harmonic orbit that comes to `gap` [m] above contact.
-
-    The mismatch is by what the drive falls short of the averaged equation on the attractive side of the resonance.
-    """
+    """`attractive_mismatch`, and in-phase force P [m], of the harmonic orbit that comes to `gap` [m] above contact."""
     lever = oscillator.lever
     push, drag, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     return attractive_mismatch(lever, amplitude, push, drag), push

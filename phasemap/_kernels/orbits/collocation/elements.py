@@ -87,9 +87,8 @@ def _append_equal(orbit: Orbit, side: int, start: float, length: float, longest:
 
 @kernel
 def _append_from_contact(
-    orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int,
-    longest: float,
-) -> bool:  # fmt: skip
+    orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int, longest: float
+) -> bool:
     """Append the elements over `length` [rad] after a contact that ends at `start`, or before one (`incoming`).
 
     Graded: the smallest, at the contact, is about as long as `scale`; equal where graded ones would be too long.

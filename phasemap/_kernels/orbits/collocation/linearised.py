@@ -246,9 +246,8 @@ class Transfers:
 
 @kernel(fastmath=ANY_ORDER)
 def _chain_element(
-    lever: np.ndarray, orbit: Orbit, e: int, scratch: tuple[np.ndarray, np.ndarray, np.ndarray],
-    integrals: np.ndarray,
-) -> None:  # fmt: skip
+    lever: np.ndarray, orbit: Orbit, e: int, scratch: tuple[np.ndarray, np.ndarray, np.ndarray], integrals: np.ndarray
+) -> None:
     """States at the end of an element by the unknowns, from those at its start; adds what its force does to (P, S).
 
     `scratch`: what a change of m does like a force (`_fill_drift_of_motion`), and arrays of shape (states, NODES) and

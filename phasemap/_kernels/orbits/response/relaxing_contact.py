@@ -57,12 +57,12 @@ class ContactMemory:
     """What a contact remembers at the nodes of both its elements, and at its end."""
 
     depth: np.ndarray = column(2 * N + 1)  # d [m]
-    seen: np.ndarray = column(2 * N + 1)  # D [m]
+    dashpot_depth: np.ndarray = column(2 * N + 1)  # D [m]
     inside: np.ndarray = column(2 * N + 1)  # Y [m^1.5]
     rate: np.ndarray = column(2 * N + 1)  # d', at the early nodes [m]
     place: np.ndarray = column(2 * N + 1)  # of the early instant with the same edge, in the early element
     early_depth: np.ndarray = column(2 * N + 1)  # d, D and Y at that instant
-    early_seen: np.ndarray = column(2 * N + 1)
+    early_dashpot_depth: np.ndarray = column(2 * N + 1)
     early_inside: np.ndarray = column(2 * N + 1)
     kept: np.ndarray = column(2 * N + 1)  # exp(-angle between / T)
 
@@ -160,7 +160,8 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) ->
     amplitude, centre = state.amplitude, state.centre
     time, turn = lever[OMEGA] * p[col.RELAXATION], nodes.theta[TURN_NODE]
     early, late = (turn - nodes.theta[ENTRY]) / time, (nodes.theta[EXIT] - turn) / time
-    depth, seen, inside, given, x = memory.depth, memory.seen, memory.inside, memory.early_seen, memory.early_inside
+    depth, crept, inside = memory.depth, memory.dashpot_depth, memory.inside
+    given, x = memory.early_dashpot_depth, memory.early_inside
     for j in range(N):
         depth[j] = depth_at_node(nodes, amplitude, centre, TOUCH + j)
         depth[N + j] = depth_at_node(nodes, amplitude, centre, LATE + j)
@@ -169,7 +170,7 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) ->
     lag_before_turn(early, depth, x)
     at_turn = 0.0
     for j in range(N):
-        seen[j] = depth[j] - x[j]
+        crept[j] = depth[j] - x[j]
         at_turn += early * _EARLY_ALL[j] * x[j]
         given[j] = 2.0 / 3.0 * max(depth[j], 0.0) ** 1.5
     lag_before_turn(early, given, x)
@@ -177,10 +178,10 @@ def follow_contact(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) ->
         inside[j] = given[j] - x[j]
         given[j] = depth[N + j] - at_turn
     lag_after_turn(late, given, x)
-    seen[END_NODE] = at_turn
+    crept[END_NODE] = at_turn
     for j in range(N):
-        seen[N + j] = depth[N + j] - x[j]
-        seen[END_NODE] += late * _LATE_ALL[j] * x[j]
+        crept[N + j] = depth[N + j] - x[j]
+        crept[END_NODE] += late * _LATE_ALL[j] * x[j]
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -191,25 +192,25 @@ def look_back(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) -> None
     half = turn - nodes.theta[ENTRY]
     for j in range(N, 2 * N):
         at, below = memory.place[j], 0.0
-        d, seen, inside, rate = 0.0, 0.0, 0.0, 0.0
+        d, crept, inside, rate = 0.0, 0.0, 0.0, 0.0
         for k in range(N):
             gap = at - GAUSS_X[k]
             share = BARYCENTRIC[k] / (gap if gap != 0.0 else 1e-30)
             below += share
             d += share * memory.depth[k]
-            seen += share * memory.seen[k]
+            crept += share * memory.dashpot_depth[k]
             inside += share * memory.inside[k]
             rate += share * memory.rate[k]
-        d, seen, inside, rate = d / below, seen / below, inside / below, rate / below
+        d, crept, inside, rate = d / below, crept / below, inside / below, rate / below
         back = 0.5 * math.pi * (1.0 - at)
         kept = math.exp((turn - half * math.sin(back) - nodes.theta[LATE + j - N]) / time)
-        off = (1.0 - kappa) * d + kappa * (memory.seen[j] - (seen - d) * kept) - memory.depth[j]
+        off = (1.0 - kappa) * d + kappa * (memory.dashpot_depth[j] - (crept - d) * kept) - memory.depth[j]
         wide = half * 0.5 * math.pi * math.cos(back)
         move = -off / (rate * (1.0 - kappa + kappa * kept) * wide)
         move = min(max(move, -LONGEST_SEARCH_STEP * at), LONGEST_SEARCH_STEP * (1.0 - at))
         memory.place[j] = at + move
         move *= wide
-        memory.early_depth[j], memory.early_seen[j] = d + move * rate, seen + move * (d - seen) / time
+        memory.early_depth[j], memory.early_dashpot_depth[j] = d + move * rate, crept + move * (d - crept) / time
         memory.early_inside[j] = inside + move * (2.0 / 3.0 * max(d, 0.0) ** 1.5 - inside) / time
         memory.kept[j] = kept * (1.0 + move / time)
 
@@ -219,7 +220,7 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) ->
     """Move the nodes to where the contact begins, turns and ends now, and the response w [m] with them.
 
     It begins where the depth amplitude cos + w - e is 0, turns where that is largest, and ends where the depth is that
-    of the dent, RELAXING times the depth that the arm has seen: one step of Newton's method each.
+    of the dent, RELAXING times the depth that the dashpot has crept to: one step of Newton's method each.
     """
     nodes, memory, state = workspace
     amplitude, centre = state.amplitude, state.centre
@@ -230,8 +231,8 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) ->
     entry = theta[ENTRY] - depth_at_node(nodes, amplitude, centre, ENTRY) / rate_at_node(nodes, amplitude, ENTRY)
     rise, fall = rate_at_node(nodes, amplitude, i), rate_at_node(nodes, amplitude, j)
     turn = theta[i] + rise * (theta[j] - theta[i]) / (rise - fall)
-    d, seen = depth_at_node(nodes, amplitude, centre, EXIT), memory.seen[END_NODE]
-    exit_ = theta[EXIT] - (d - kappa * seen) / (rate_at_node(nodes, amplitude, EXIT) - kappa * (d - seen) / time)
+    d, crept = depth_at_node(nodes, amplitude, centre, EXIT), memory.dashpot_depth[END_NODE]
+    exit_ = theta[EXIT] - (d - kappa * crept) / (rate_at_node(nodes, amplitude, EXIT) - kappa * (d - crept) / time)
     lay_relaxing(nodes, entry, turn, exit_)
     for j in range(len(theta)):
         nodes.w[j] += nodes.u[j] * (theta[j] - before[j])
@@ -240,7 +241,8 @@ def relay_relaxing(p: np.ndarray, lever: np.ndarray, workspace: TapWorkspace) ->
 @kernel
 def dent_of(p: np.ndarray, lever: np.ndarray, memory: ContactMemory) -> tuple[float, float]:
     """Dent [m] under the tip where the contact ends, and the rate over the angle at which it comes back."""
-    return p[col.RELAXING] * memory.seen[END_NODE], (1.0 - p[col.RELAXING]) / (lever[OMEGA] * p[col.RELAXATION])
+    kappa, crept = p[col.RELAXING], memory.dashpot_depth[END_NODE]
+    return kappa * crept, (1.0 - kappa) / (lever[OMEGA] * p[col.RELAXATION])
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -269,8 +271,8 @@ def relaxing_force(oscillator: Oscillator, workspace: TapWorkspace) -> NodeSums:
     for j in range(N, 2 * N):
         q2 = max(memory.early_depth[j], 0.0)
         q, third = math.sqrt(q2), q2 / 3.0
-        y = q * (memory.seen[j] - third) - memory.kept[j] * (
-            q * (memory.early_seen[j] - third) - memory.early_inside[j]
+        y = q * (memory.dashpot_depth[j] - third) - memory.kept[j] * (
+            q * (memory.early_dashpot_depth[j] - third) - memory.early_inside[j]
         )
         nodes.g[LATE + j - N] = stiff * (q * (memory.depth[j] - third) - kappa * y) + pull
         sums = _node_sums_with(sums, nodes, LATE + j - N, GAUSS_WEIGHTS[j - N], amplitude)

@@ -104,8 +104,8 @@ def start_relaxing(oscillator: Oscillator, workspace: TapWorkspace) -> bool:
     for _ in range(MOST_ENDS):
         lay_relaxing(f, -edge, 0.0, exit_)
         follow_contact(p, lever, workspace)
-        d, seen = m.depth[END_NODE], m.seen[END_NODE]
-        move = (d - kappa * seen) / (amplitude * f.sin[EXIT] + kappa * (d - seen) / time)
+        d, crept = m.depth[END_NODE], m.dashpot_depth[END_NODE]
+        move = (d - kappa * crept) / (amplitude * f.sin[EXIT] + kappa * (d - crept) / time)
         exit_ = min(max(exit_ + move, LEAST_LATE_SHARE * exit_), edge)
         if abs(move) < END_TOLERANCE * edge:
             break
@@ -146,7 +146,7 @@ def relaxation_quadrature_error(p: np.ndarray, nodes: Nodes, memory: ContactMemo
     """
     even, odd, size = 0.0, 0.0, 0.0
     for j in range(N):
-        behind = memory.depth[j] - memory.seen[j]
+        behind = memory.depth[j] - memory.dashpot_depth[j]
         even += HIGHEST[0, j] * behind
         odd += HIGHEST[1, j] * behind
         size += GAUSS_WEIGHTS[j] * nodes.weight[TOUCH + j] * abs(nodes.g[TOUCH + j])

@@ -25,8 +25,14 @@ if TYPE_CHECKING:
 
 Row = Any  # parameters of a material: a tuple where formulas are typed for an array, for all they do is index it
 OFF_SURFACE = 0  # what a contact does: nothing; each kind has more
-NO_EVENT = 0  # what happens at the end of a step
-FIRST_TOUCH = 1  # the tip comes to the surface; each kind has more
+# What happens at the end of a step.
+NO_EVENT = 0
+FIRST_TOUCH = 1  # the tip comes to the surface
+LAST_TOUCH = 2  # and is off it
+NECK_CLOSES = 3  # d = 0 on the way in
+NECK_BREAKS = 4
+CONTACT_TURN = 5  # the edge of a contact that relaxes stands still
+OLD_TURN = 6  # it passes where an earlier contact turned
 PLACE_OF_X = 2 * col.MOST_ARMS  # in `Moved`
 PERIOD_ENDS = -1  # in contact, where time is no variable of a step
 TURNED = -2  # the tip is deepest
@@ -36,9 +42,9 @@ TURNED = -2  # the tip is deepest
 class Moved:
     """What a step moves, and integrals over it; or the slopes of all that by s."""
 
-    # of a contact that relaxes, of each arm but the first, the last one first: `seen` and `inside`
+    # of a contact that relaxes, of each arm but the first, the last one first: `dashpot_depth` and `inside`
     arms: np.ndarray = column(2 * col.MOST_ARMS - 2)
-    seen: float  # depth of the tip as the dashpots see it [m]
+    dashpot_depth: float  # to which the dashpots have crept [m]
     inside: float  # integral of what elements remember over the contact [m^(3/2)]
     x: float  # depth [m], in contact the root of that above where x = 0 [m^(1/2)]
     v: float  # z' [m]

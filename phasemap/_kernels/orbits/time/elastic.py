@@ -18,6 +18,9 @@ from phasemap._kernels.law import Law, Oscillator, contact_force, damping, withd
 from phasemap._kernels.neck import loop_energy
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
+    LAST_TOUCH,
+    NECK_BREAKS,
+    NECK_CLOSES,
     NO_EVENT,
     OFF_SURFACE,
     PLACE_OF_X,
@@ -64,13 +67,8 @@ from phasemap._kernels.records import record
 # What the contact does, beside OFF_SURFACE.
 CONTACT_MADE = 1
 NECK_DRAWN = 2
-# What happens at the end of a step, beside FIRST_TOUCH.
-LAST_TOUCH = 2  # d = 0 on the way out
-NECK_CLOSES = 3  # d = 0 on the way in
-NECK_BREAKS = 4
-CLOSED = (
-    1e-9  # of the gap at which a neck breaks: the least in one of liquid, for at 0 its law has the slope in contact
-)
+# Of the gap at which a neck of liquid breaks, for at a gap of 0 its law has the slope in contact.
+LEAST_GAP_IN_NECK = 1e-9
 
 
 @record
@@ -154,7 +152,7 @@ def _step_length(contact: Elastic, beam: Beam, step_size: float, motion: Motion)
     rate = contact_rate(contact, beam, now.bottom, u.x)
     rate += pull_in_contact(contact, beam, beam.z0 + now.bottom + u.x * u.x, u) + (CONTACT_WEIGHT * u.v / now.deep) ** 2
     if now.mode == NECK_DRAWN and contact.p[col.FORMING] < 0.0:
-        d = min(now.bottom + u.x * u.x, CLOSED * now.bottom)
+        d = min(now.bottom + u.x * u.x, LEAST_GAP_IN_NECK * now.bottom)
         rate += 4 * u.x * u.x * approach_square(contact, beam, d, u.v, True)
     if neck > 0 and now.mode == CONTACT_MADE:
         rate += (CONTACT_WEIGHT * u.v) ** 2 / (u.x * u.x + neck * neck)  # the root at release, seen from contact
@@ -243,9 +241,7 @@ def march_elastic(oscillator: Oscillator, z0: float, step_size: float, y: np.nda
     """March for a period of the drive over a surface without memory: see `march.march_period`."""
     # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
     law, p, lever = oscillator
-    row: Row = (
-        p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
-    )  # fmt: skip
+    row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
     motion, modes, compliance = Motion(), Modes(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)
     beam, u = beam_over(lever, z0, modes), motion.here.at

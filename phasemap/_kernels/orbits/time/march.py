@@ -83,9 +83,7 @@ def address_of_relaxing() -> int:
     from phasemap._kernels.compilation.by_address import compiled_kernel
 
     def march(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9, p, lever, z0, step_size, y, size, acc):  # type: ignore[no-untyped-def]
-        row = (
-            p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
-        )  # fmt: skip
+        row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
         law = Law(f0, f1, f2, f3, f4, f5, f6, f7, f8, f9)
         return march_relaxing(Oscillator(law, row, carray(lever, LEVER_SIZE)), z0, step_size, carray(y, (size,)), acc)
 

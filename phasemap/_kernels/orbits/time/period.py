@@ -96,10 +96,11 @@ def stop_at_turn(motion: Motion, h: float) -> None:
 
 
 @kernel(inline=True)
-def _past(here: Here, motion: Motion, event: int, point: MotionPoint) -> tuple[float, float]:
+def overshoot_of_event(here: Here, motion: Motion, event: int, point: MotionPoint) -> tuple[float, float]:
     """Distance of x past the edge of an event at a point of the step, or time past the period's end; and its slope.
 
-    All slopes are found where a contact makes that of x other than v.
+    In contact dt = 2 x ds, so time past the end has slope 2 x. All slopes are found where a contact makes that of x
+    other than v.
     """
     if event == PERIOD_ENDS:
         return point.at.passed - motion.left, 2 * point.at.x
@@ -123,12 +124,12 @@ def end_step_at_event(here: Here, motion: Motion, event: int) -> None:
     The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
     """
     end, low, high, whole = motion.end, 0.0, motion.h, motion.h
-    past, slope = _past(here, motion, event, end)
-    before, first = _past(here, motion, event, motion.here)
+    past, slope = overshoot_of_event(here, motion, event, end)
+    before, first = overshoot_of_event(here, motion, event, motion.here)
     beyond, h = past > 0, time_of_crossing(before, first, past, slope, whole)
     for _ in range(MOST_EVENT_STEPS):
         take_step(here, motion, h, end)
-        past, slope = _past(here, motion, event, end)
+        past, slope = overshoot_of_event(here, motion, event, end)
         more = -past / slope
         if abs(more) <= LAST_NEWTON_STEP * whole:
             find_slopes(here, motion, end)
@@ -147,11 +148,11 @@ def stop_at_touch(here: Here, motion: Motion) -> None:
     u, end = motion.here.at, motion.end.at
     if u.v > 0 > end.v:  # grazing: the tip may touch there, and be off again at the end
         h, top = try_turn(here, motion)
-        if _past(here, motion, FIRST_TOUCH, motion.trial)[0] > 0:
+        if overshoot_of_event(here, motion, FIRST_TOUCH, motion.trial)[0] > 0:
             stop_at_turn(motion, h)
         else:
             motion.sums.deepest = max(motion.sums.deepest, top)
-    if _past(here, motion, FIRST_TOUCH, motion.end)[0] > 0:
+    if overshoot_of_event(here, motion, FIRST_TOUCH, motion.end)[0] > 0:
         end_step_at_event(here, motion, FIRST_TOUCH)
 
 
@@ -188,7 +189,7 @@ def _move_on(here: Here, motion: Motion) -> None:
     motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
     motion.time += end.passed
     motion.left -= end.passed
-    u.x, u.v, u.seen, u.inside = end.x, end.v, end.seen, end.inside
+    u.x, u.v, u.dashpot_depth, u.inside = end.x, end.v, end.dashpot_depth, end.inside
     for j in range(first_moved(here.contact, True), PLACE_OF_X - 2):
         u.arms[j] = end.arms[j]
     for j in range(2 * beam.modes.count - 2):

@@ -125,7 +125,7 @@ def dent_at(contact: Relaxing, t: float) -> tuple[float, float]:
 @kernel(inline=True)
 def filtered_depth(u: Moved, a: int) -> float:
     """Depth D [m] that an arm sees, low-passed by its relaxation time."""
-    return u.seen if a == 0 else u.arms[2 * (col.MOST_ARMS - 1 - a)]
+    return u.dashpot_depth if a == 0 else u.arms[2 * (col.MOST_ARMS - 1 - a)]
 
 
 @kernel
@@ -174,7 +174,7 @@ def dent_at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) ->
     xi, arms, w, slope, rise = q * q, contact.arms, 0.0, 0.0, 0.0
     if contact.now.mode == on.SHRINKING:
         on.fill_creep_inside(contact.m, xi, t, arms)
-        arms.y[0] = u.seen - xi - arms.value[0]
+        arms.y[0] = u.dashpot_depth - xi - arms.value[0]
         if many:
             for a in range(1, arms.count):
                 arms.y[a] = filtered_depth(u, a) - xi - arms.value[a]
@@ -242,7 +242,7 @@ def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y:
         return push.taken
     if contact.t0 == 0:
         arms, whole, w, edge = contact.arms, push.whole, push.w, push.weight * push.speed
-        k.seen = w * (push.depth - y.seen) * arms.rate[0]
+        k.dashpot_depth = w * (push.depth - y.dashpot_depth) * arms.rate[0]
         k.inside = w * (whole - y.inside) * arms.rate[0] + arms.y[0] * edge
         if many:
             for i in range(1, arms.count):
@@ -250,7 +250,7 @@ def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y:
                 k.arms[j] = w * (push.depth - y.arms[j]) * arms.rate[i]
                 k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * edge
         return push.taken
-    k.seen = k.inside = 0.0
+    k.dashpot_depth = k.inside = 0.0
     if contact.now.mode == on.SHRINKING:
         k.x += contact.t0 * a
     return contact.stiff * (contact.t0 * push.w * y.x * y.v * y.v - 0.5 * push.y * push.y * k.x)
@@ -325,6 +325,6 @@ def lay_between(contact: Relaxing, motion: Motion) -> None:
         c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
         e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
         e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
-        seen = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
-        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = seen - q * q, -1.0, -rate / v
+        dashpot_depth = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
+        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = dashpot_depth - q * q, -1.0, -rate / v
     on.lay_node(contact.m, False, q * q, motion.time + time, on.OPEN_PEAK, arms)

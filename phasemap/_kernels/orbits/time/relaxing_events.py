@@ -17,9 +17,13 @@ from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time import surface_memory as on
 from phasemap._kernels.orbits.time.arms import Arms, fill_arms, fill_kelvin, multiply_by, recovery_of
 from phasemap._kernels.orbits.time.contact import (
+    CONTACT_TURN,
     FIRST_TOUCH,
+    LAST_TOUCH,
+    NECK_BREAKS,
     NO_EVENT,
     OFF_SURFACE,
+    OLD_TURN,
     PLACE_OF_X,
     Beam,
     Here,
@@ -67,12 +71,6 @@ NEAR_TURN = 1e-5  # of a step: how far from the turn of the contact
 NEAR_KINK = 1e-12  # the same where the speed of the edge has a step
 JUST_PAST = 1e-9  # of q
 SHORTEST_SHARE = 1e-4  # of a step's length: the least that is taken
-
-# What happens at the end of a step, beside FIRST_TOUCH.
-LAST_TOUCH = 2
-CONTACT_TURN = 3
-OLD_TURN = 4  # the edge passes where an earlier contact turned
-NECK_BREAKS = 5
 
 
 @kernel
@@ -204,7 +202,7 @@ def note_expected_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Mo
 @kernel
 def rest_dashpots(contact: Relaxing, u: Moved, depth: float) -> None:
     """Put the dashpots of all arms at rest at the depth [m] at which a contact begins: creep counts from there."""
-    u.seen, u.inside = depth, 0.0
+    u.dashpot_depth, u.inside = depth, 0.0
     for j in range(first_moved(contact, True), PLACE_OF_X - 2, 2):
         u.arms[j], u.arms[j + 1] = depth, 0.0
 
@@ -297,7 +295,7 @@ def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motio
     """
     m, u, now, arms, d = contact.m, motion.here.at, contact.now, contact.arms, motion.here.at.x
     if now.mode != OFF_SURFACE:
-        u.x, u.seen, u.inside = m[on.CONTACT_EDGE], m[on.DASHPOT_DEPTH], m[on.INNER_SUM]
+        u.x, u.dashpot_depth, u.inside = m[on.CONTACT_EDGE], m[on.DASHPOT_DEPTH], m[on.INNER_SUM]
         for a in range(1, arms.count):
             j = 2 * (MOST_ARMS - 1 - a)
             u.arms[j], u.arms[j + 1] = m[on.DASHPOT_DEPTH + a], m[on.INNER_SUM + a]

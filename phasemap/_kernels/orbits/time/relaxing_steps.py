@@ -51,7 +51,8 @@ STRAY_SHARE = 0.3  # of a step: how far it may be off a line's
 MOST_NODES_PASSED = 5  # of a dent, in a step
 PAST_TURN = 3e-3  # of q: how far past an old turn an edge has to come to stop there
 PAST_KINK = 1e-6  # the same of a Kelvin-Voigt contact
-IN_NECK = 1e-9  # of the free amplitude: the least gap in a neck, for at none the law's slope is that in contact
+# Of the free amplitude, for at a gap of 0 the law of a neck has the slope in contact.
+LEAST_GAP_IN_NECK = 1e-9
 DENT_FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 
@@ -161,7 +162,7 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
         contact.now.dented = 0
     if dent == 0.0 and not held and flies_freely(contact, beam):
         return math.inf
-    gap = min(u.x - dent, -IN_NECK * contact.pace.free) if held else u.x - dent
+    gap = min(u.x - dent, -LEAST_GAP_IN_NECK * contact.pace.free) if held else u.x - dent
     density = math.sqrt(beam.rate + approach_square(contact, beam, gap, u.v, held))
     if dent > 0:
         share = dented_share(law, p, held, gap, dent)

@@ -123,9 +123,7 @@ def cosine_and_sine(angle: float) -> tuple[float, float]:
 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _fill_slopes(
-    here: Here, start: StepStart, off: bool, many: bool, y: Moved, k: Moved, integrals: bool
-) -> None:  # fmt: skip
+def _fill_slopes(here: Here, start: StepStart, off: bool, many: bool, y: Moved, k: Moved, integrals: bool) -> None:
     """Fill in the slopes of the numbers moved, `many` of several modes or arms, and of the integrals if wanted."""
     beam, modes, v = here.beam, here.beam.modes, y.v
     c, s = cosine_and_sine(beam.omega * y.passed)

@@ -1,4 +1,4 @@
-"""The cheap path to an exact orbit: averaged decision, then the lever's response, each handed on where it is in doubt.
+"""Exact orbits without collocation: by averaging, then by the lever's response, each handed on where it is in doubt.
 
 Where averaging leaves the side open, the maximum of the mismatch is sought again with the lever's response in it
 (`end_of_attractive_branch`), and what that leaves open is for the curve of exact orbits.
@@ -13,7 +13,12 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import GOOD, KNOWN, NOT_CONVERGED, PENDING, ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import SURE, UNDECIDED, fill_setpoint_orbit_on_side, worst_amplitude
+from phasemap._kernels.engagement.branch_by_averaging import (
+    SURE,
+    UNDECIDED,
+    fill_setpoint_orbit_on_side,
+    worst_amplitude,
+)
 from phasemap._kernels.engagement.end_of_attractive_branch import (
     decide_by_refined_maximum,
     decide_exactly,
@@ -31,13 +36,16 @@ from phasemap._kernels.orbits.response.state import PassState, fill_row_from_pas
 
 
 @kernel(shared=True)
-def cheap_orbit(
+def orbit_without_collocation(
     oscillator: Oscillator, amplitude: float, surety: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> int:  # fmt: skip
-    """Exact orbit in workspace.state: GOOD; KNOWN where only `harmonic` is sure; PENDING where the side is in doubt.
+    """Solve by averaging and the lever's response; returns how far that led.
 
-    NOT_CONVERGED where only time tells.
+    * GOOD: the exact orbit is in `workspace.state`
+    * KNOWN: only the averaged one in `harmonic` is sure
+    * PENDING: the side of the resonance is in doubt
+    * NOT_CONVERGED: only time tells
     """
     lever = oscillator.lever
     if surety == SURE:

@@ -15,11 +15,11 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averaged import DOUBTFUL, LEAP, SURE, engage_by_averaging
+from phasemap._kernels.engagement.branch_by_averaging import DOUBTFUL, LEAP, SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import CurveWorkspace, detected_amplitude_wanted, exact_orbit
 from phasemap._kernels.engagement.other_branch import averaged_orbit_on_branch
-from phasemap._kernels.engagement.response import cheap_orbit
 from phasemap._kernels.engagement.side_from_far import forces_are_plain
+from phasemap._kernels.engagement.without_collocation import orbit_without_collocation
 from phasemap._kernels.excitation import (
     LEAST_SLOPE,
     detected_amplitude_rate,
@@ -71,7 +71,7 @@ class DetectedWorkspace(NamedTuple):
 @kernel
 def orbit_at_tip_amplitude(
     oscillator: Oscillator, amplitude: float, side: int, averaged: bool, workspace: DetectedWorkspace
-) -> tuple[int, float]:  # fmt: skip
+) -> tuple[int, float]:
     """Orbit of amplitude A [m] on a side of the resonance: GOOD by passes, KNOWN if averaged, or PENDING; its phase.
 
     On the side that engagement reaches where `side` is 0. With `averaged` passes are not tried where averaging is sure.
@@ -87,7 +87,8 @@ def orbit_at_tip_amplitude(
         if averaged and surety == SURE:
             done = col.KNOWN
         else:
-            done = cheap_orbit(oscillator, amplitude, surety, workspace.limits, harmonic, workspace.response)
+            limits, passes = workspace.limits, workspace.response
+            done = orbit_without_collocation(oscillator, amplitude, surety, limits, harmonic, passes)
     if done == col.GOOD:
         return col.GOOD, workspace.response.state.phase
     if done == col.KNOWN:
