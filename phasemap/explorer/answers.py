@@ -1,4 +1,4 @@
-"""What the page asks: the image, the curves, and the map of the contrast, each at one setting.
+"""Answers to the page: the image, the curves, and the map of the contrast, each at one setting.
 
 A drag needs one orbit for each material; whole images, curves and contrasts come from the public functions
 `phasemap.simulate`, `sweep_distance` and `contrast`.
@@ -94,7 +94,7 @@ def picture(setting: Setting) -> Picture:
 
 
 def lever_in_water(lever: Cantilever) -> str:
-    """What became of a lever that the sliders describe in air."""
+    """Say what became of a lever that the sliders describe in air."""
     modes = (
         f"{say(one.frequency_ratio * lever.resonance_frequency, 'Hz', 3)} (Q {one.quality_factor:.2g})"
         for one in lever.eigenmodes
@@ -103,7 +103,7 @@ def lever_in_water(lever: Cantilever) -> str:
 
 
 def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
-    """What engaging from far finds on each material, as an image of one pixel of each would have it."""
+    """Find what engaging from far finds on each material, as an image of one pixel of each would have it."""
     scope = setting.scope
     materials, viscous = rows_of(setting.materials.values())
     work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)
@@ -204,7 +204,7 @@ def _picture(
 def matched(
     setting: Setting, step: int, height: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> dict[str, dict[str, Any]]:
-    """What brings the measured image, whose zeros are arbitrary, to every `step`-th pixel of the simulated one.
+    """Shifts that bring the measured image, whose zeros are arbitrary, to every `step`-th pixel of the simulated one.
 
     Where something was measured, under "measured" the shifts of height [nm] and phase [degree], the mean distance of
     the medians of the regions, weighted by their areas; and the contrast of both in a sentence.
@@ -233,7 +233,7 @@ def matched(
 
 
 def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:
-    """What one material does."""
+    """Say what one material does."""
     values = {key: ds[key].values.tolist()[material] for key in VARIABLES}
     words = {}
     for key in ("branch", "motion", "solver"):
@@ -255,7 +255,7 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable:
 
 
 def _second_shown(motion: Motion) -> str:
-    """What a driven second mode shows, in words."""
+    """Say what a driven second mode shows."""
     second = motion.scope.drive.second
     if second is None or not math.isfinite(float(motion.orbit["mean_gradient"])):
         return ""

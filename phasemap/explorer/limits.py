@@ -1,4 +1,4 @@
-"""How much work the page does for one answer, and what it says where that is not enough.
+"""Limits of the work that the page does for one answer, and what it says where that is not enough.
 
 The solvers are exact at any cost; a page must answer. So each answer has a time, in which compiling does not count, and
 each material the periods that it may be integrated.
@@ -23,7 +23,7 @@ FULL = 0.1  # drive over resonance above which a material has all its periods; b
 
 
 class Limit(NamedTuple):
-    """How long an answer may take."""
+    """Time that an answer may take."""
 
     seconds: float
     what: str  # it answers
@@ -67,7 +67,7 @@ class Compiling:
 
     @property
     def spent(self) -> float:
-        """How long this thread compiled."""
+        """Time that this thread compiled."""
         return float(getattr(self._spent, "seconds", 0.0))
 
 
@@ -75,7 +75,7 @@ compiling = Compiling()
 
 
 def limiter(name: str, scope: Microscope) -> Callable[[], None]:
-    """What raises `TooLong` once the time of the answer that begins now, by its name in the page, is over."""
+    """Function that raises `TooLong` once the time of the answer that begins now, by its name in the page, is over."""
     limit = LIMITS.get(name, WHOLE)
 
     def clock() -> float:

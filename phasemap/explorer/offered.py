@@ -1,4 +1,4 @@
-"""What can be explored: what the page was started with, the samples of phasemap, and files that are opened."""
+"""Subjects of the explorer: what the page was started with, the samples of phasemap, and files that are opened."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Offered:
         return self._found(self.first if name is None else name)[0]
 
     def describe(self, name: object) -> dict[str, Any]:
-        """What the page needs to know of a subject: materials, what each slider begins with, and how it is scanned."""
+        """Describe a subject to the page: materials, what each slider begins with, and how it is scanned."""
         subject, note = self._found(name)
         simplified = ["with sharp edges"] * subject.blurred
         simplified += ["with uniform materials"] * (subject.variation is not None)
@@ -91,7 +91,7 @@ class Offered:
 
 
 def first_of(explored: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Opened:
-    """What the explorer is started with: the name of a sample, or the file of a scene or of a microscope."""
+    """Find what the explorer is started with: the name of a sample, or the file of a scene or of a microscope."""
     path, overrides = Path(explored), list(overrides)
     if not path.suffix and not path.exists():
         check_choice("what is explored", str(explored), SAMPLES)

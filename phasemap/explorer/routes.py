@@ -1,4 +1,4 @@
-"""What the page can ask the server for, and how it is sent."""
+"""Requests of the page to the server, and how they are sent."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Answer = tuple[str, bytes]
 
 
 def start(offered: Offered) -> Answer:
-    """What the page begins with: the samples, the presets, and colours."""
+    """Beginning of the page: the samples, the presets, and colours."""
     import matplotlib
 
     colours = {
@@ -33,7 +33,7 @@ def start(offered: Offered) -> Answer:
 
 
 def sample(offered: Offered, name: object) -> Answer:
-    """What the page needs to know of a sample, the measured height [nm] and phase [degree] if any, and the labels."""
+    """Description of a sample for the page, the measured height [nm] and phase [degree] if any, and the labels."""
     subject = offered[name]
     labels = np.ascontiguousarray(subject.sample.labels[:: subject.step, :: subject.step].astype(np.uint8))
     pixel = [subject.step * side for side in subject.pixel_size]
@@ -50,7 +50,7 @@ def open_file(offered: Offered, name: str, content: bytes) -> Answer:
 
 
 def answers() -> dict[str, Callable[[Setting], Answer]]:
-    """What can be asked with a setting; those that a slider waits for are in `limits.LIMITS`."""
+    """Questions that can be asked with a setting; those that a slider waits for are in `limits.LIMITS`."""
     from phasemap.explorer import answers
     from phasemap.explorer.saving import SAVED
 

@@ -1,4 +1,4 @@
-"""What the buttons give: the scene, the image, a picture of it, and the Python that makes them."""
+"""Files that the buttons give: the scene, the image, a picture of it, and the Python that makes them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEADING = ["Saved from phasemap explore.", "Every length is in m, every other qu
 
 
 class File(NamedTuple):
-    """What the browser downloads."""
+    """File that the browser downloads."""
 
     # name, kind: of the file, and its media type
     name: str
@@ -81,7 +81,7 @@ SAVED: dict[str, Callable[[Setting], File]] = {
     "picture": picture_file,
     "python": lambda setting: File(f"{_name(setting)}.py", "text/x-python", python_of(setting).encode()),
 }
-"""What can be saved, by the name of its button."""
+"""Makers of files, by the name of the button."""
 
 
 def python_of(setting: Setting) -> str:
@@ -106,7 +106,7 @@ def python_of(setting: Setting) -> str:
 
 
 def _python_of_surface(setting: Setting) -> str:
-    """The same for a surface and a microscope, which only the user's own Python knows."""
+    """Python that makes the image of a surface and a microscope, which only the user's own Python knows."""
     scope = setting.scope
     materials = [f"    {i}: pm.{one!r},  # {name!r}" for i, (name, one) in enumerate(setting.materials.items())]
     parts = []
@@ -178,7 +178,7 @@ def _maps(setting: Setting) -> xr.Dataset:
 
 
 def _name(setting: Setting) -> str:
-    """Of the files, without a suffix."""
+    """Name of the files, without a suffix."""
     return f"{setting.subject.name}_explored"
 
 

@@ -99,12 +99,12 @@ class Server(ThreadingHTTPServer):
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """What the header Host may say."""
+        """Values that the header Host may have."""
         return f"{HOST}:{self.server_port}", f"localhost:{self.server_port}"
 
 
 class Count:
-    """How many answers are being made; the event `none` is set while there are none."""
+    """Number of answers that are being made; the event `none` is set while there are none."""
 
     def __init__(self) -> None:
         self._many, self._lock = 0, threading.Lock()
@@ -176,7 +176,7 @@ class _Handler(BaseHTTPRequestHandler):
             return make(setting)
 
     def _sent(self, largest: int) -> bytes | None:
-        """What was sent with a request; None if it is too much, which is said."""
+        """Read what was sent with a request; None if it is too much, which is said."""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or len(length) > len(str(largest)) or int(length) > largest:
             self._refuse(413, f"A message has a Content-Length of at most {largest} bytes.")
@@ -184,7 +184,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.rfile.read(int(length))
 
     def _asked(self) -> str | None:
-        """What is asked for; None if it is refused."""
+        """Read what is asked for; None if it is refused."""
         token, _, name = self.path.partition("?")[0].removeprefix("/").partition("/")
         if not self.server.prefix and self.headers.get("Host", "") not in self.server.hosts:
             self._refuse(403, "This address is not served under that name.")
@@ -213,7 +213,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(200, kind, content)
 
     def _stopper(self, name: str, setting: Setting) -> Callable[[], None]:
-        """What stops an answer that nobody waits for or that takes too long, and holds up one that no slider wants."""
+        """Function that stops an answer nobody waits for or that takes too long, and holds up one no slider wants."""
         in_time, waits = limiter(name, setting.scope), LIMITS.get(name) is not MOVING
 
         def check() -> None:
@@ -257,7 +257,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.close_connection = True
 
     def version_string(self) -> str:
-        """What the header Server says."""
+        """Value of the header Server."""
         return "phasemap"
 
     def log_message(self, format: str, *args: Any) -> None:

@@ -65,7 +65,7 @@ def starred(key: str) -> str:
 
 
 def values_of(subject: Subject) -> dict[str, Any]:
-    """What a subject has in each slider and choice; a law of the user's own by its name."""
+    """Values that a subject has in each slider and choice; a law of the user's own by its name."""
     scope, control = subject.scope, describe(subject.options.get("control") or Engage())
     parts = {part: getattr(scope, part) for part in PARTS} | {"scan": subject.options, "control": control}
     parts |= {"realism": subject.realism, "detector": Detector(scope.detector)}
@@ -89,7 +89,7 @@ def values_of(subject: Subject) -> dict[str, Any]:
 
 @cache
 def _declared() -> list[dict[str, Any]]:
-    """What the page's file declares."""
+    """Read what the page's file declares."""
     declared: list[dict[str, Any]] = json.loads(files("phasemap.explorer").joinpath("page", "knobs.json").read_bytes())
     return declared
 
@@ -181,7 +181,7 @@ class Setting:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What `phasemap.simulate` takes for the whole image."""
+        """Arguments that `phasemap.simulate` takes for the whole image."""
         solver = "orbit" if self.exact and not self.only_in_time else self.subject.options["solver"]
         changed = {"control", "realism"} & set(self.changes or {})
         more = {name: getattr(self, name) for name in changed}

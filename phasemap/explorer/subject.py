@@ -1,4 +1,4 @@
-"""What is explored: a sample of a few materials, the microscope that looks at it, and where both came from."""
+"""Subject of the page: a sample of a few materials, the microscope that looks at it, and where both came from."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ class Subject:
 
     @property
     def realism(self) -> Realism:
-        """What the microscope adds to the image."""
+        """Imperfections that the microscope adds to the image."""
         return self.options.get("realism") or Realism()
 
     @property
     def variation(self) -> Variation | None:
-        """How much the materials vary within their domains, which they do not in the page while a slider moves."""
+        """Variation of the materials within their domains, which they have not in the page while a slider moves."""
         return None if self.scene is None else variation_of(self.scene.config["surface"])
 
     @property

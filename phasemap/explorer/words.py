@@ -1,4 +1,4 @@
-"""What a setting shows, in words: which regime each material is in, and why the contrast has the sign that it has.
+"""Sentences on what a setting shows: which regime each material is in, and why the contrast has the sign that it has.
 
 The setpoint fixes the amplitude, and with it what air takes. So |phase| follows from the energy lost in contact alone
 (theory, Eq. (energy-2)), and only the sign of the phase tells what the conservative force does: the contrast of two
@@ -19,7 +19,7 @@ DEGREES = "°"
 
 
 class Convention(NamedTuple):
-    """How the phase is counted: the two sides, their border, how far from it, and sine and cosine of the phase."""
+    """Convention of the phase: the two sides, their border, how far from it, and sine and cosine of the phase."""
 
     name: str
     positive: str
@@ -149,7 +149,7 @@ def _of_two_signs(first: Found, second: Found, counted: Convention) -> list[str]
 
 
 def _alone(one: Found, counted: Convention) -> str:
-    """What fixes the phase of a single material."""
+    """Say what fixes the phase of a single material."""
     phase = one.phase if counted is PHASE else 90 - one.phase
     return (
         f"{one.name} has the {counted.name} {phase:.3g}{DEGREES}: {counted.cosine} is the energy lost, "
@@ -159,14 +159,14 @@ def _alone(one: Found, counted: Convention) -> str:
 
 
 def _compared(first: Found, second: Found, counted: Convention) -> str:
-    """How the second material looks beside the first."""
+    """Say how the second material looks beside the first."""
     contrast = counted.sign * (second.phase - first.phase)
     word = "brighter" if contrast > 0 else "darker"
     return f"{second.name} is {abs(contrast):.3g}{DEGREES} {word} than {first.name}"
 
 
 def _warnings(one: Found) -> list[str]:
-    """What to know of a material besides."""
+    """Say what to know of a material besides."""
     said = []
     if one.bistable:
         other = "repulsive" if one.regime == "attractive" else "attractive"

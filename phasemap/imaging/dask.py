@@ -163,7 +163,7 @@ def _fill(place: Place, lines: slice, job: Job, stretches: list[Stretch], state:
 
 
 def _notes(job: Job, filled: Filling) -> dict[str, Any]:
-    """What a control finds out, as variables that are not known before they are computed."""
+    """Findings of a control, as variables that are not known before they are computed."""
     import dask.array as da
     from dask.delayed import delayed
 
@@ -222,7 +222,7 @@ class Maps(NamedTuple):
 
     @classmethod
     def of(cls, surface: Surface) -> Maps:
-        """Those of a surface."""
+        """Make the maps of a surface."""
         values = [getattr(surface, name) for name in QUANTITIES]
         rows, columns = chunks_of(next(value for value in values if is_lazy(value)))
         chunks = tuple(filter(None, rows)), tuple(filter(None, columns))  # a block may be empty
@@ -243,7 +243,7 @@ class Maps(NamedTuple):
             top += height
 
     def after(self, task: Any) -> Maps:
-        """The same maps, but no block is computed before a task is done, even if it was before."""
+        """Maps of the same values, but no block is computed before a task is done, even if it was before."""
         import dask.array as da
         from dask.highlevelgraph import HighLevelGraph
 
@@ -257,7 +257,7 @@ class Maps(NamedTuple):
         return self._replace(values=[later(value) if is_lazy(value) else value for value in self.values])
 
     def lines(self) -> int:
-        """How many lines are filled together: as many as divide a block evenly, for Zarr wants chunks of one size."""
+        """Number of lines that are filled together: they divide a block evenly, for Zarr wants chunks of one size."""
         height, most = self.chunks[0][0], LINES // sum(self.chunks[1])
         return max((lines for lines in range(1, min(most, height) + 1) if height % lines == 0), default=1)
 

@@ -1,4 +1,4 @@
-"""How values turn into colours: one colour map for one quantity in every picture, and limits that may be given."""
+"""Colours of values: one colour map for one quantity in every picture, and limits that may be given."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ LEAST = {"phase": 1.0, "amplitude_error": 2e-13}  # ranges shown at least, not t
 
 @dataclass(frozen=True)
 class Colours:
-    """What a picture was asked for: limits and the colour map of a quantity, None where it chooses."""
+    """Limits and the colour map of a quantity that a picture was asked for, None where it chooses."""
 
     vmin: float | None = None
     vmax: float | None = None
@@ -65,7 +65,7 @@ CHOSEN = Colours()
 
 @dataclass(frozen=True)
 class Scale:
-    """How the values of one quantity turn into colours."""
+    """Colour map and limits by which the values of one quantity turn into colours."""
 
     label: str  # of axes and colour bars, with the unit
     # factor, offset: what is shown is the value less the offset, times the factor
@@ -152,7 +152,7 @@ def _in_thousands(largest: float, unit: Unit) -> Unit:
 
 
 def words_of(name: str) -> str:
-    """What a variable is called in a picture."""
+    """Name of a variable in a picture."""
     return WORDS.get(name, name.replace("_", " "))
 
 

@@ -86,7 +86,7 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
 
 
 def _style(direction: int) -> dict[str, Any]:
-    """How the line of a direction is drawn, the first wide and pale below the second."""
+    """Style of the line of a direction, the first wide and pale below the second."""
     return {"color": COLOURS[direction], "linewidth": WIDTHS[direction], "alpha": 0.5 if direction == 0 else 1.0}
 
 

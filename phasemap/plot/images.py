@@ -281,7 +281,7 @@ def _mark(axes: Axes, marked: np.ndarray, size: tuple[float, float]) -> None:
 
 
 def _draw_histogram(axes: Axes, shown: np.ndarray, scale: Scale) -> None:
-    """How often each value occurs, in the colours of the image."""
+    """Draw how often each value occurs, in the colours of the image."""
     counts, edges = np.histogram(shown[np.isfinite(shown)], bins=100, range=(scale.low, scale.high))
     centres = 0.5 * (edges[1:] + edges[:-1])
     edge: dict[str, Any] = {"edgecolor": "0.25", "linewidth": 0.25}

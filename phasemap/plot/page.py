@@ -171,7 +171,7 @@ class Page(Figure):
         return self
 
     def _repr_png_(self) -> bytes:
-        """What a notebook shows."""
+        """Return what a notebook shows."""
         drawn = io.BytesIO()
         self.canvas.print_figure(drawn, format="png", dpi=ON_SCREEN)
         return drawn.getvalue()

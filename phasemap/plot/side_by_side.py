@@ -145,7 +145,7 @@ def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked
 
 
 def _draw_histograms(axes: Axes, ds: xr.Dataset, names: tuple[str, str]) -> None:
-    """How often each phase occurs in either image; a spike that dwarfs the other runs out, and is labelled."""
+    """Draw how often each phase occurs in either image; a spike that dwarfs the other runs out, and is labelled."""
     edges = np.linspace(*_limits(ds), 90)
     shares = []
     for name, called, colour in zip(("measured", "simulated"), names, COLOURS, strict=True):

@@ -43,7 +43,7 @@ class Sweep:
 
     @classmethod
     def of(cls, ds: xr.Dataset) -> Sweep:
-        """That of what `phasemap.sweep_distance` or another sweep returned."""
+        """Make it of what `phasemap.sweep_distance` or another sweep returned."""
         axis = str(ds["status"].dims[1])
         values = ds[axis].values
         unit = readable(float(np.abs(values).max()), ds[axis].attrs["units"])
@@ -278,7 +278,7 @@ FOLD: dict[str, Any] = {
 
 
 def _draw_seen(axes: Axes, sweep: Sweep, name: str, unit: Unit) -> None:
-    """What the sweep saw in either direction, with rings and a band where the motion is irregular."""
+    """Draw what the sweep saw in either direction, with rings and a band where the motion is irregular."""
     values = sweep.ds[name].values / unit.size
     spread = np.broadcast_to(sweep.spread(name) / unit.size, values.shape)
     step = -(-len(sweep.x) // RINGS) if len(sweep.x) > FEW else 1
@@ -298,7 +298,7 @@ def _draw_seen(axes: Axes, sweep: Sweep, name: str, unit: Unit) -> None:
 
 
 def _style(sweep: Sweep, direction: int, hollow: bool) -> dict[str, Any]:
-    """How values are drawn that were seen in one direction: few as markers, many as a line."""
+    """Style of values that were seen in one direction: few as markers, many as a line."""
     size, few = WIDTHS[direction], len(sweep.x) <= FEW
     colour, alpha = COLOURS[direction], 0.45 if direction == 0 else 0.9
     style = {"color": colour, "alpha": alpha, "zorder": 2 + direction, "solid_capstyle": "butt"}
@@ -338,7 +338,7 @@ def _draw_gaps(axes: Axes, sweep: Sweep) -> None:
 
 
 def _notes(sweep: Sweep) -> list[str]:
-    """What is missing, and why."""
+    """Say what is missing, and why."""
     said = [f"○ {line}" for line in describe_irregular(sweep.ds, "points")]
     said += [f"× {line}" for line in describe_failures(sweep.ds, "points")]
     lost = int(np.isnan(sweep.ds["jump_to_amplitude"].values).sum())

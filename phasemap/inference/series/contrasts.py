@@ -131,7 +131,7 @@ def _given(each: Sequence[Any], images: Sequence[xr.Dataset]) -> list[Labels]:
 
 
 def _feature(image: xr.Dataset, way: str) -> Array:
-    """What regions are told apart by."""
+    """Contrasts by which regions are told apart."""
     if way == "phase":
         return np.asarray(on_one_turn(image["phase"].values), np.float64)
     return np.asarray(1e9 * level_height(image["height"].values), np.float64)

@@ -1,4 +1,4 @@
-"""What is unknown of a series, and how likely data are.
+"""Unknowns of a series, and how likely data are.
 
 Where the free amplitude and the setpoint are unknowns beside the materials, thousands of combinations have to be tried.
 A table of averaged orbits is interpolated to find the likely ones; these are then solved for, from where the table says
@@ -115,7 +115,7 @@ class State(NamedTuple):
 
 
 class Explained(NamedTuple):
-    """What n combinations say of the data, with sign, branches and zeros drawn."""
+    """Likelihood of the data by n combinations, with sign, branches and zeros drawn."""
 
     phases: Array  # shape (n, r, m); as recorded, without zeros [degree]
     sign: Array  # shape (n,); 1 or -1
@@ -155,7 +155,7 @@ class Part(NamedTuple):
         return np.degrees(found.reshape(2, count, regions, files))
 
     def everywhere(self, logs: Array, amplitude: float, ratios: Array) -> Array:
-        """The same of one combination (shape (r, 3)) at these setpoints, shape (2, regions, k), without the table."""
+        """Phases [degree] of a combination (shape (r, 3)) at setpoints, shape (2, regions, k), without the table."""
         own, points = len(self.regions), len(ratios)
         at = np.full((2, own * points), np.nan)
         model = self.model.at_settings(np.full(own * points, amplitude), np.tile(ratios, own))
@@ -189,7 +189,7 @@ class Problem:
 
     @property
     def names(self) -> list[str]:
-        """Of the unknowns."""
+        """Names of the unknowns."""
         named = [f"{name} {r}" for r in self.unknown for name in ("modulus", "adhesion", "damping")]
         count = self.settings.tune_count
         tunes = [f", tune {k}" for k in range(count)] if count > 1 else [""]
@@ -218,7 +218,7 @@ class Problem:
         return found
 
     def branches(self, logs: Array, amplitude: float, ratios: Array) -> Array:
-        """The same of one combination (shape (r, 3)) at these setpoints, shape (2, r, k), wherever orbits are."""
+        """Phases [degree] of a combination (shape (r, 3)) at setpoints, shape (2, r, k), wherever orbits are."""
         found = np.empty((2, len(self.values), len(ratios)))
         for part in self.parts:
             found[:, part.regions] = part.everywhere(logs, amplitude, ratios)

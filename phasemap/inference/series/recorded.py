@@ -63,7 +63,7 @@ def _check_different(images: Sequence[xr.Dataset]) -> None:
 def recorded_of(
     images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]
 ) -> tuple[list[dict[str, Any]], NDArray[np.intp]]:
-    """What each file, or else its tune, says of its settings, and the tune of each, shape (m,); doubts are told."""
+    """Read what each file, or else its tune, says of settings, and the tune of each, shape (m,); doubts are told."""
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     tunes, said = _tunes_of(known, OF_TUNE)
     if len(said) > 1:

@@ -295,7 +295,7 @@ def _problem(
     model: Model, settings: Settings, seen: Medians, error: float, widths: Array,
     materials: tuple[Mapping[int, Material] | None, Material],
 ) -> Problem:  # fmt: skip
-    """What is to be explained, with this error [degree] of each median; `materials`: those known, and the prior."""
+    """Data to be explained, with this error [degree] of each median; `materials`: those known, and the prior."""
     known, prior = materials
     limits, levels = settings.ranges(REACH)
     given, logs = check_known(known, range(len(seen.values)), prior), np.full((len(seen.values), 3), np.nan)

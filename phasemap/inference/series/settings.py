@@ -1,4 +1,4 @@
-"""What the files of a series say of their settings, and what of them stays unknown."""
+"""Settings that the files of a series state, and what of them stays unknown."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SAME_DRIVE = 0.02  # by which drive frequencies of one series may differ
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """Of m files."""
+    """Settings of m files."""
 
     names: tuple[str, ...]
     # shape (m,); Setpoints; where they are not known, what is recorded of the setpoint over what is of the free

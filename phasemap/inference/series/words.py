@@ -1,4 +1,4 @@
-"""What was found of a series, in sentences: first what can be relied on."""
+"""Findings of a series, in sentences: first what can be relied on."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def is_poor(ds: xr.Dataset, problem: Problem) -> bool:
 
 
 def agreement(ds: xr.Dataset) -> tuple[list[bool], list[bool], list[bool]]:
-    """Of every file: whether some contrast is clear, whether their signs, and the regions' order, are the fit's."""
+    """Say of every file whether some contrast is clear, whether their signs, and the regions' order, are the fit's."""
     clear, signs, order = [], [], []
     for i in range(ds.sizes["file"]):
         measured, fitted = (ds[name].values[:, i] for name in ("measured_contrast", "fitted_contrast"))
