@@ -104,7 +104,7 @@ def solve_one_of_each_kind() -> None:
     solved = SolvedRows(np.zeros((1, WIDE)), np.zeros(1, bool), np.zeros((1, 0)))
     oscillator, numbers, limits = work.oscillator(0), np.zeros(4), ErrorLimits(0.0, 0.0)
     path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
-    for entry, *examples in (
+    compile_for(
         (fast.averaging_rows, pixels, answers),
         (fast.averaged_near_rows, pixels, answers),
         (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
@@ -126,7 +126,12 @@ def solve_one_of_each_kind() -> None:
         (move_to_amplitude, oscillator, 1.0, 1.0, 1, numbers, numbers),
         (loop_energies, work.law, work.rows),
         (likely_amplitude, work.lever, 1.0, 1),
-    ):
+    )
+
+
+def compile_for(*calls: tuple[Any, ...]) -> None:
+    """Compile kernels, without running them, for examples of their arguments."""
+    for entry, *examples in calls:
         entry.compile(tuple(map(typeof, examples)))
 
 

@@ -76,9 +76,9 @@ def law_of(*formulas: Formula) -> Law:
 
 def digest_of(formula: Formula) -> str | None:
     """Digest of a formula and all that it uses; None where that may mean another thing in another process."""
-    sources = loaded_sources.digest()
-    if LIBRARY and sources and (formula in KNOWN or LIBRARY.symbol_of(formula)):
-        return f"{sources.hex()} {LIBRARY.symbol_of(formula) or formula.__qualname__}"
+    if LIBRARY and (formula in KNOWN or LIBRARY.symbol_of(formula)):
+        sources = loaded_sources.digest()
+        return None if sources is None else f"{sources.hex()} {LIBRARY.symbol_of(formula) or formula.__qualname__}"
     from phasemap._kernels.compilation.frozen import frozen
 
     copy = frozen(formula)

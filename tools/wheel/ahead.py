@@ -29,7 +29,6 @@ sys.path.append(str(Path(__file__).parents[1]))
 import llvm_code  # before numba
 import llvmlite.binding as llvm
 import numpy as np
-from numba import typeof
 from numba.core.llvm_bindings import create_pass_builder
 
 import phasemap
@@ -127,14 +126,13 @@ def work(kinds: list[str]) -> None:
     phasemap.check(phasemap.simulate(TWO, SCOPE, 0.8, "auto", phasemap.Raster()), TWO)
     one = work_of_material(MATERIAL, SCOPE, 1e-8)
     law, table, row, codes = one.law, np.zeros((1, 1)), np.zeros(1), np.zeros(1, np.int8)
-    for entry, *examples in (
+    llvm_code.compile_for(
         *((force, law, 0.0, row) for force in (contact_force, longrange_force, withdrawn_force)),
         (adhesion_rows, one.pixels, TABLES, table, SolvedRows(table, np.zeros(1, np.bool_), table)),
         (second_drive_rows, one.pixels, 1.0, 1, table, codes),
         (averaged_phases, law, table, Setpoints(table, row, codes, row), True, row),
         (begin_periods, row, 0.0, 0.0, 0.0, new_periods(1.0)),
-    ):
-        entry.compile(tuple(map(typeof, examples)))
+    )
     missing = {f"{one.__module__}.{one.__name__}" for one in called_by_python() if not one.overloads}
     if missing:
         sys.exit(f"no work above calls {', '.join(sorted(missing))}")
@@ -262,11 +260,9 @@ def main() -> None:
         tool = [sys.executable, "-m", "wheel"]
         subprocess.run([*tool, "unpack", "--dest", place, given.wheel], check=True, stdout=subprocess.DEVNULL)
         (unpacked,) = Path(place).iterdir()
+        installed = Path(phasemap.__path__[0]).parent
         for source in (unpacked / "phasemap").rglob("*.py"):
-            if (
-                source.read_bytes()
-                != (Path(phasemap.__path__[0], source.relative_to(unpacked / "phasemap"))).read_bytes()
-            ):
+            if source.read_bytes() != (installed / source.relative_to(unpacked)).read_bytes():
                 sys.exit(f"{source.name} is not what is installed here: install {given.wheel} first")
         compile_into(unpacked / "phasemap/_kernels/ahead", collect(given.kinds), triple, given.linker.split())
         (about,) = unpacked.glob("*.dist-info/WHEEL")

@@ -19,7 +19,7 @@ import numpy as np
 FOLDER = Path(__file__).parents[1] / "ahead"
 INDEX = "index.json"
 MODULES = f"{__name__.partition('.')[0]}._kernels."
-NUMBERS = {"float64": ctypes.c_double, "int64": ctypes.c_int64, "bool": ctypes.c_bool}
+C_TYPES = {"float64": ctypes.c_double, "int64": ctypes.c_int64, "bool": ctypes.c_bool}
 
 
 def found() -> Library | None:
@@ -155,7 +155,7 @@ def _passed(kind: Any) -> list[Any]:
     if kind == "generator":
         return [ctypes.c_void_p] * 9
     if isinstance(kind, str):
-        return [NUMBERS[kind]]
+        return [C_TYPES[kind]]
     words = 5 + 2 * kind["dimensions"] if "array" in kind else 1
     return [ctypes.c_int64] * words
 
@@ -207,7 +207,7 @@ def _layout(kind: Any) -> Any:
     if kind in ("none", "complex128"):
         return ctypes.c_void_p if kind == "none" else _Complex
     if isinstance(kind, str):
-        return NUMBERS[kind]
+        return C_TYPES[kind]
     if (parts := _parts(kind)) is not None:
         fields = [(f"f{i}", _layout(part)) for i, part in enumerate(parts)]
     else:

@@ -25,7 +25,7 @@ from numba.extending import (
 
 WORD = 8  # bytes of each number
 COLUMN = types.Array(types.float64, 1, "C")
-NUMBERS = {float: types.float64, int: types.int64, np.ndarray: COLUMN}
+FIELD_TYPES = {float: types.float64, int: types.int64, np.ndarray: COLUMN}
 
 
 class RecordType(types.Type):
@@ -113,7 +113,7 @@ def _unbox(kind: RecordType, one: Any, c: Any) -> NativeValue:
 def declare_record(cls: Any) -> None:
     """Let kernels make a record of this class, as `numba.extending` does it for a class of one's own."""
     fields = {
-        name: (getattr(kind, "record_type", None) or NUMBERS[kind], first, count)
+        name: (getattr(kind, "record_type", None) or FIELD_TYPES[kind], first, count)
         for name, (kind, first, count) in cls.record_fields.items()
     }
     cls.record_type = kind = RecordType(f"{cls.__module__}.{cls.__name__}", fields, cls.record_words)
