@@ -2,6 +2,5 @@
 
 `quasi_static` walks along a line at rest and keeps its branch; `loop` is the controller, which moves the tip while
 it oscillates. Between two samples of the loop the motion is a `slow_flow` of the `averaged_lever`, with what
-`higher_harmonics` add, or is solved through every contact (`periods`): by the `pieces` of `one_tap` where there is one,
-else by marching. `line` goes through the pixels.
+`higher_harmonics` add, or is marched through every contact (`periods`). `line` goes through the pixels.
 """

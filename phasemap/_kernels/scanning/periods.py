@@ -14,9 +14,10 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
+from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z, fill_higher_modes
-from phasemap._kernels.records import clear, record
+from phasemap._kernels.records import record
 from phasemap._kernels.scanning.loop import (
     A_IMAG,
     A_REAL,
@@ -33,7 +34,6 @@ from phasemap._kernels.scanning.loop import (
     move_scanner,
     scanner_command,
 )
-from phasemap._kernels.scanning.one_tap import Taps, tap_or_march
 
 
 @record
@@ -54,14 +54,13 @@ class PeriodsUnderLoop(NamedTuple):
     tip: np.ndarray  # state of the tip where a period begins, as `tip` names it
     sums: PeriodResult
     memory: PeriodMemory
-    taps: Taps
 
 
 def new_periods(step_size: float) -> PeriodsUnderLoop:
     """Return a lever at rest, to be marched in steps of this size."""
     memory = PeriodMemory()
     memory.step_size = step_size
-    return PeriodsUnderLoop(np.zeros(LOOP_STATE), np.zeros(memory_size(col.MOST_ARMS)), PeriodResult(), memory, Taps())
+    return PeriodsUnderLoop(np.zeros(LOOP_STATE), np.zeros(memory_size(col.MOST_ARMS)), PeriodResult(), memory)
 
 
 @kernel
@@ -70,7 +69,6 @@ def begin_periods(lever: np.ndarray, mean: float, real: float, imag: float, stat
     state.tip[Z], state.tip[V], state.tip[TOUCHES] = mean + real, -lever[col.OMEGA] * imag, 0.0
     fill_higher_modes(lever, mean, state.tip)
     state.memory.ahead = 0.0
-    clear(state.taps)
 
 
 @kernel
@@ -107,7 +105,7 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
         _add_time(memory, min(at, span), tally)
     while at + 0.5 * period < span:
         z0 = y[SCANNER] - ground - slope * (at + 0.5 * period)
-        if tap_or_march(oscillator, z0, memory.step_size, state.tip, state.sums, state.taps) < 0:
+        if march_period(oscillator, z0, memory.step_size, state.tip, state.sums) < 0:
             return col.DIVERGED
         y[A_REAL], y[A_IMAG] = state.sums.cos, -state.sums.sin
         if noisy:

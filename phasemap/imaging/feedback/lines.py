@@ -180,7 +180,7 @@ def lifts_of(job: Job, work: Work) -> Lifts:
 # Of the amplitude, P beyond the drive's: with more the averaged lever may be off by nanometres, or by anything.
 HARDEST, HARDEST_AT_ALL = 0.12, 1.0
 NOT_AVERAGED = (col.NOT_CONVERGED, col.DIVERGED)  # what ends a line that the averaged lever does not follow
-ETA = 0.7  # size of the march's steps: 2e-4 degree
+ETA = 0.7  # size of the march's steps: 5e-4 degree
 ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
 
 
