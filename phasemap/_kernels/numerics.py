@@ -54,6 +54,18 @@ def narrowed(a: float, f_a: float, b: float, f_b: float, x: float, f: float) -> 
     return a, f_a * (less if less > 0.0 else 0.5), x, f
 
 
+@kernel(light=True)
+def parabola(
+    one: tuple[float, float], two: tuple[float, float], three: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Vertex of the parabola through three points (x, f), as x and f, and its second derivative."""
+    (x0, f0), (x1, f1), (x2, f2) = one, two, three
+    rise = (f1 - f0) / (x1 - x0)
+    bend = ((f2 - f1) / (x2 - x1) - rise) / (x2 - x0)
+    x = 0.5 * (x0 + x1) - 0.5 * rise / bend
+    return x, f0 + (x - x0) * (rise + bend * (x - x1)), 2.0 * bend
+
+
 @kernel(inline=True)
 def newton_in_bracket(
     x: float, f: float, slope: float, low: float, high: float, rising: bool

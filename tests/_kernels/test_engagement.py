@@ -10,9 +10,19 @@ import pytest
 from cases import plain
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement import leap, lock_in, other_branch, rebound, second_drive, side_from_far, stuck
+from phasemap._kernels.engagement import (
+    end_of_attractive_branch,
+    leap,
+    lock_in,
+    other_branch,
+    rebound,
+    second_drive,
+    side_from_far,
+    stuck,
+)
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
 from phasemap.experiment.lever import one_mode
 
 STIFFNESS, FREE, Q = 40.0, 16e-9, 400.0  # [N/m], [m] at resonance, quality factor
@@ -84,6 +94,22 @@ def test_a_tip_is_attracted_down_to_an_amplitude_that_attraction_can_hold(share:
     # Contact as much stiffer with the attraction leaves the depth where it is strongest.
     oscillator = over(lever, HERTZ * pull / PULL, pull, pull)
     assert plain(side_from_far.decide)(oscillator, amplitude, 1.0, Maximum()) == side
+
+
+@pytest.mark.parametrize("wanted", [-0.1, 0.002, 0.1])
+def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_strongest(wanted: float) -> None:
+    q, r, workspace = 100 * Q, 0.6, ResponseWorkspace()
+    lever = one_mode(1.0, 0.5 / q, STIFFNESS, FREE / q)
+    gaps = -np.linspace(0.05e-9, 0.4e-9, 201)
+    pulls = [-push_at(over(lever, pull=PULL, longrange=PULL), r * FREE, gap) for gap in gaps]
+    # (P/u0)^2 + r^2 - 1 at resonance. Contact as much stiffer with the attraction leaves its strongest depth.
+    share, deepest = FREE / q * math.sqrt(wanted + 1.0 - r**2) / max(pulls), gaps[int(np.argmax(pulls))]
+    workspace.top.mismatch = wanted
+    found = plain(end_of_attractive_branch.exact_maximum)(
+        over(lever, share * HERTZ, share * PULL, share * PULL), r * FREE, 0.8 * deepest, 0.3 * abs(deepest), workspace
+    )
+    assert found == pytest.approx(wanted, abs=3e-4)  # what harmonics change is 0.01 at Q 400, and goes with 1/Q
+    assert workspace.fit.gap == pytest.approx(deepest, rel=0.05)  # flat there
 
 
 def test_without_attraction_a_tip_is_repelled_and_adhesion_alone_leaves_that_open() -> None:

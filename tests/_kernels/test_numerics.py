@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.numerics import eliminate_columns
+from phasemap._kernels.numerics import eliminate_columns, parabola
 from phasemap._kernels.quadrature import NODES
 
 
@@ -23,3 +23,8 @@ def test_a_singular_system_has_no_solution() -> None:
     columns = np.ones((NODES + 1, NODES))
     columns[2] = 0.0
     assert not eliminate_columns.py_func(columns, len(columns))
+
+
+def test_the_vertex_of_a_parabola_through_three_points_is_its_own() -> None:
+    points = [(x, 3.0 - 2.0 * (x - 0.4) ** 2) for x in (-1.0, 0.3, 2.0)]
+    np.testing.assert_allclose(parabola.py_func(*points), (0.4, 3.0, -4.0), rtol=1e-14)

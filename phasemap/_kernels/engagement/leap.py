@@ -14,6 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
+from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import balance_depth
 from phasemap._kernels.records import record
@@ -72,10 +73,7 @@ def find_fold(oscillator: Oscillator, at: FoldPoint) -> int:
         if z > z1:
             if not math.isfinite(z0):
                 return FOLD_TOO_FAR
-            # The bottom of a parabola through three points.
-            rise = (z1 - z0) / (x1 - x0)
-            bend = ((z - z1) / (gap - x1) - rise) / (gap - x0)
-            gap = 0.5 * (x0 + x1) - 0.5 * rise / bend
+            gap, _, _ = parabola((x0, z0), (x1, z1), (gap, z))
             return FOUND if find_orbit_below_resonance(oscillator, gap, amplitude, at) else FOLD_TOO_FAR
         x0, z0, x1, z1 = x1, z1, gap, z
         gap = GAP_SHRINKS * (gap + 1.5 * reach) - 1.5 * reach

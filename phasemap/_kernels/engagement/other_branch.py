@@ -14,12 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.end_of_attractive_branch import (
-    CLOSEST,
-    attractive_mismatch_of_exact_orbit,
-    decide_exactly,
-    maximum_of_exact_mismatch,
-)
+from phasemap._kernels.engagement.end_of_attractive_branch import exact_mismatch, highest_exact_mismatch, side_of
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
@@ -67,12 +62,7 @@ def averaged_orbit_on_branch(
     if side == ATTRACTIVE:
         decided = decide(oscillator, amplitude, low_q_margin_factor(lever), top)
         if decided == UNCLEAR:
-            workspace.fit.gap = workspace.fit.mismatch = workspace.fit.curvature = math.nan
-            decided = decide_exactly(oscillator, amplitude, top, workspace.nodes, workspace.state, workspace.fit)
-        if decided == UNCLEAR:
-            highest = maximum_of_exact_mismatch(oscillator, amplitude, workspace)
-            if abs(highest) >= CLOSEST:
-                decided = ATTRACTIVE if highest > 0.0 else REPULSIVE
+            decided = side_of(highest_exact_mismatch(oscillator, amplitude, workspace))
         if decided == REPULSIVE:
             return col.NO_STABLE_ORBIT
         if decided == UNCLEAR or not top.mismatch > 0.0:
@@ -140,13 +130,11 @@ def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: 
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     lever = oscillator.lever
     before = gap + FIRST_GAP_SHIFT * min(gap, -reach_of(oscillator.p))
-    attractive_mismatch_of_exact_orbit(oscillator, amplitude, before, workspace.nodes, workspace.state)
+    exact_mismatch(oscillator, amplitude, before, workspace)
     push_before = workspace.state.push
     for _ in range(MOST_FORCE_SECANTS):
-        h, push = (
-            attractive_mismatch_of_exact_orbit(oscillator, amplitude, gap, workspace.nodes, workspace.state),
-            workspace.state.push,
-        )
+        h = exact_mismatch(oscillator, amplitude, gap, workspace)
+        push = workspace.state.push
         if not math.isfinite(h):
             return math.nan
         if abs(push) < NO_FORCE * lever[col.DRIVE]:

@@ -19,12 +19,7 @@ from phasemap._kernels.engagement.branch_by_averaging import (
     fill_setpoint_orbit_on_side,
     worst_amplitude,
 )
-from phasemap._kernels.engagement.end_of_attractive_branch import (
-    decide_by_refined_maximum,
-    decide_exactly,
-    fill_orbit_outside_maximum,
-    maximum_of_exact_mismatch,
-)
+from phasemap._kernels.engagement.end_of_attractive_branch import decide_exactly, fill_orbit_outside_maximum
 from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
@@ -47,18 +42,14 @@ def orbit_without_collocation(
     * PENDING: the side of the resonance is in doubt
     * NOT_CONVERGED: only time tells
     """
-    lever = oscillator.lever
     if surety == SURE:
         if refine(oscillator, harmonic, limits, workspace):
             return GOOD
         return PENDING if grazes(oscillator.p, harmonic) else KNOWN
     if surety != UNDECIDED:
         return PENDING
-    worst = worst_amplitude(lever, amplitude)
-    workspace.fit.gap = workspace.fit.mismatch = workspace.fit.curvature = math.nan
-    side = decide_exactly(oscillator, worst, workspace.top, workspace.nodes, workspace.state, workspace.fit)
-    if side == UNCLEAR:
-        side = decide_by_refined_maximum(oscillator, amplitude, worst, workspace)
+    worst = worst_amplitude(oscillator.lever, amplitude)
+    side = decide_exactly(oscillator, amplitude, worst, workspace)
     if side == UNCLEAR:
         return PENDING
     known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
@@ -70,8 +61,6 @@ def orbit_without_collocation(
         return GOOD if refine(oscillator, harmonic, limits, workspace) else KNOWN
     if known and refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace):
         return GOOD
-    if worst != amplitude:
-        maximum_of_exact_mismatch(oscillator, amplitude, workspace)
     if not fill_orbit_outside_maximum(oscillator, amplitude, harmonic, workspace):
         return PENDING
     if not (refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):

@@ -14,7 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import beside_resonance, lowest_tip_offset, mismatch, reach_of
-from phasemap._kernels.numerics import narrowed
+from phasemap._kernels.numerics import narrowed, parabola
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
 from phasemap._kernels.records import record
@@ -112,11 +112,8 @@ def find_mismatch_maximum(oscillator: Oscillator, amplitude: float, plain: float
     if here < 0.0 and push <= 0.0:
         # A parabola through three points, in the root of the depth.
         x0, x1, x2 = math.sqrt(-before), math.sqrt(-here), math.sqrt(-deeper)
-        rise = (h_here - h_before) / (x1 - x0)
-        bend = ((h - h_here) / (x2 - x1) - rise) / (x2 - x0)
-        x = 0.5 * (x0 + x1) - 0.5 * rise / bend if bend < 0.0 else 0.0
-        highest = h_before + (x - x0) * (rise + bend * (x - x1))
-        if x0 < x < x2 and abs(highest) < 2.0 * plain:
+        x, highest, bend = parabola((x0, h_before), (x1, h_here), (x2, h))
+        if bend < 0.0 and x0 < x < x2 and abs(highest) < 2.0 * plain:
             h, push = attractive_mismatch_at_gap(oscillator, amplitude, -x * x)
             if h > top.mismatch:
                 top.gap, top.mismatch, top.push = -x * x, h, push

@@ -28,9 +28,11 @@ GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 class Fit:
     """A parabola through the mismatch over the gap, at its maximum."""
 
+    amplitude: float  # [m]
     gap: float  # of the maximum [m]
     mismatch: float  # there
     curvature: float  # [1/m2]
+    step: float  # [m] between points of the next one, nearer to the maximum
 
 
 @record
