@@ -7,8 +7,8 @@ is on, `leap` where a lever is carried over it, `rebound` where a tip keeps a ti
 `exact_orbit`: the curve of exact orbits, with its folds.
 
 `in_time`: time, which leads to a `goal`. `lowering` is how the tip comes to the setpoint, `holding` and `holding_mean`
-how it stays there, `lock_in` what a lock-in shows, `stuck` recognises a tip that sticks, and `ringing` lowers levers
-that ring for long; `second_drive` has the loops of a second mode that is driven too.
+how it stays there, `lock_in` what a lock-in shows, `stuck` recognises a tip that sticks; `second_drive` has the loops
+of a second mode that is driven too.
 
 `detected_setpoint` is for a detector that does not see the tip itself, `other_branch` finds the orbit that engagement
 does not, `orbit_of_row` solves again for that of a result row.

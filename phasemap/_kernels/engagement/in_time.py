@@ -20,7 +20,6 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
 from phasemap._kernels.engagement.holding import hold
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
-from phasemap._kernels.engagement.leap import attraction_defies_averaging
 from phasemap._kernels.engagement.lock_in import (
     FEWEST_AVERAGED,
     LockIn,
@@ -33,7 +32,6 @@ from phasemap._kernels.engagement.lock_in import (
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_REACHED,
     DISTURBED,
-    FAR_BESIDE,
     LAST_GAIN,
     LOWEST_OFFSET,
     MOTION_KEPT,
@@ -50,7 +48,6 @@ from phasemap._kernels.engagement.lowering import (
     pace_of_leap,
     too_far,
 )
-from phasemap._kernels.engagement.ringing import LONG_RINGING, engage_ringing
 from phasemap._kernels.engagement.second_drive import begin_second_drive, pass_period
 from phasemap._kernels.engagement.stuck import JUMPS_FREE, JUMPS_TO_TAPPING, REACHES_AMPLITUDE, raise_stuck_tip, sticks
 from phasemap._kernels.law import Oscillator, has_hysteresis
@@ -73,11 +70,6 @@ PARTS_BY = 0.3  # of its way, by which the amplitude may not go with z0: else it
 TAMER = 0.5  # of the change from period to period before, below which it may not fall: the same
 LANDING_FALL = 0.1  # of the amplitude that is left, by which it falls in that time
 FINEST_FALL = 64.0  # least part of SLOW_FALL
-# Of the periods allowed: a lever that rings down within this share may use all of them before `engage_ringing` starts
-PATIENT_SHARE = 0.25
-HASTY_SHARE = 0.05  # of them, after which `engage_ringing` starts for another lever
-WITHOUT_RINGING = 2.0  # in place of a share: all periods, and `engage_ringing` is not tried
-SAME_PHASE = math.radians(1e-3)  # by which phases of one pattern may differ
 NEXT_TRY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
 
 
@@ -209,22 +201,6 @@ def free_state(law: Law, lever: np.ndarray, z0: float) -> np.ndarray:
 
 
 @kernel
-def share_before_ringing(oscillator: Oscillator, most_periods: int) -> float:
-    """Share of the periods allowed for `lower_to_setpoint` before `engage_ringing` starts, or WITHOUT_RINGING.
-
-    A contact with hysteresis or memory leads to other tapping patterns, depending on how the tip is lowered.
-    """
-    law, p, lever = oscillator
-    if ring_down_periods(lever) < LONG_RINGING or has_hysteresis(p) or law.memory != 0:
-        return WITHOUT_RINGING
-    # Where a lever that leaps over its resonance lands depends on how, unless it is far and adhesion bends it a lot.
-    if pace_of_leap(oscillator) > 0.0:
-        far = abs(lever[col.DYNAMIC_STIFFNESS]) > FAR_BESIDE
-        return 1.0 if far and attraction_defies_averaging(oscillator) else WITHOUT_RINGING
-    return 1.0 if DISTURBED * ring_down_periods(lever) < PATIENT_SHARE * most_periods else HASTY_SHARE
-
-
-@kernel
 def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     """Engage from far: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
 
@@ -232,30 +208,10 @@ def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     amplitude jumps across the setpoint.
     """
     law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
-    amplitude, step_size, most_periods = goal
-    z0, step = free * ratio_far_from_surface(oscillator, amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
+    z0, step = free * ratio_far_from_surface(oscillator, goal.amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
     tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
-    share = share_before_ringing(oscillator, most_periods)
     row[:] = math.nan
-    first = Goal(amplitude, step_size, int(min(share, 1.0) * most_periods))
-    status = lower_to_setpoint(oscillator, first, step, tip, row)
-    if status != col.NOT_SETTLED or share > 1.0:
-        return status
-    again = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
-    began = again.periods.marched = tip.periods.marched
-    row[:] = math.nan
-    status = engage_ringing(oscillator, goal, step, again, row)
-    spent = again.periods.marched
-    if status != col.GOOD or not row[col.SPREAD_AMPLITUDE] > 0.0 or 2 * spent - began > most_periods:
-        return status
-    # Several patterns may hold the setpoint: what another start does not lead to is found by chance.
-    start, other = free_state(law, lever, z0 + NEXT_TRY * free), np.empty(col.COLUMNS)
-    tip = Tip(start, PeriodResult(), PeriodMap(), Periods())
-    tip.periods.marched = spent
-    if engage_ringing(oscillator, goal, step, tip, other) != col.GOOD:
-        return col.GOOD
-    allowed = SAME_PHASE + row[col.ERROR_PHASE] + (other[col.ERROR_PHASE] if other[col.SPREAD_AMPLITUDE] > 0.0 else 0.0)
-    return col.GOOD if abs(other[col.PHASE] - row[col.PHASE]) < allowed else col.NOT_SETTLED
+    return lower_to_setpoint(oscillator, goal, step, tip, row)
 
 
 @kernel

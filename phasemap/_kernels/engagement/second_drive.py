@@ -8,7 +8,7 @@ that a lock-in shows at omega2,
     kappa2 = share2 U2 / Y2 - (w2^2 - omega2^2 + 2 i alpha2 omega2)    [1]
 
 A phase-locked loop makes omega2^2 = w2^2 + Re(kappa2), where the mode lags by 90 degrees, and a gain holds |Y2|.
-See theory, Eq. (time-10).
+See theory, Eq. (time-8).
 """
 
 from __future__ import annotations

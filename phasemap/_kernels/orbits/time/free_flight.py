@@ -2,7 +2,7 @@
 
 Each mode moves as Re(P_i exp(i omega t)) + Re(A_i exp(lambda_i t)), t from the start of the flight. Where the tip comes
 to the surface is sought on samples closer than the fastest mode can turn, and then by Newton's method; integrals over
-the flight are sums of exponentials: theory, Eq. (time-8).
+the flight are sums of exponentials: theory, Eq. (time-6).
 """
 
 from __future__ import annotations

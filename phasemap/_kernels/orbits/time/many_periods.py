@@ -1,11 +1,9 @@
-"""Many periods of the drive at once: several in a step, patterns that repeat after some, dents that come to rest.
+"""Many periods of the drive at once: several in a step, dents that come to rest.
 
 * Where the motion changes little from one period to the next: a period takes (z, z') to itself and a little more, k. So
   N periods are a sum of N such changes along a smooth way, as an ordinary differential equation is an integral, and are
   approximated by the k of a few periods on the way (a multi-revolution method, theory, Eq. (time-5)). A lever of one
   mode has no motion faster than that, for its harmonics follow the force at once.
-* Far from the resonance a lever rings at its own frequency while it taps at that of the drive, until both lock: the tip
-  comes by the same state after n periods, and the map of n periods has an orbit there: theory, Eq. (time-7).
 * Dents that last form under a tip that taps at its amplitude. They may become deeper than the taps that form them, and
   take ten times as long as they last until they change no more.
 """
@@ -19,7 +17,6 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.arms import lingering
 from phasemap._kernels.orbits.time.linear_map import fill_way_to_rest, length_of
@@ -29,8 +26,6 @@ from phasemap._kernels.orbits.time.period_map import (
     fill_change_by_period,
     linearise_period,
     march_period_from,
-    march_tip,
-    skip_transient,
 )
 from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, V, Way, Z, copy_memory, move_state
 from phasemap._kernels.records import record
@@ -39,12 +34,6 @@ FEWEST_IN_STEP = 6  # periods in a step: fewer are marched one by one
 STEP_SAFETY = 0.9  # of the step that would just meet the tolerance
 MOST_GROWTH = 3.0  # of the step, over the last one
 LEAST_GROWTH = 0.2  # the same, at least
-LONGEST_PATTERN = 32  # periods after which a motion may repeat itself
-PERIODS_COMPARED = 3 * LONGEST_PATTERN  # periods that are compared with one another
-NEAR_REPEAT = 0.1  # of the tip's way, by which states n periods apart may differ where Newton's method is tried, and
-CLOSEST_REPEAT = 4.0  # over the least of these differences: a multiple of n, and what comes nearest by chance
-MOST_TRIED = 2  # such n, the least first, and 1 in any case
-SAME_STATE = 1e-3  # of the free amplitude, below which a fraction of n may do
 FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
 FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
 FORMING_STEP = 0.1  # of the amplitude: a longer step leads elsewhere
@@ -112,63 +101,6 @@ def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: fl
     u[Z], u[V], u[Z0] = end.real, end.imag, u[Z0] - n * pace
     flow.z, flow.v, flow.count = k4.real, k4.imag, share * n
     return n if math.isfinite(flow.z + flow.v) else 0
-
-
-@kernel
-def distance_after(oscillator: Oscillator, step_size: float, count: int, tip: Tip) -> float:
-    """Distance [m] between the motion now and after `count` periods at the same tip offset."""
-    lever = oscillator.lever
-    y = tip.u.copy()
-    tip.periods.marched += count
-    for _ in range(count):
-        if march_period(oscillator, tip.u[Z0], step_size, y, tip.acc) < 0:
-            return math.inf
-    return math.hypot(y[Z] - tip.u[Z], (y[V] - tip.u[V]) / lever[col.OMEGA])
-
-
-@kernel
-def shorten(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
-    """Put a tip that is at rest on a pattern to rest on the shortest one that it repeats; False if it is not."""
-    lever = oscillator.lever
-    count = tip.periods.pattern
-    for n in range(1, count):
-        if count % n == 0 and distance_after(oscillator, tolerance.step_size, n, tip) < SAME_STATE * free_amplitude(
-            lever
-        ):
-            tip.periods.pattern = n
-            if skip_transient(oscillator, tolerance, target, tip):
-                return True
-    tip.periods.pattern = count
-    return skip_transient(oscillator, tolerance, target, tip)
-
-
-@kernel
-def find_pattern(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
-    """Let some periods pass, and skip the transient to the pattern to which the motion decays; False if there is none.
-
-    Of the n for which all states n periods apart are nearest to each other the least counts.
-    """
-    lever = oscillator.lever
-    u, way, size = tip.u, np.empty((PERIODS_COMPARED, 2)), free_amplitude(lever)
-    for i in range(PERIODS_COMPARED):
-        way[i, Z], way[i, V] = u[Z], u[V] / lever[col.OMEGA]
-        if not march_tip(oscillator, tolerance.step_size, tip):
-            return False
-        size = max(size, math.hypot(way[i, Z] - tip.acc.mean_z, way[i, V]))
-    most, least, tried = np.zeros(LONGEST_PATTERN + 1), math.inf, 0
-    for n in range(1, LONGEST_PATTERN + 1):
-        for i in range(n, PERIODS_COMPARED):
-            most[n] = max(most[n], math.hypot(way[i, Z] - way[i - n, Z], way[i, V] - way[i - n, V]))
-        least = min(least, most[n])
-    for n in range(1, LONGEST_PATTERN + 1):
-        near = most[n] < NEAR_REPEAT * size and (n == 1 or most[n] < CLOSEST_REPEAT * least)
-        if near and tried < MOST_TRIED:
-            tried += 1 if n > 1 else 0
-            tip.periods.pattern = n
-            if skip_transient(oscillator, tolerance, target, tip):
-                return shorten(oscillator, tolerance, target, tip)
-    tip.periods.pattern = 1
-    return False
 
 
 @kernel

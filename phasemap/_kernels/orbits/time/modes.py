@@ -2,7 +2,7 @@
 
 The rigid motion of a driven base is counted with the first mode, so that z is the sum of the displacements y_i of
 all modes, y_i'' + 2 alpha_i y_i' + w_i^2 y_i = Re(D_i exp(i omega tau)) - share_i g, g the surface's force over k.
-See theory, Eq. (time-8).
+See theory, Eq. (time-6).
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def air_beside_first_harmonic(lever: np.ndarray, tip: complex, air: float) -> fl
     """Energy [J] into air in the balance of the tip, from what the damping of all modes takes in a period.
 
     `tip`: complex amplitude of the first harmonic [m], which loses what the dynamic stiffness says: theory,
-    Eq. (time-9).
+    Eq. (time-7).
     """
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
     air += math.pi * stiffness * lever[col.DYNAMIC_LOSS] * abs(tip) ** 2

@@ -35,20 +35,16 @@ from phasemap._kernels.orbits.time.tip import (
     V,
     Way,
     Z,
-    add_period,
     amplitude_of,
     coordinate_count,
     copy_memory,
     copy_state,
-    divide_result,
     entry_of,
     motion_scale,
     motion_size,
     move_state,
     ring_down_periods,
-    ringing_periods,
 )
-from phasemap._kernels.records import assign
 
 SETTLING_TIME = 40.0  # ring-down times in which a motion has to settle, if it does
 FEEDBACK_STRIDE = 0.1  # steps of a feedback, of the amplitude
@@ -79,25 +75,6 @@ def march_tip(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
 
 
 @kernel
-def pass_pattern(oscillator: Oscillator, z0: float, step_size: float, tip: Tip, y: np.ndarray) -> bool:
-    """March y, over the periods after which the motion is taken to repeat itself; tip.acc is their mean."""
-    acc, count = tip.acc, max(tip.periods.pattern, 1)
-    tip.periods.marched += count
-    done = march_period(oscillator, z0, step_size, y, acc) >= 0
-    if count == 1 or not done:
-        return done
-    total = PeriodResult()
-    assign(total, acc)
-    for _ in range(count - 1):
-        if march_period(oscillator, z0, step_size, y, acc) < 0:
-            return False
-        add_period(total, acc)
-    assign(acc, total)
-    divide_result(acc, float(count))
-    return True
-
-
-@kernel
 def march_period_from(
     oscillator: Oscillator, step_size: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray
 ) -> bool:
@@ -115,7 +92,8 @@ def march_period_from(
         for i in range(motion_size(lever)):
             y[i] = start[i]
         y[TOUCHES] = u[TOUCHES]
-        if not pass_pattern(oscillator, z0, step_size, tip, y) or y[TOUCHES] != u[TOUCHES]:
+        tip.periods.marched += 1
+        if march_period(oscillator, z0, step_size, y, tip.acc) < 0 or y[TOUCHES] != u[TOUCHES]:
             return False
     return True
 
@@ -247,7 +225,7 @@ def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int
     """Let time pass at fixed z0 until the orbit repeats itself, for `most_periods` periods; False if it does not."""
     lever = oscillator.lever
     end = tip.periods.marched + most_periods
-    wait = max(3, int(0.5 * ringing_periods(lever)))  # half the lever's decay time
+    wait = max(3, (ring_down_periods(lever) - 1) // 2)  # half the lever's decay time
     while tip.periods.marched < end:
         if skip_transient(oscillator, tolerance, 0.0, tip):
             return True

@@ -76,7 +76,6 @@ class Periods:
     """Periods of a tip."""
 
     marched: int
-    pattern: int  # after how many the motion is taken to repeat itself; 0 as 1
     formed: int  # 1 when lasting dents have formed under it
 
 
@@ -148,16 +147,9 @@ def new_state(law: Law, lever: np.ndarray, mean: float, z: float, v: float, z0: 
 
 
 @kernel
-def ringing_periods(lever: np.ndarray) -> float:
-    """Periods in which what disturbs a motion falls to 1/e: for the free lever, or as the lever says."""
-    ringing = float(lever[col.RINGING])
-    return ringing if ringing > 0.0 else float(lever[col.OMEGA] / (2 * math.pi * slowest_decay(lever)))
-
-
-@kernel
 def ring_down_periods(lever: np.ndarray) -> int:
     """Whole periods in which the amplitude falls to 1/e, for the free lever Q / pi at resonance; at least 1."""
-    return int(ringing_periods(lever)) + 1
+    return int(lever[col.OMEGA] / (2 * math.pi * slowest_decay(lever))) + 1
 
 
 @kernel
