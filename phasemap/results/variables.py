@@ -145,7 +145,7 @@ FLOATS: dict[str, Variable] = {
 }  # fmt: skip
 IN_TIME = {
     "estimated_error": "none: in time there is no exact orbit to differ from, and what differs from the image at rest "
-    "is the scan's doing; phasemap check scans lines again",
+    "is the scan's doing; phasemap check scans it again",
     "energy_balance": "none: the energy of the oscillation changes with what passes under the tip",
 }
 """What an image in time says instead of error_phase, error_height and energy_closure."""

@@ -1,4 +1,4 @@
-"""Pixels of an image at rest, solved again: all as the image was made, or any by a solver of one's own choice.
+"""Pixels of an image, solved again: all as the image was made, or any by a solver of one's own choice.
 
 Those that are drawn for it are some of every kind, not only of the commonest.
 """
@@ -22,7 +22,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import values_of
 from phasemap.imaging.imperfections import scopes_by_row
 from phasemap.imaging.simulation import simulate
-from phasemap.results.variables import FLOATS, IMAGE_VARIABLES
+from phasemap.results.variables import FLOATS, IMAGE_VARIABLES, variables_of
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.problem import Work, make_work
 from phasemap.solvers.run import run
@@ -86,11 +86,11 @@ def image_again(picture: Picture, surface: Surface, threads: int | None, progres
     """Simulate the whole image of the surface that passed again, with what comparing it with the file takes."""
     claims = picture.claims
     still = replace(claims.realism, drift=(0.0, 0.0, 0.0), line_offset=0.0, phase_offset=0.0, bits=None)
+    names = *variables_of(claims.control), *map(str, picture.image.data_vars)
     with untold():
         image = simulate(
             surface, claims.microscope, claims.setpoint, claims.solver, claims.control, claims.accuracy,
-            realism=still, variables=(*IMAGE_VARIABLES, *map(str, picture.image.data_vars)), progress=progress,
-            threads=threads,
+            realism=still, variables=names, progress=progress, threads=threads,
         )  # fmt: skip
     values = {str(name): variable.values.reshape(-1) for name, variable in image.data_vars.items()}
     return Again(picture, np.arange(int(np.prod(picture.shape))), values, int(image.attrs["distinct_materials"]))

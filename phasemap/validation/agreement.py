@@ -19,10 +19,11 @@ from phasemap._kernels.engagement.lowering import deepest_offset
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.engaged import DEEPEST
 from phasemap.imaging.imperfections import changes
-from phasemap.results.quantities import is_derived
-from phasemap.results.variables import FLAGS, FLOATS, flag_attributes, provenance
+from phasemap.results.channels import channels
+from phasemap.results.quantities import is_derived, needs_of
+from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES, flag_attributes, provenance
 from phasemap.validation.again import Again
-from phasemap.validation.picture import FAILS, MEAN, OPEN, Claim, Picture, pixels_in_words
+from phasemap.validation.picture import MEAN, OPEN, Claim, Picture, pixels_in_words
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -35,6 +36,8 @@ UNDECIDED = (col.NOT_CONVERGED, col.NOT_SETTLED, col.TOO_MANY_CONTACTS, col.NO_A
 """Status codes by which a solver gives up, or says that the tip comes to no rest: it may then end on any orbit."""
 UNITS = {"degree": (" degree", 1.0), "m": (" pm", 1e12), "J": (" aJ", 1e18)}
 SHARE = 0.1  # of the stated error, within which a solver finds the same on another machine
+BOTH = 2.0  # of it, within which two versions do
+SAME = {"degree": 1e-3, "m": 1e-12}  # of a scan in time on another machine
 ITERATIONS = 1e-6, 1e-15  # [degree, m], where that is less: what iterations leave
 RELATIVE = 1e-8  # of an amplitude, as the balance of the setpoint has it
 OTHERWISE = 1e-4  # of any other quantity, the indentation most: 1e-5 was measured without vector instructions
@@ -195,36 +198,41 @@ def _dataset(again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
 
 
 def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
-    """Judge whether the solver that made the image finds the same, and return the flat places of pixels that differ."""
-    picture = again.picture
-    names = [str(name) for name in picture.image.data_vars if name in again.values]
+    """Judge whether the solver that made the image finds the same; and flat places of what differs, most first.
+
+    What another version of phasemap made may differ by the errors that both state, and is not judged beyond.
+    """
+    picture, values = again.picture, again.values
+    made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
     if changes(picture.claims.realism):  # channels are derived of what was recorded, not of the orbits
-        names = [name for name in names if not is_derived(name)]
-    largest = _largest(again)
+        values = {name: found for name, found in values.items() if not is_derived(name)} | _recorded(picture)
+    names = [str(name) for name in picture.image.data_vars if name in values]
+    largest = _largest(again, SHARE if made == here else BOTH)
     share, differ = np.zeros(len(again.pixels)), []
     for name in names:
-        off = _over_allowed(name, again.claimed(name), again.values[name], largest)
+        off = _over_allowed(name, again.claimed(name), values[name], largest)
         share = np.maximum(share, off)
         if (off > 1).any():
             differ.append(name)
     found = f"{len(names)} variables of {again.materials} materials, by {picture.claims.solver!r}"
-    everywhere = np.ones(len(share), bool)
-    claim = again.judged("solved again by the same solver: the same", share > 1, share, everywhere, found)
-    if claim.result == FAILS:
-        claim = _with_difference(picture, claim, differ)
-    return claim, again.pixels[share > 1]
+    about = "solved again by the same solver: the same"
+    claim = again.judged(about, share > 1, share, np.ones(len(share), bool), found)
+    if differ:
+        more = f" and {len(differ) - NAMED} more" if len(differ) > NAMED else ""
+        claim = replace(claim, found=f"{', '.join(differ[:NAMED])}{more} {claim.found}")
+    if differ and made != here:
+        found = f"made by phasemap {made[:20]}, and this is {here}: {claim.found}"
+        claim = replace(claim, result=OPEN, found=found, worst=())
+    order = np.argsort(-share, kind="stable")
+    return claim, again.pixels[order[share[order] > 1]]
 
 
-def _with_difference(picture: Picture, claim: Claim, differ: list[str]) -> Claim:
-    """The claim with the names of the variables that differ; open if another version of phasemap made the image."""
-    names = ", ".join(differ[:NAMED]) + (f" and {len(differ) - NAMED} more" if len(differ) > NAMED else "")
-    claim = replace(claim, found=f"{names} {claim.found}")
-    made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
-    if made == here:
-        return claim
-    return replace(
-        claim, result=OPEN, found=f"made by phasemap {made[:20]}, and this is {here}: {claim.found}", worst=()
-    )
+def _recorded(picture: Picture) -> dict[str, Array]:
+    """What the formulas of derived channels make of the image's other variables, where it has all that these need."""
+    there = set(map(str, picture.image.data_vars))
+    made = [name for name in there if is_derived(name) and {*needs_of([name])} - {"amplitude"} <= there]
+    found = channels(picture.image, made, scope=picture.claims.microscope) if made else {}
+    return {name: found[name].values.reshape(-1) for name in made}
 
 
 def _over_allowed(name: str, claimed: Array, found: Array, largest: dict[str, Array]) -> Array:
@@ -243,10 +251,14 @@ def _over_allowed(name: str, claimed: Array, found: Array, largest: dict[str, Ar
     return np.asarray(np.where(both, 0.0, np.nan_to_num(off, nan=np.inf)))
 
 
-def _largest(again: Again) -> dict[str, Array]:
-    """By how much variables may differ."""
+def _largest(again: Again, share: float) -> dict[str, Array]:
+    """By how much variables may differ, for this share of the stated errors; scans in time state none."""
     picture, values = again.picture, again.values
-    errors = (SHARE * np.nan_to_num(values[f"error_{name}"]) for name in Errors._fields)
+    if picture.claims.control.in_time:
+        scanned = [name for name in SCAN_VARIABLES if name in FLOATS and name not in FLAGS]
+        by_name = {name: SAME[FLOATS[name].units] + 2 * picture.coarse(name) for name in scanned}
+        return {name: np.full(len(again.pixels), limit) for name, limit in by_name.items()}
+    errors = (share * np.nan_to_num(values[f"error_{name}"]) for name in Errors._fields)
     exact = Errors(*(error + rounding for error, rounding in zip(errors, ITERATIONS, strict=True)))
     largest = _allowed(again, exact, np.zeros(len(again.pixels), bool))
     largest["height"] = largest["tip_offset"] = largest["height"] + 1e-15 * np.abs(values["height"])

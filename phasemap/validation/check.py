@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
@@ -18,29 +17,18 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.imperfections import drifted
 from phasemap.scenes.scene import Scene
-from phasemap.solvers.solver import FromFar, Orbit, by_name
+from phasemap.solvers.solver import FromFar, Orbit, Solver
 from phasemap.validation.again import after, image_again, sample, solve_again
 from phasemap.validation.agreement import compare, repeat
 from phasemap.validation.claims import Claims, claims_of, scene_of
 from phasemap.validation.invariants import invariants, layout
-from phasemap.validation.lines import scan_again
 from phasemap.validation.picture import FAILS, HOLDS, Check, Claim, Picture, pixels_in_words
 
-Pixels = NDArray[np.intp]
-Found = tuple[list[Claim], "xr.Dataset", str]
-
 PIXELS = 64
-PER_LINE = 32  # pixels that a line in time counts for
-IN_TIME = "by the equation of motion in time"
-SCAN = (
-    "Some lines were scanned again, those named above. Other lines only by what must hold in every pixel: a changed "
-    "phase may pass there."
-)
 UNSEEN = (
     "Whether contact law, materials and microscope describe a real sample: pixels are solved again with the same ones. "
     "Their maps are those of the {surface}."
 )
-"""Claims, the pixels that were compared, and which were judged how."""
 
 
 @unquestioned()  # who made the image was told already
@@ -59,15 +47,13 @@ def check(
 ) -> Check:
     """Find out whether what an image says of itself holds.
 
-    Every pixel is asked for what must hold whatever the sample: layout, status, setpoint, height, balances of energy
-    and virial, branch, motion, stated errors. Then every pixel is solved again as it was made, which must give the
-    same, and pixels that differ and a random sample by the equation of motion in time, engaged from far, which shares
-    no solver with the image and does not know what it says: status, motion, branch, phase, height, mean deflection,
-    indentation, dissipation and virial are compared, within the errors that the image states. A pixel in which time
-    comes to no rest is not judged. An image by "march" is slow to make again: there every pixel is solved by periodic
-    orbits, and the sample as it was made. Pixels of `Raster` begin in time on the branch on which the image leaves the
-    pixel before. Of a `Feedback` whole lines are scanned again; other lines are only asked for what must hold in
-    every pixel.
+    Layout, status and height must be as they are defined. Then every pixel is solved again as it was made, which must
+    give the same, and pixels that differ and a random sample by the equation of motion in time, engaged from far, which
+    shares no solver with the image and does not know what it says: status, motion, branch, phase, height, mean
+    deflection, indentation, dissipation and virial are compared, within the errors that the image states. A pixel in
+    which time comes to no rest is not judged. Of an image by "march" the sample is solved by periodic orbits. Pixels of
+    `Raster` begin in time on the branch on which the image leaves the pixel before. A `Feedback` is scanned again, and
+    nothing else.
 
     Not seen is what all ways to solve a pixel share: contact law, parameters, and the surface. It takes as long as the
     image, and some 20 ms a pixel of the sample.
@@ -83,7 +69,7 @@ def check(
     folders : iterable of path-like
         Where files that the image's scene names may be.
     pixels : int
-        How many are in the sample; a line in time counts for 32.
+        How many are in the sample.
     seed : int
         Of the sample.
     threads, progress
@@ -134,50 +120,35 @@ def check(
     everywhere += [claim for claim in invariants(picture, surface) if claim.pixels]
     unseen = UNSEEN.format(surface="scene in the file" if given is None else "surface given")
     if claims.control.in_time:
-        lines = max(pixels // PER_LINE, 1)
-        return Check((*everywhere, scan_again(picture, surface, lines, seed, threads, progress)), None, SCAN, unseen)
-    drawn = sample(picture, pixels, seed)
-    acts = claims.microscope.interaction
-    only_in_time = surface.relaxes or acts.withdrawal != "linear" or acts.law.in_time
-    # What remembers or is wet, or marched under two drives, has no orbits that stand for its march.
-    two_drives = claims.microscope.drive.second is not None
-    solve = _by_orbits if claims.solver == "march" and not (only_in_time or two_drives) else _as_made
-    found, sampled, judged = solve(picture, surface, drawn, threads, progress)
-    return Check((*everywhere, *found), sampled, judged, unseen)
-
-
-def _as_made(
-    picture: Picture, surface: Surface, drawn: Pixels, threads: int | None, progress: Progress | None
-) -> Found:
-    """Solve all pixels as they were made; those drawn, and as many of those that differ, in time."""
-    pixels = int(np.prod(picture.shape))
-    total = pixels + len(drawn)
+        repeated, _ = repeat(image_again(picture, surface, threads, progress))
+        return Check((*everywhere, repeated), None, "Every line was scanned again as it was made.", unseen)
+    drawn, every = sample(picture, pixels, seed), int(np.prod(picture.shape))
+    total = every + len(drawn)
     made = image_again(picture, surface, threads, after(progress, 0, total))
-    claim, differ = repeat(made)
-    judges = np.union1d(drawn, np.random.default_rng(0).permutation(differ)[: len(drawn)])
-    again = solve_again(picture, surface, judges, FromFar(), threads, after(progress, pixels, total))
-    found, sampled = compare(again, IN_TIME)
-    found_again = f"{len(differ) or 'none'} {'differs' if len(differ) < 2 else 'differ'}"
+    repeated, differ = repeat(made)
+    judges = np.union1d(drawn, differ[: len(drawn)])
+    other, by = _another(claims, surface)
+    again = solve_again(picture, surface, judges, other, threads, after(progress, every, total))
+    found, sampled = compare(again, by)
+    differs = f"{len(differ) or 'none'} {'differs' if len(differ) < 2 else 'differ'}"
     judged = (
-        f"Every pixel was solved again as it was made ({made.materials} different materials): {found_again}. "
-        f"{pixels_in_words(len(judges))}, some of every kind and those that differ, also {IN_TIME}. An error of the "
+        f"Every pixel was solved again as it was made ({made.materials} different materials): {differs}. "
+        f"{pixels_in_words(len(judges))}, some of every kind and those that differ most, also {by}. An error of the "
         "solver itself would show only there."
     )
-    return [claim, *found], sampled, judged
+    return Check((*everywhere, repeated, *found), sampled, judged, unseen)
 
 
-def _by_orbits(
-    picture: Picture, surface: Surface, drawn: Pixels, threads: int | None, progress: Progress | None
-) -> Found:
-    """Solve all pixels by periodic orbits, which are cheap beside the image's march; those drawn as they were made."""
-    pixels = np.arange(int(np.prod(picture.shape)))
-    total = len(pixels) + len(drawn)
-    made = solve_again(picture, surface, drawn, by_name("march"), threads, after(progress, 0, total))
-    orbits = solve_again(picture, surface, pixels, Orbit(complete=True), threads, after(progress, len(drawn), total))
-    found, sampled = compare(orbits, "by periodic orbits")
-    as_made = f"{pixels_in_words(len(drawn))}, some of every kind, also as the image was made."
-    judged = f"Every pixel was solved again by periodic orbits ({orbits.materials} different materials). {as_made}"
-    return [repeat(made)[0], *found], sampled, judged
+def _another(claims: Claims, surface: Surface) -> tuple[Solver, str]:
+    """A solver that shares nothing with that of the image, in words too: time, or periodic orbits for what time made.
+
+    What remembers or is wet, or is marched under two drives, has no orbits that stand for its march.
+    """
+    acts = claims.microscope.interaction
+    only_in_time = surface.relaxes or acts.withdrawal != "linear" or acts.law.in_time
+    if claims.solver == "march" and not only_in_time and claims.microscope.drive.second is None:
+        return Orbit(complete=True), "by periodic orbits"
+    return FromFar(), "by the equation of motion in time"
 
 
 def _same(claims: Claims, scene: Scene) -> Claim:

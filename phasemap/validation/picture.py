@@ -96,15 +96,6 @@ class Picture:
         stated = f"{name}_spread"
         return np.asarray(np.nan_to_num(self.raw(stated))) if stated in self else np.zeros(self.shape)
 
-    def unknown_phase(self) -> Array:
-        """By how much the phase may be off [rad]: what the image states, and its quantisation; 0 where not stated."""
-        stated = np.nan_to_num(self["error_phase"]) if "error_phase" in self else np.zeros(self.shape)
-        interpolated = self.raw("solver") == col.INTERPOLATED if "solver" in self else np.zeros(self.shape, bool)
-        # The interpolant of energies is asked for what this error of the phase does to them
-        # (`imaging.engaged.tolerances_of`).
-        stated = np.where(interpolated, np.maximum(stated, self.claims.accuracy.phase), stated)
-        return np.asarray(np.radians(stated + self.coarse("phase")))
-
     def floats(self) -> list[str]:
         """Names of the float variables, in the order of the image."""
         return [str(name) for name in self.image.data_vars if name in FLOATS and name not in FLAGS]

@@ -27,8 +27,8 @@ MATERIALS = {
     2: pm.Material(2e9, adhesion=0.03, damping=0.005),
     3: pm.Material(5e9, adhesion=0.06),
 }
-LABELS = np.random.default_rng(5).integers(0, 4, (12, 16))
-RELIEF = 1e-10 * np.arange(192.0).reshape(12, 16)
+LABELS = np.random.default_rng(5).integers(0, 4, (6, 8))
+RELIEF = 1e-10 * np.arange(48.0).reshape(6, 8)
 SURFACE = pm.Surface.from_labels(LABELS, MATERIALS, pixel_size=2e-9, topography=RELIEF)
 SCOPE = pm.Microscope(pm.Cantilever(10.0, 150e3, 200.0), pm.Tip(10e-9), pm.Drive(20e-9))
 
@@ -65,7 +65,7 @@ def fill(name: str, value: float) -> Change:
 
 def one(name: str, change: Callable[[Any], Any]) -> Change:
     def do(image: xr.Dataset) -> None:
-        image[name][5, 7] = change(image[name].values[5, 7])
+        image[name][..., 3, 4] = change(image[name].values[..., 3, 4])
 
     return do
 
@@ -107,7 +107,7 @@ def both(*changes: Change) -> Change:
 def swapped(values: np.ndarray) -> np.ndarray:
     """Two neighbours that are of different materials, exchanged."""
     y, x = np.argwhere(LABELS[:, 1:] != LABELS[:, :-1])[0]
-    values[y, [x, x + 1]] = values[y, [x + 1, x]]
+    values[..., y, [x, x + 1]] = values[..., y, [x + 1, x]]
     return values
 
 
@@ -172,11 +172,11 @@ ALTERATIONS: dict[str, Change] = {
     "branch of a pixel": one("branch", lambda value: 1 - value),
     "motion of a pixel": one("motion", lambda _: 1),
     "an unknown status": one("status", lambda _: 77),
-    "left and right exchanged": every("", lambda values: values[:, ::-1]),
-    "top and bottom exchanged": every("", lambda values: values[::-1]),
-    "moved by a pixel": every("", lambda values: np.roll(values, 1, axis=1)),
+    "left and right exchanged": every("", lambda values: values[..., ::-1]),
+    "top and bottom exchanged": every("", lambda values: values[..., ::-1, :]),
+    "moved by a pixel": every("", lambda values: np.roll(values, 1, axis=-1)),
     "two pixels exchanged": every("", swapped),
-    "a line repeated": every("", lambda values: values[[0, *range(11)]]),
+    "a line repeated": every("", lambda values: values[..., [0, *range(5)], :]),
     # What the file says it is.
     "another setpoint": said("setpoint", value=0.70001),
     "another solver": said("solver", value="orbit"),
@@ -187,7 +187,7 @@ ALTERATIONS: dict[str, Change] = {
     "a scan of both directions": said("control", value={"kind": "raster", "engage": "line"}),
     "offsets of the lines": said("realism", "line_offset", value=1e-10),
     "drift": said("realism", "drift", value=[4e-9, 0.0, 0.0]),
-    "a tip that changed": said("realism", "tip_change", value={"kind": "tipchange", "line": 6, "radius": 11e-9}),
+    "a tip that changed": said("realism", "tip_change", value={"kind": "tipchange", "line": 3, "radius": 11e-9}),
     "quantised": said("realism", "bits", value=12),
     "quantised in part": both(said("realism", "bits", value=12), every("phase", lambda values: values.round(3))),
     "another stiffness": said("microscope", "cantilever", "stiffness", value=10.01),
@@ -201,7 +201,7 @@ ALTERATIONS: dict[str, Change] = {
     "another exponent of damping": said("microscope", "interaction", "damping_exponent", value=0.6),
     "a bias": said("microscope", "interaction", "bias", value=1.0),
     # How it is laid out.
-    "another shape": said("shape", value=[16, 12]),
+    "another shape": said("shape", value=[8, 6]),
     "another pixel size": said("pixel_size", value=[2e-9, 2.1e-9]),
     "coordinates moved": lambda image: image.coords.update({"x": image["x"] + 1e-9}),
     "coordinates turned": lambda image: image.coords.update({"y": image["y"][::-1].values}),
@@ -225,3 +225,23 @@ def test_an_alteration_is_found(name: str, good: xr.Dataset) -> None:
     ALTERATIONS[name](image)
     found = pm.check(image, SURFACE, pixels=24)
     assert [claim for claim in found.claims if claim.result == FAILS], str(found)
+
+
+IN_TIME = (
+    "phase 0.001 degree up", "height 1 pm up", "height and tip offset 1 pm up", "amplitude a millionth larger",
+    "branches exchanged", "all by the march", "nothing solved", "numbers lost", "height of a pixel 1 pm up",
+    "branch of a pixel", "two pixels exchanged", "a line repeated", "another setpoint", "offsets of the lines", "drift",
+    "quantised", "another stiffness", "another quality factor", "another radius", "another variable",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scan() -> xr.Dataset:
+    return pm.simulate(SURFACE, SCOPE, setpoint=0.7, control=pm.Feedback(line_rate=200.0))
+
+
+@pytest.mark.parametrize("name", IN_TIME)
+def test_an_alteration_of_a_scan_in_time_is_found(name: str, scan: xr.Dataset) -> None:
+    image = scan.copy(deep=True)
+    ALTERATIONS[name](image)
+    assert not pm.check(image, SURFACE).holds

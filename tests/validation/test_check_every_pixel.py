@@ -28,10 +28,10 @@ def random_map(size: int, modulus: tuple[float, float], adhesion: Any, damping: 
     return pm.Surface(moduli, attraction, random.uniform(*damping, (size, size)), pixel_size=1e-9)
 
 
-def with_modulus(surface: pm.Surface, factor: float) -> pm.Surface:
+def with_modulus(surface: pm.Surface, factor: float, row: int = ROW, column: int = COLUMN) -> pm.Surface:
     """The surface with the modulus of one pixel multiplied."""
     modulus = surface.modulus.copy()
-    modulus[ROW, COLUMN] *= factor
+    modulus[row, column] *= factor
     return pm.Surface(modulus, surface.adhesion, surface.damping, pixel_size=surface.pixel_size)
 
 
@@ -85,10 +85,9 @@ def test_a_pixel_whose_modulus_is_changed_in_the_map_is_found_and_judged_in_time
     assert {REPEATED, *BY_ANOTHER} <= set(found) and set(found.values()) == {((0, ROW, COLUMN),)}
 
 
-@pytest.mark.parametrize("factor", [0.999, 1.001])
-def test_an_indentation_that_is_off_by_a_thousandth_is_found(factor: float, good: xr.Dataset) -> None:
+def test_an_indentation_that_is_off_by_a_thousandth_is_found(good: xr.Dataset) -> None:
     one = good.copy(deep=True)
-    one["indentation"][ROW, COLUMN] *= factor
+    one["indentation"][ROW, COLUMN] *= 0.999
     assert failed(pm.check(one, BISTABLE)) == {REPEATED: ((0, ROW, COLUMN),)}
 
 
@@ -119,16 +118,18 @@ def test_what_was_asked_for_beside_the_usual_is_solved_again_too() -> None:
         assert REPEATED in failed(pm.check(image, surface, pixels=4))
 
 
-def test_every_pixel_of_an_image_by_time_is_solved_again_by_orbits() -> None:
-    surface = random_map(8, (1e9, 3e9), 0.05, (0.005, 0.02))
+def test_every_pixel_of_an_image_by_time_is_marched_again_and_some_are_solved_by_orbits() -> None:
+    surface = random_map(4, (1e9, 3e9), 0.05, (0.005, 0.02))
     image = pm.simulate(surface, SCOPE, SETPOINT, "march")
     found = pm.check(image, surface, pixels=2)
-    assert found.holds and found.sample.sizes["pixel"] == 64
+    assert found.holds and found.sample.sizes["pixel"] == 2
     assert found.judged == (
-        "Every pixel was solved again by periodic orbits (64 different materials). "
-        "2 pixels, some of every kind, also as the image was made."
+        "Every pixel was solved again as it was made (16 different materials): none differs. "
+        "2 pixels, some of every kind and those that differ most, also by periodic orbits. "
+        "An error of the solver itself would show only there."
     )
-    assert BY_ANOTHER <= set(failed(pm.check(image, with_modulus(surface, 1.5), pixels=2)))
+    wrong = failed(pm.check(image, with_modulus(surface, 1.5, 1, 2), pixels=2))
+    assert {REPEATED, *BY_ANOTHER} <= set(wrong) and set(wrong.values()) == {((0, 1, 2),)}
 
 
 def test_a_pixel_of_a_raster_is_found_on_its_other_orbit() -> None:

@@ -91,7 +91,7 @@ def unsolved(monkeypatch: pytest.MonkeyPatch) -> None:
     def reached(*_: Any) -> NoReturn:
         raise ReachedError
 
-    for name in ("image_again", "solve_again", "scan_again"):
+    for name in ("image_again", "solve_again"):
         monkeypatch.setattr(checking, name, reached)
     monkeypatch.setenv("PHASEMAP_MEMORY", "64e6")
 
