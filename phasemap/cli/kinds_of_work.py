@@ -22,6 +22,7 @@ BIMODAL = replace(SCOPE, cantilever=TWO_MODES, drive=pm.Drive(16e-9, second=pm.M
 MATERIAL, OTHER = pm.Material(2e9, 0.05, 0.01), pm.Material(1e9, 0.02, 0.02)
 TWO = pm.Surface(2e9, adhesion=np.repeat([[0.02, 0.1]], 2, axis=0), damping=0.01, pixel_size=2e-9)
 MANY = pm.Surface(np.linspace(1e9, 3e9, 10_000).reshape(100, 100), adhesion=0.02, pixel_size=2e-9)
+FAST = pm.Feedback(line_rate=100.0)  # a line takes as many periods as its time has
 RELAXING = pm.Surface(2e9, relaxed_modulus=1e9, relaxation_time=30e-9, pixel_size=2e-9, shape=(1, 1))
 
 
@@ -56,8 +57,8 @@ KINDS: dict[str, Callable[[], object]] = {
     "frequency sweep": lambda: pm.sweep_frequency(MATERIAL, SCOPE, np.linspace(295e3, 305e3, 20), tip_offset=10e-9),
     "contrast": lambda: pm.contrast(MATERIAL, OTHER, SCOPE, np.linspace(0.4, 0.9, 3)),
     "raster": lambda: _image("auto", pm.Raster()),
-    "feedback, slow flow": lambda: _image("auto", pm.Feedback()),
-    "feedback, full equation": lambda: _image("march", pm.Feedback()),
+    "feedback, slow flow": lambda: _image("auto", FAST),
+    "feedback, full equation": lambda: _image("march", FAST),
     "orbit": lambda: _image("orbit"),
     "averaging": lambda: pm.simulate(TWO, SCOPE, 0.6, "averaging"),
     "averaging in doubt": lambda: _image("averaging"),  # exact orbits say on which branch

@@ -144,14 +144,15 @@ def _polyisobutylene(dwell: float, setpoint: float) -> float:
     return float(pm.solve_pixel(rubber, scope, setpoint=setpoint).phase)
 
 
-def test_polyisobutylene_has_the_phase_of_a_simulation_of_its_source_if_the_tip_dwells_as_long() -> None:
-    """That is of 760 periods, 16.5 ms, by Lee and Radok's theory, which differs; 1 ms takes a third as long."""
+def test_polyisobutylene_comes_to_the_phase_of_a_simulation_of_its_source_the_longer_the_tip_dwells() -> None:
+    """That is of 760 periods, 16.5 ms, by Lee and Radok's theory, which differs."""
     setpoint, simulated = SIMULATED[1]
-    soon, late = (_polyisobutylene(dwell, setpoint) - simulated for dwell in (50e-6, 1e-3))
-    assert -2.0 < soon < -1.0 and -0.5 < late < 0.0
+    soon, later = (_polyisobutylene(dwell, setpoint) - simulated for dwell in (50e-6, 200e-6))
+    assert -1.4 < soon < -1.0 < later < -0.5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("setpoint", "simulated"), SIMULATED)
 def test_polyisobutylene_is_within_half_a_degree_of_the_simulation(setpoint: float, simulated: float) -> None:
-    assert _polyisobutylene(16.5e-3, setpoint) == pytest.approx(simulated, abs=0.25)
+    for dwell, below in ((1e-3, 0.5), (16.5e-3, 0.25)):
+        assert -below < _polyisobutylene(dwell, setpoint) - simulated < 0.25
