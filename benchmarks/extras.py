@@ -48,9 +48,7 @@ def _extras(quick: bool, seed: int) -> list[Extra]:
     found = []
     for size, solver, how in ((QUICK_SIZE if quick else SIZE, "auto", "interpolated"), (SOLVED, "orbit", "solved")):
         found += _of_map(one, surface_of(one, size, seed), solver, how)
-    for size, solver, how in ((SOLVED, "auto", "solved"), (MARCHED, "march", "marched")):
-        found.append(_relaxing(one, surface_of(one, size, seed), solver, how))
-    return found
+    return [*found, _relaxing(one, surface_of(one, MARCHED, seed))]
 
 
 def _of_map(one: Map, surface: Surface, solver: str, how: str) -> list[Extra]:
@@ -69,7 +67,7 @@ def _of_map(one: Map, surface: Surface, solver: str, how: str) -> list[Extra]:
     ]
 
 
-def _relaxing(one: Map, surface: Surface, solver: str, how: str) -> Extra:
+def _relaxing(one: Map, surface: Surface) -> Extra:
     """The same materials, elastic and relaxing."""
     modulus, adhesion = np.asarray(surface.modulus), surface.adhesion
     elastic = Surface(AT_ONCE * modulus, adhesion, pixel_size=1e-9)
@@ -77,9 +75,9 @@ def _relaxing(one: Map, surface: Surface, solver: str, how: str) -> Extra:
         AT_ONCE * modulus, adhesion, relaxed_modulus=modulus, relaxation_time=RELAXATION_TIME, pixel_size=1e-9
     )
     plain, extended = (
-        partial(simulate, each, one.scope, one.setpoint, solver=solver, threads=1) for each in (elastic, relaxing)
+        partial(simulate, each, one.scope, one.setpoint, solver="march", threads=1) for each in (elastic, relaxing)
     )
-    return Extra(f"one relaxation time, {how}", plain, extended)
+    return Extra("one relaxation time, marched", plain, extended)
 
 
 def measure_extras(quick: bool, seed: int, progress: Callable[[str], None]) -> xr.Dataset:

@@ -116,7 +116,6 @@ def solve_one_of_each_kind() -> None:
         (exact.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (marched.remembering_rows, pixels, 1.0, 1, answers.rows, answers.status),
-        (marched.relaxing_rows, pixels, limits, answers),
         (ratio_far_from_surface, oscillator, 1.0),
         (free_state, work.law, numbers, 1.0),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),

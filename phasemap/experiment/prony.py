@@ -27,7 +27,7 @@ MARGIN = 1.0  # decades by which the times of a table's fit go beyond its band
 @known_as(E="moduli", tau="times", E_inf="equilibrium")
 @dataclass(frozen=True, repr=False)
 class Prony(Shown):
-    """Young's modulus that relaxes as E(t) = equilibrium + sum of moduli exp(-t / times): theory, Eq. (memory-13).
+    """Young's modulus that relaxes as E(t) = equilibrium + sum of moduli exp(-t / times): theory, Eq. (memory-12).
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class InTime:
         """State larger errors where energy is missing that surfaces remember: dents that last have kinks.
 
         With no other error sin(lag) is off by that share of itself, and a depth by that over cos(lag)^2: theory,
-        Eq. (memory-12).
+        Eq. (memory-11).
         """
         some = rows[periodic]
         missing = MARGIN * np.abs(some[:, col.CLOSURE])

@@ -21,7 +21,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import sees_tip
 from phasemap.solvers.detected_setpoint import engage as engage_seen
-from phasemap.solvers.in_time import ERROR_HEIGHT, ERROR_PHASE, ETA, InTime
+from phasemap.solvers.in_time import ETA, InTime
 from phasemap.solvers.problem import Work
 
 NO_ORBIT = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS, col.UNSTABLE)
@@ -242,9 +242,8 @@ class BothDrives(FromFar):
 class OnlyInTime(FromFar):
     """The march for surfaces that remember or are wet, and another solver for the materials among them that are not.
 
-    Where that does not march, solids are solved by the lever's response if one tap leaves the next no dent. Where it is
-    the march from far, the surface is wet, the lever has several modes or the detector does not see the tip, all are
-    engaged from far.
+    Where that is the march from far, the surface is wet, the lever has several modes or the detector does not see the
+    tip, all are engaged from far.
     """
 
     rows_per_chunk = March.rows_per_chunk
@@ -262,9 +261,6 @@ class OnlyInTime(FromFar):
         remembers = ~engaged & bool(work.law.memory) & ((rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0))
         far = np.flatnonzero(remembers)
         one_mode = work.lever[col.MODES] < 2 and sees_tip(work.lever)
-        if len(far) and one_mode and not isinstance(self.other, March):
-            self._respond(work, far, answers)
-            far = far[answers.status[far] != col.GOOD]
         if len(far) and one_mode and not isinstance(self.other, FromFar):
             from phasemap._kernels.rows.marched import remembering_rows
 
@@ -278,14 +274,6 @@ class OnlyInTime(FromFar):
         some = answers.of(rest)
         self.other.solve(plain, accuracy, some)
         answers.put(rest, some)
-
-    def _respond(self, work: Work, chosen: np.ndarray, answers: Answers) -> None:
-        """Find the chosen rows by the lever's response, as exactly as the march does, where that is possible."""
-        from phasemap._kernels.rows.marched import relaxing_rows
-
-        some, limits = answers.of(chosen), ErrorLimits(ERROR_PHASE, ERROR_HEIGHT)
-        relaxing_rows(work.part(chosen).pixels, limits, some)
-        answers.put(chosen, some)
 
 
 def check_integrals(names: list[str]) -> None:

@@ -64,7 +64,7 @@ def converge(oscillator: Oscillator, f: Nodes, state: PassState) -> int:
 
 @kernel
 def orbit_is_kept(oscillator: Oscillator, f: Nodes, state: PassState) -> bool:
-    return stability.orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+    return stability.orbit_is_kept(oscillator, f, state)
 
 
 start_passes, fill_monodromy = plain(passes.start_passes), plain(stability.fill_monodromy)
@@ -129,7 +129,7 @@ def test_an_orbit_is_kept_that_touches_once_far_from_where_it_doubles_or_its_bra
     kicks = np.zeros((2, 2))
     fill_monodromy(oscillator, f, state, kicks)
     # Kicks at nodes in place of a spring that lasts from one to the next: a few per cent. Damping is left out.
-    trace, decay = trace_of_one_mode(oscillator, f, state, 0.0, 0.0)
+    trace, decay = trace_of_one_mode(oscillator, f, state)
     assert trace == pytest.approx(np.trace(kicks), abs=0.1 * math.exp(-0.5 * decay))  # at most 2 exp(-decay/2)
     assert math.exp(-decay) == pytest.approx(np.linalg.det(kicks), rel=0.05)
     assert orbit_is_kept(oscillator, f, state)

@@ -403,7 +403,8 @@ def test_thermal_motion_of_the_free_lever_has_equipartition(solver: str) -> None
     assert states[:, :2].var(axis=0).sum() / 2 == pytest.approx(1.380649e-23 * 300.0 / 0.1, rel=0.06)
 
 
-@pytest.mark.parametrize("solver", [pytest.param("averaging", marks=pytest.mark.slow), "march"])
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ENGINES)
 def test_detector_noise_passes_the_lock_in_within_its_bandwidth(solver: str) -> None:
     density = 1e-12  # m/sqrt(Hz)
     states = wandering(solver, detector_noise=density)

@@ -107,7 +107,7 @@ def test_without_noise_the_exact_material_comes_back():
         np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
 
 
-@pytest.mark.parametrize("lever", [WET, BEAM], ids=["shaken", "two modes"])
+@pytest.mark.parametrize("lever", [pytest.param(WET, marks=pytest.mark.slow), BEAM], ids=["shaken", "two modes"])
 def test_materials_come_back_from_images_in_liquid(lever, few_starts):
     scopes, setpoints = in_liquid(*lever)
     surface = pm.Surface([[1e7, 2e8, 1e9]], [[0.005, 0.01, 0.02]], [[0.03, 0.01, 0.02]], pixel_size=4e-9)

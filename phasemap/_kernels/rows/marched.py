@@ -7,19 +7,13 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import sure_orbit
 from phasemap._kernels.engagement.goal import Goal
 from phasemap._kernels.engagement.holding import hold_from_row, hold_over_remembering_surface
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.nodes import Nodes
-from phasemap._kernels.orbits.response.relaxing_contact import ContactMemory, TapWorkspace
-from phasemap._kernels.orbits.response.relaxing_orbit import refine_relaxing
-from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
-from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
+from phasemap._kernels.rows.answers import Pixels, oscillator_of
 
 
 @kernel
@@ -55,23 +49,3 @@ def remembering_rows(pixels: Pixels, step_size: float, most_periods: int, out: n
     for i in range(len(out)):
         goal = Goal(pixels.amplitudes[i], step_size, most_periods)
         status[i] = hold_over_remembering_surface(oscillator_of(pixels, i), goal, top, harmonic, out[i])
-
-
-@kernel
-def relaxing_rows(pixels: Pixels, limits: ErrorLimits, answers: Answers) -> None:
-    """Orbit of every row after engagement where averaging is sure of it and passes find it; the others are PENDING.
-
-    Passes know half-spaces of one relaxation time.
-    """
-    out, status, solver = answers
-    harmonic, top, workspace = HarmonicOrbit(), Maximum(), TapWorkspace(Nodes(), ContactMemory(), PassState())
-    for i in range(len(out)):
-        oscillator = oscillator_of(pixels, i)
-        status[i], out[i] = col.PENDING, math.nan
-        p = oscillator.p
-        if not p[col.RELAXATION] > 0.0 or p[col.SPECTRUM] != 0.0 or p[col.THINNESS] != 0.0:
-            continue
-        sure = sure_orbit(oscillator, pixels.amplitudes[i], top, harmonic)
-        if sure and refine_relaxing(oscillator, harmonic, limits, workspace):
-            fill_row_from_passes(pixels.lever, workspace.nodes, workspace.state, out[i])
-            status[i], solver[i] = col.GOOD, col.CORRECTED

@@ -3,5 +3,5 @@
 `nodes` places the nodes and has the force at them, `motion` the lever's response to it, `passes` iterates the two,
 `newton_pass` takes their place where they contract slowly, `state` has what is known of the orbit, `stability` says
 whether it can be held, `apex` treats the turning of the tip within the sample. `orbit` puts them together, from an
-averaged guess to a row. `relaxing_contact` is the contact of a relaxing solid, `relaxing_orbit` finds its orbits.
+averaged guess to a row.
 """

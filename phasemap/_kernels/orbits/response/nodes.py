@@ -31,13 +31,11 @@ from phasemap._kernels.records import column, record
 N = 16  # nodes in an element; elements: before contact (counted backwards in time), in contact, after contact
 GAUSS_X, GAUSS_WEIGHTS = gauss(N)
 UPTO = np.ascontiguousarray(integration_matrix(GAUSS_X).T)  # [k, j]: integral of the k-th polynomial up to node j
-EARLY_S, EARLY_W = np.sin(0.5 * np.pi * (GAUSS_X - 1.0)), 0.5 * np.pi * np.cos(0.5 * np.pi * (GAUSS_X - 1.0))
 _LEGENDRE = np.polynomial.legendre.legvander(np.concatenate([2 * GAUSS_X - 1, GAUSS_X - 1, GAUSS_X]), N - 1)
 INTO_PARTS = _LEGENDRE[N:] @ np.linalg.inv(_LEGENDRE[:N])  # from the nodes of a contact to those of its halves
 HIGHEST = (_LEGENDRE[:N].T * GAUSS_WEIGHTS)[N - 2 :] * np.array(
     [[2 * N - 3], [2 * N - 1]]
 )  # coefficients of the highest polynomials
-LATE_S, LATE_W = np.sin(0.5 * np.pi * GAUSS_X), 0.5 * np.pi * np.cos(0.5 * np.pi * GAUSS_X)
 IN, TOUCH, OUT, ENTRY, EXIT, ALL = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 4
 MOST_PARTS = 8  # of a contact, which is cut in 1, 2, 4 or 8
 LATE, ALL_CUT = ALL, ALL + (MOST_PARTS - 1) * N  # the later parts of a contact that is cut, where there is room

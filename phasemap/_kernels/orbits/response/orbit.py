@@ -125,7 +125,7 @@ def _orbit_by_passes(
         found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
     if found != FOUND or not on_same_branch(lever, harmonic, state):
         return False
-    return orbit_is_kept(oscillator, f, state, 0.0, 0.0)
+    return orbit_is_kept(oscillator, f, state)
 
 
 @kernel
@@ -151,4 +151,4 @@ def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: Respo
     if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False
     found = converge(oscillator, f, here, False, limits.phase, limits.tip_offset)  # back to where the nodes were
-    return found == FOUND and orbit_is_kept(oscillator, f, here, 0.0, 0.0)
+    return found == FOUND and orbit_is_kept(oscillator, f, here)

@@ -78,9 +78,7 @@ def _is_sound(lever: np.ndarray, state: PassState, length: float) -> bool:
 
 
 @kernel(fastmath=ANY_ORDER)
-def trace_of_one_mode(
-    oscillator: Oscillator, nodes: Nodes, state: PassState, dent: float, recovery: float
-) -> tuple[float, float]:
+def trace_of_one_mode(oscillator: Oscillator, nodes: Nodes, state: PassState) -> tuple[float, float]:
     """Trace of the monodromy matrix of one mode, NaN where the tip touches elsewhere, and the decay of its determinant.
 
     The mode is kicked at every node outside contact by the stiffness there, and turned faster by it in contact. The
@@ -97,8 +95,6 @@ def trace_of_one_mode(
         if (nodes.touches if in_contact else nodes.outside) == 0:
             continue
         d, width = depth_at_node(nodes, state.amplitude, state.centre, j), weight_of_node(nodes, j)
-        if dent > 0.0 and OUT <= j < OUT + N:
-            d -= dent * math.exp((nodes.theta[EXIT] - nodes.theta[j]) * recovery)
         if d < -beside if in_contact else d > beside:
             return math.nan, decay
         slope = contact_slope(law, max(d, 0.0), p) if in_contact else longrange_slope(law, min(d, 0.0), p)
@@ -122,15 +118,14 @@ def trace_of_one_mode(
 
 
 @kernel(shared=True)
-def orbit_is_kept(oscillator: Oscillator, nodes: Nodes, state: PassState, dent: float, recovery: float) -> bool:
+def orbit_is_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
     """Whether a converged orbit touches where it was taken to, and period doubling and the end of its branch are far.
 
-    A `dent` [m] that the contact leaves comes back with the rate `recovery` over the angle. A period doubles where the
-    trace is -1 less the determinant, which all damping makes smaller.
+    A period doubles where the trace is -1 less the determinant, which all damping makes smaller.
     """
     if modes_of(oscillator.lever) > 1:
         return _several_modes_are_kept(oscillator, nodes, state)
-    trace, decay = trace_of_one_mode(oscillator, nodes, state, dent, recovery)
+    trace, decay = trace_of_one_mode(oscillator, nodes, state)
     far = trace > -DOUBLING * (1.0 + math.exp(-decay))
     return far and _is_sound(oscillator.lever, state, force_length(oscillator.p, state))
 

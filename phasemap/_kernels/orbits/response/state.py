@@ -37,7 +37,6 @@ class PassState:
     tip_offset_error: float  # [m]
     passes: int
     parts: int  # elements in contact, 0 where the orbit is not at the nodes
-    apex: float  # largest A cos(theta) + w [m] where the nodes are others, else 0
     last_w: float  # w in the middle of the contact, after the last pass [m]
     phase_change: float  # by the last pass [rad]
     tip_offset_change: float  # [m]
@@ -91,7 +90,7 @@ def fill_row_from_passes(lever: np.ndarray, nodes: Nodes, state: PassState, row:
     row[:] = math.nan
     row[col.TIP_OFFSET], row[col.MEAN] = state.tip_offset, mean
     row[col.PHASE], row[col.AMPLITUDE] = state.phase, amplitude
-    row[col.INDENTATION] = (state.apex if state.apex > 0.0 else apex_of(nodes, amplitude)) - state.centre
+    row[col.INDENTATION] = apex_of(nodes, amplitude) - state.centre
     row[col.DISSIPATION] = stiffness * state.loss
     row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
     row[col.STIFFENING] = push / amplitude

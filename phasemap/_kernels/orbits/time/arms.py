@@ -2,7 +2,7 @@
 
 An element that is pushed in by w has f = w - sum_a kappa_a y_a and tau_a dy_a/dt = w - y_a: y_a is what the dashpot of
 an arm has crept. Where nothing touches it, f = 0, and w = sum_j c_j is a sum of dents that recover at the rates r_j
-between those of the arms, sum_a kappa_a/(1 - r_j tau_a) = 1 (theory, Eq. (memory-13)):
+between those of the arms, sum_a kappa_a/(1 - r_j tau_a) = 1 (theory, Eq. (memory-12)):
 
     y_a = sum_j c_j / (1 - r_j tau_a),    c_j = n_j sum_a kappa_a tau_a y_a / (1 - r_j tau_a)
 """

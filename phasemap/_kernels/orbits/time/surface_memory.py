@@ -1,7 +1,7 @@
 """What a surface remembers: how far its elements were pushed in, inside the contact and outside it.
 
 A linear viscoelastic half-space under a sphere, or a film on a rigid base, is a row of independent elements under a
-parabola: that at x has to go d - x^2 deep (lengths along x over sqrt(R), theory, Eqs. (memory-2) and (memory-17)). A
+parabola: that at x has to go d - x^2 deep (lengths along x over sqrt(R), theory, Eqs. (memory-2) and (memory-16)). A
 dashpot of each element remembers y(x). With xi = x^2, and the edge of the contact at x = q:
 
 * inside, every dashpot creeps after the same tip: b = D - xi - y, D the tip's depth as a dashpot sees it, decays with
@@ -82,7 +82,7 @@ def pressed_to(layer: Layer, q: float, d: float) -> tuple[float, float]:
     """Force of all elements within the edge q that are pushed to depth d, over (3/2) K sqrt(R), and weight of the last.
 
     On a half-space the integral of d - x^2; on a film weights m are such that to q = sqrt(d) it is the force of the
-    film's law, and their integral its slope: theory, Eq. (memory-18).
+    film's law, and their integral its slope: theory, Eq. (memory-17).
     """
     if layer.thinness == 0.0:
         return q * (d - q * q * THIRD), 1.0
