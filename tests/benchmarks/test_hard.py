@@ -162,8 +162,8 @@ def test_named_cases_that_end_without_an_answer_say_what_to_do() -> None:
 
 @pytest.mark.slow
 def test_a_lever_that_rings_on_for_long_is_held_if_enough_periods_are_allowed() -> None:
-    # Drawn, Q 16,000 at 0.761 of the resonance: lowered in 100,000 periods it had not come to the setpoint.
-    case = case_of("drawn", "drawn", math.nan, draw(np.random.default_rng([77, 41])))
+    # One of `DRAWN_UNSOLVED`, Q 32,100 at 0.968 of the resonance: lowered in 100,000 periods it is not at the setpoint.
+    case = case_of("drawn", "drawn", math.nan, draw(np.random.default_rng([2024, 79])))
     pixel = pm.solve_pixel(case.material, case.scope, case.setpoint, "orbit", accuracy=pm.Accuracy(periods=10**6))
     assert pixel.stable
     phase, height = shot(case, pixel)
