@@ -14,9 +14,9 @@ from phasemap._shared.units import say
 from phasemap.experiment.control import Control
 from phasemap.experiment.microscope import RADIUS
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "typical": {"temperature": 295.0, "detector_noise": 100e-15, "line_offset": 30e-12, "drift": (4e-9, 3e-9, 0.5e-9)}
-}
+TYPICAL: dict[str, Any] = {
+    "temperature": 295.0, "detector_noise": 100e-15, "line_offset": 30e-12, "drift": (4e-9, 3e-9, 0.5e-9),
+}  # fmt: skip
 TYPICAL_SCAN = {"line_rate": 2.0, "bandwidth": 1e3}  # of a `Feedback` [Hz]
 STILL = (0.0, 0.0, 0.0)
 IN_TIME = ("temperature", "detector_noise")  # what acts in time only
@@ -112,36 +112,30 @@ class Realism(Shown):
         whole("seed", self.seed, 0)
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> Realism:
+    def typical(cls, **changes: Any) -> Realism:
         """What an instrument in an ordinary room adds.
+
+        The lever's own noise at room temperature, a detector of 100 fm/sqrt(Hz), lines offset by 30 pm, and a drift of
+        a few nanometres. Noise acts in time: with `Feedback`, for which `TYPICAL_SCAN` is an ordinary one. In a scene,
+        ``realism = "typical"`` asks for both, and for edges as wide as the tip sees them.
 
         Parameters
         ----------
-        name : {"typical"}
-            The lever's own noise at room temperature, a detector of 100 fm/sqrt(Hz), lines offset by 30 pm, and a
-            drift of a few nanometres. Noise acts in time: with `Feedback`, for which `TYPICAL_SCAN` is an ordinary
-            one. In a scene, ``realism = "typical"`` asks for both, and for edges as wide as the tip sees them.
         **changes : float, str or quantity
             Arguments that are to be other ones, such as ``seed``.
 
         Examples
         --------
-        >>> Realism.preset("typical", seed=3).detector_noise
+        >>> Realism.typical(seed=3).detector_noise
         1e-13
         """
-        check_choice("preset", name, PRESETS)
-        return cls(**{**PRESETS[name], **changes})
+        return cls(**{**TYPICAL, **changes})
 
     @classmethod
-    def typical(cls, **changes: Any) -> Realism:
-        """What an instrument in an ordinary room adds: `preset` of the name "typical".
-
-        Examples
-        --------
-        >>> Realism.typical() == Realism.preset("typical")
-        True
-        """
-        return cls.preset("typical", **changes)
+    def preset(cls, name: str, **changes: Any) -> Realism:
+        """`typical`, by the name that it has in a scene."""
+        check_choice("preset", name, ("typical",))
+        return cls.typical(**changes)
 
     def __str__(self) -> str:
         """What is on, with units; empty where nothing is."""
