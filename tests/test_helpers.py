@@ -22,6 +22,7 @@ from phasemap._shared.pixels import downwards
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import Unit
 from phasemap.cli.arguments import numbers_in, one_each
+from phasemap.comparison.scores import is_varied, share_explained
 from phasemap.experiment.arms import merged
 from phasemap.experiment.beam import hydrodynamic_function
 from phasemap.experiment.material_rows import contact_stiffness, distinct_materials, materials_of, of_one_loss, rows_of
@@ -30,6 +31,7 @@ from phasemap.experiment.seen_by_tip import tip_profile
 from phasemap.imaging.feedback.lines import mean_ground, program_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.materials import Distinct, digests_of
+from phasemap.inference.curves.result import shown
 from phasemap.io import measured
 from phasemap.io.curves import is_curve
 from phasemap.io.netcdf import check_dataset
@@ -121,6 +123,7 @@ GIVES: list[tuple[Any, Any]] = [
         "averaging 75 %, orbit 25 %",
     ),
     (needs_of(["phase", "dissipation_ev"]), ("phase", "amplitude", "dissipation")),
+    (shown(0.8912e9, 0.0123e9, "Pa") + shown(0.0137, float("inf"), "1"), "0.891 ± 0.012 GPa0.0137, not determined"),
     # pieces of work
     ([threads.chunk_of(count, 2, 1000) for count in (10, 100, 100_000)], [3, 13, 1000]),
     ([threads.chunk_of(count, 1, 1000) for count in (100, 100_000)], [100, 1000]),
@@ -138,6 +141,8 @@ GIVES: list[tuple[Any, Any]] = [
     (Distinct(10).add(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]])), 3),
     (len(set(digests_of(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]])).tolist())), 2),
     # images and files
+    (share_explained(np.array([1.0, 3.0, 5.0]), [np.array([0.0, 1.0, 2.0])]), 1.0),
+    (is_varied(np.full(1001, 0.3)), False),
     ([downwards(np.array([3.0, 1.0]), dim).tolist() for dim in "yx"], [[1.0, 3.0], [3.0, 1.0]]),
     (mean_ground(np.array([0.0, 8.0, 8.0])).tolist(), [1.0, 7.0, 8.0]),
     (program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0).slope[:4].tolist(), [0.0, 2.0, 2.0, 0.0]),

@@ -31,19 +31,6 @@ class Number(Generic[T]):
     `usual`: the least and the most found in practice, zero aside [unit].
     `asks`: whether the field warns of a value outside; False where its owner does, which knows what else decides.
     `bounds`: minimum, above, maximum, below: what is allowed, as for `phasemap._shared.checks.number`.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass
-    >>> @dataclass(frozen=True)
-    ... class Ball:
-    ...     radius: Number[float] = Number("m", above=0)
-    >>> Ball("40 nm") == Ball(radius=40e-9)
-    True
-    >>> Ball("40 kHz")
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: radius is '40 kHz'; allowed: a finite number above 0 m, or a length such as '40 nm'.
     """
 
     def __init__(

@@ -115,15 +115,6 @@ def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.D
 
     Returns `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and
         interpolated linearly.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> fine = xr.Dataset({"height": ("y", [1.0])}, {"y": [0.5]}).isel(y=[0] * 16).assign_coords(y=np.arange(16) + 0.5)
-    >>> fine = fine.expand_dims(x=np.arange(16) + 0.5).transpose("y", "x")
-    >>> coarse = fine.isel(y=slice(8), x=slice(8)).assign_coords(y=2.0 * fine.y[:8], x=2.0 * fine.x[:8])
-    >>> dict(common_grid(coarse, fine)[1].sizes)
-    {'y': 8, 'x': 8}
     """
     same = all(
         fixed.sizes[dim] == moving.sizes[dim]

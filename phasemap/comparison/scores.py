@@ -22,11 +22,6 @@ def is_varied(values: Array) -> bool:
     """Whether values differ by more than rounding.
 
     `values` (shape (n,)): finite.
-
-    Examples
-    --------
-    >>> is_varied(np.full(1001, 0.3)), bool(np.full(1001, 0.3).var() > 0)
-    (False, True)
     """
     return bool(np.ptp(values) > ROUNDING * np.abs(values).max())
 
@@ -36,11 +31,6 @@ def correlation_of(first: Array, second: Array) -> float:
 
     `first`, `second`: of the same shape; may hold NaN.
     Returns NaN if one is constant.
-
-    Examples
-    --------
-    >>> round(correlation_of(np.array([1.0, 2.0, np.nan]), np.array([4.0, 2.0, 9.0])), 12)
-    -1.0
     """
     known = np.isfinite(first) & np.isfinite(second)
     if not known.any():
@@ -75,11 +65,6 @@ def share_explained(values: Array, causes: list[Array]) -> float:
     `values` (shape (n,)): may hold NaN, as may the causes.
     `causes` (shape (n,)).
     Returns: from 0 to 1; NaN if the values are constant or no pixel is known.
-
-    Examples
-    --------
-    >>> share_explained(np.array([1.0, 3.0, 5.0]), [np.array([0.0, 1.0, 2.0])])
-    1.0
     """
     known = np.isfinite(values) & np.all(np.isfinite(causes), axis=0)
     if known.sum() <= len(causes) + 1:

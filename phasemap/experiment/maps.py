@@ -48,13 +48,6 @@ class Maps:
             [m], decreasing with the row.
         x : ndarray, shape (nx,)
             [m], increasing with the column.
-
-        Examples
-        --------
-        >>> from phasemap import Surface
-        >>> y, x = Surface(modulus=1e9, pixel_size=(4e-9, 2e-9), shape=(2, 2)).coords()
-        >>> y.round(12), x.round(12)
-        (array([6.e-09, 2.e-09]), array([1.e-09, 3.e-09]))
         """
         y, x = (centres(count, step) for count, step in zip(self.shape, self.pixel_size, strict=True))
         return y[::-1], x
@@ -86,14 +79,6 @@ class Maps:
         inverse : ndarray of int32, shape (ny, nx)
             Which row each pixel has: ``rows[inverse, 0]`` is the modulus map, bit for bit. Both are computed once and
             read-only.
-
-        Examples
-        --------
-        >>> from phasemap import Surface
-        >>> surface = Surface(modulus=[[1e9, 3e9, 1e9]], adhesion=0.05, pixel_size=4e-9)
-        >>> rows, inverse = surface.unique()
-        >>> rows[:, 0].tolist(), inverse.tolist()
-        ([1000000000.0, 3000000000.0], [[0, 1, 0]])
         """
         self._refuse_lazy()
         found = self._unique
@@ -114,12 +99,6 @@ class Maps:
         ----------
         pixels : slice or ndarray of int
             In the order of the rows of the image, ``row * nx + column``.
-
-        Examples
-        --------
-        >>> from phasemap import Surface
-        >>> Surface(modulus=[[1e9, 3e9]], adhesion=0.05, pixel_size=4e-9).materials(slice(1, 2)).tolist()
-        [[3000000000.0, 0.05, 0.0, 0.35]]
         """
         self._refuse_lazy()
         return np.column_stack([column.reshape(-1)[pixels] for column in self.columns])
@@ -149,12 +128,6 @@ class Maps:
         -------
         Surface
             It remembers what `unique` found here; some of these materials may be in no pixel of it.
-
-        Examples
-        --------
-        >>> from phasemap import Surface
-        >>> Surface(modulus=[[1e9], [3e9]], pixel_size=4e-9).rows(slice(1, 2)).modulus.tolist()
-        [[3000000000.0]]
         """
         part = copy.copy(self)
         for name in QUANTITIES:

@@ -78,11 +78,6 @@ def codes_of(covariance: Array, information: Array | None = None) -> NDArray[np.
     """How well each logarithm is known: by itself, only with the others, or not at all.
 
     `information`: inverse of the covariance, if it is known better than by inverting.
-
-    Examples
-    --------
-    >>> codes_of(np.array([[0.01, 0, 0], [0, 1, 0.99], [0, 0.99, 1]])).tolist(), codes_of(np.eye(1)).tolist()
-    ([0, 1, 1], [2])
     """
     known = np.linalg.inv(covariance) if information is None else information
     errors, held = np.sqrt(np.diag(covariance)), 1 / np.sqrt(np.diag(known))
@@ -125,13 +120,7 @@ def say_what_helps(zero_unknown: bool, zero_free: bool) -> list[str]:
 def say_codes(
     names: Sequence[str], codes: NDArray[np.int8], correlation: NDArray[Any], own: Sequence[int] | None = None
 ) -> str:
-    """How well unknowns, or those of these numbers, are known, in a sentence.
-
-    Examples
-    --------
-    >>> say_codes(["modulus", "adhesion", "radius"], np.array([0, 1, 1]), np.eye(3) - 0.9)
-    'modulus determined; adhesion only together with radius; radius only together with adhesion.'
-    """
+    """How well unknowns, or those of these numbers, are known, in a sentence."""
     partners = np.abs(correlation)
     np.fill_diagonal(partners, 0.0)
     if (codes == COMBINED).sum() > 1:

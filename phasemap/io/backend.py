@@ -17,13 +17,7 @@ NUMBERED = re.compile(r"\.\d{3}$")  # as NanoScope numbers its images
 
 
 class PhasemapBackend(BackendEntrypoint):
-    """Opens microscopes' files, as `phasemap.read_image` does.
-
-    Examples
-    --------
-    >>> PhasemapBackend().guess_can_open("scan.nid"), PhasemapBackend().guess_can_open("scan.tiff")
-    (True, False)
-    """
+    """Opens microscopes' files, as `phasemap.read_image` does."""
 
     description: ClassVar[str] = "Images of atomic force microscopes (NanoScope, .nid, .ibw, JPK, .gwy, .gsf, ...)"
     open_dataset_parameters: ClassVar[tuple[str, ...]] = (

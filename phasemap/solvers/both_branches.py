@@ -86,17 +86,6 @@ def stable_branches(
         "march", what time makes of that.
     `workers`: threads; the numbers do not depend on it.
     `engaged`: what engagement finds, rows, status and solver, where that is known and good everywhere.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> from phasemap.solvers.solver import by_name
-    >>> from phasemap.solvers.problem import work_of_material
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
-    >>> work = work_of_material(pm.Material(modulus=2e9, adhesion=0.1), scope, 0.8 * scope.driven_amplitude)
-    >>> found = stable_branches(work, by_name("orbit"), pm.Accuracy())
-    >>> found.stable.tolist(), found.engaged.tolist()
-    ([[True], [True]], [0])
     """
     found, tip = Branches.unknown(work), at_tip(work)
     valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)

@@ -54,15 +54,6 @@ def close(rows: Array, lever: Array) -> None:
 
     `rows` (shape (..., COLUMNS)): result rows; those that have a closure keep it.
     `lever` (shape (n,)): as in `phasemap.solvers.problem.Work`.
-
-    Examples
-    --------
-    >>> from phasemap.experiment.lever import one_mode
-    >>> lever, rows = one_mode(1.0, 1e-3, 40.0, 4e-11), np.full((2, col.COLUMNS), np.nan)
-    >>> rows[0, [col.AMPLITUDE, col.PHASE, col.DISSIPATION]] = 2e-8, 0.0, 0.0  # the free lever: u0 / (2 alpha0)
-    >>> close(rows, lever)
-    >>> np.abs(rows[:, col.CLOSURE]).round(12).tolist()
-    [0.0, nan]
     """
     lacking = np.isnan(rows[..., col.CLOSURE])
     if not lacking.any():

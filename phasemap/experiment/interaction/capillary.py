@@ -27,11 +27,6 @@ def adsorbed_film(humidity: float) -> float:
     """Thickness [m] of the film of water that a solid adsorbs at a relative humidity: theory, Eq. (model-25).
 
     h^3 = H / (6 pi n kT ln(1/humidity)), from the balance of the film's van der Waals pressure with its vapour's.
-
-    Examples
-    --------
-    >>> round(adsorbed_film(0.5) * 1e9, 3), round(adsorbed_film(0.95) * 1e9, 3)
-    (0.177, 0.423)
     """
     return math.cbrt(FILM_HAMAKER / (6 * math.pi * NUMBER_DENSITY * THERMAL * -math.log(humidity)))
 
@@ -128,15 +123,7 @@ class Capillary(SphereLaw):
         return contact_stiffness * math.sqrt(radius), self.wet_attraction * pull
 
     def necks(self, radius: float, liquid: Array) -> Necks:
-        """The necks of a tip of this radius [m] on films of this thickness [m] and contact angle [degree].
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> mica, wax = Capillary(humidity=0.6).necks(1e-8, np.array([[np.inf, np.inf], [0.1e-9, 120.0]])).force
-        >>> round(float(mica) * 1e9, 2), round(float(wax) * 1e9, 2)
-        (9.05, 2.26)
-        """
+        """The necks of a tip of this radius [m] on films of this thickness [m] and contact angle [degree]."""
         film, angle = liquid.T
         own = self.film_thickness
         if own is None:

@@ -33,13 +33,6 @@ class Axes:
     x0 = ln K, or K^(1/4) where some K is 0: the depth of the contact goes with a power of K. x1 = ln(alpha1 + a): the
     phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it. See theory,
     Eq. (interpolation-1). Under films of liquid x2 may be their thickness or contact angle.
-
-    Examples
-    --------
-    >>> axes = Axes.around(np.array([1e9, 4e9]), np.array([0.0, 0.1]))
-    >>> x = axes.points(np.array([2e9]), np.array([0.05]), np.array([0.02]))
-    >>> [f"{v[0]:.6g}" for v in axes.materials(x)]
-    ['2e+09', '0.05', '0.02']
     """
 
     logarithmic: bool  # whether x0 is ln K

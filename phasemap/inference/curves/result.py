@@ -150,13 +150,7 @@ def in_words(value: float, unit: str) -> str:
 
 
 def shown(value: float, error: float, unit: str) -> str:
-    """A value and its error in a handy unit, to two digits of the error.
-
-    Examples
-    --------
-    >>> shown(0.8912e9, 0.0123e9, "Pa"), shown(0.0137, float("inf"), "1")
-    ('0.891 ± 0.012 GPa', '0.0137, not determined')
-    """
+    """A value and its error in a handy unit, to two digits of the error."""
     word, factor = SHOWN[unit]
     plain, value, error = in_words(value, unit), value * factor, error * factor
     if np.inf > error > 0.5 * value > 0 and word != "°":

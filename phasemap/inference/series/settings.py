@@ -96,13 +96,6 @@ class Settings:
         """Free amplitudes [m] and setpoints, shape (n, m), at standard normal numbers and a share of what is allowed.
 
         `scale`, `share` (shape (n, tunes)); `own` (shape (n, m)).
-
-        Examples
-        --------
-        >>> one, first = np.ones(2), np.zeros(2, int)
-        >>> known = Settings(("a", "b"), 0.6 * one, one, 4e-8, 1.1, HELD, HELD, FREE, False, one, one, None, first)
-        >>> [values.tolist() for values in known.at(np.zeros((1, 1)), np.zeros((1, 2)), np.zeros((1, 1)))]
-        [[[4e-08, 4e-08]], [[0.6, 0.6]]]
         """
         factor = self.factor ** scale[:, self.tunes]
         amplitudes = self.relative * self.scale * factor * OWN**own
