@@ -40,13 +40,6 @@ class InputError(PhasemapError, ValueError):
         What would have been accepted, with its unit.
     hint : str, optional
         One more sentence: where in the map, the nearest valid name, what to do.
-
-    Examples
-    --------
-    >>> raise InputError("setpoint", 1.2, "a number between 0 and 1, both excluded")
-    Traceback (most recent call last):
-    ...
-    phasemap.InputError: setpoint is 1.2; allowed: a number between 0 and 1, both excluded.
     """
 
     __module__ = "phasemap"

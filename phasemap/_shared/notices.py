@@ -22,20 +22,7 @@ _TOLD_OTHERWISE: ContextVar[bool] = ContextVar("phasemap_told_otherwise", defaul
 
 
 class ResultWarning(UserWarning):
-    """Numbers that must not be taken as they look: pixels without a solution, or beyond the model; files' defaults.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> import phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip("10 nm"), pm.Drive("20 nm"))
-    >>> surface = pm.Surface([[1e9, float("nan")]], pixel_size="4 nm", allow_nan=True)
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     image = pm.simulate(surface, scope, setpoint=0.7)
-    >>> str(caught[0].message)[:61]
-    '1 of 2 pixels (50 %): The material has a property that is not'
-    """
+    """Numbers that must not be taken as they look: pixels without a solution, or beyond the model; files' defaults."""
 
     __module__ = "phasemap"
 
@@ -89,18 +76,7 @@ _TOLD: ContextVar[set[str] | None] = ContextVar("phasemap_plausibility_told", de
 
 
 class PlausibilityWarning(UserWarning):
-    """A number that is outside all practice of the field, which is mostly a unit that was forgotten.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> import phasemap as pm
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     drive = pm.Drive(40)
-    >>> print(caught[0].message)
-    free_amplitude = 40 m; usual 50 pm … 1 µm; did you mean 40 nm?
-    """
+    """A number that is outside all practice of the field, which is mostly a unit that was forgotten."""
 
     __module__ = "phasemap"
 

@@ -24,11 +24,6 @@ class Accuracy(Shown):
     periods : int
         Periods of the drive [1], >= 1, that may be integrated for one material where time decides. What is not decided
         by then has the status not_settled. Periods are counted, not seconds, so that results are the same everywhere.
-
-    Examples
-    --------
-    >>> Accuracy(phase=0.1).height
-    1e-12
     """
 
     phase: Number[float] = Number("degree", 0.01, said="accuracy phase", above=0)

@@ -87,11 +87,6 @@ class Cantilever(Shown):
         Cantilever
             The quality factor is an estimate for air; levers of one kind differ in stiffness by a factor of two. The
             numbers were not verified against the makers' data sheets.
-
-        Examples
-        --------
-        >>> Cantilever.preset("PPP-NCHR", resonance_frequency="312 kHz")
-        Cantilever(stiffness=42.0, resonance_frequency=312000.0, quality_factor=450.0, length=0.000125, width=3e-05)
         """
         from phasemap.experiment.presets import combined, preset_of
 

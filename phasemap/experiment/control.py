@@ -34,11 +34,6 @@ class Engage(Shown):
     The tip follows the stable orbit while its offset decreases, jumps where the orbit folds, and stops where the
     amplitude first reaches the setpoint. The branch (attractive or repulsive) is therefore the physical one and does
     not depend on the solver.
-
-    Examples
-    --------
-    >>> Engage()
-    Engage()
     """
 
     directions: ClassVar[tuple[str, ...]] = ()
@@ -79,11 +74,6 @@ class Raster(_OverLines, Shown):
     ----------
     engage : {"line", "image"}
         Whether the tip is engaged anew, from far, before each line, or once before the first.
-
-    Examples
-    --------
-    >>> Raster().engage
-    'line'
     """
 
     in_time: ClassVar[bool] = False

@@ -154,11 +154,6 @@ class Variation(Shown):
         Over which they vary [m], one pixel or more and at most the shorter side of the surface.
     seed : int
         Of what is random, >= 0.
-
-    Examples
-    --------
-    >>> Variation(modulus=0.2, correlation_length="30 nm")
-    Variation(modulus=0.2, correlation_length=3e-08)
     """
 
     modulus: Number[float] = Number("1", 0.15, said="variation of the modulus", minimum=0, maximum=2)

@@ -95,11 +95,6 @@ class Material(Shown):
             Modulus and Poisson's ratio are those of the bulk. Adhesion and viscosity are estimates, for they depend on
             the tip, the humidity and the frequency: begin with them, and fit. The loss is a `viscosity`, which is the
             same under every lever, as a `damping` is not; a `damping` among the changes takes its place.
-
-        Examples
-        --------
-        >>> Material.preset("PS").modulus, Material.preset("PS", adhesion="30 mJ/m^2").adhesion
-        (2800000000.0, 0.03)
         """
         from phasemap.experiment.presets import combined, preset_of
 

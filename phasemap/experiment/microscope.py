@@ -35,11 +35,6 @@ class Tip(Shown):
         Young's modulus of the tip [Pa], > 0; None is a rigid tip.
     poisson_ratio : float
         Poisson's ratio of the tip [1]; used with `modulus` only.
-
-    Examples
-    --------
-    >>> Tip(radius=30e-9).modulus is None
-    True
     """
 
     radius: Number[float] = Number("m", said="tip radius", above=0, maximum=1.0, usual=RADIUS)  # its powers are finite
@@ -59,11 +54,6 @@ class Mode(Shown):
     detection : {"fm", "am"}
         "fm": a phase-locked loop holds the phase at resonance and shows the shift of the frequency, another loop holds
         the amplitude (AM-FM). "am": driven at f2, it shows amplitude and phase (AM-AM).
-
-    Examples
-    --------
-    >>> Mode(free_amplitude="0.1 nm").detection
-    'fm'
     """
 
     free_amplitude: Number[float] = Number(
@@ -97,11 +87,6 @@ class Drive(Shown):
         Drives the lever's second mode at its own frequency too, by a force on the tip. It is taken to move by much less
         than the indentation, so that the orbit is as without: `phasemap.channels` says what it shows. The solver
         "march" integrates both drives at once, whatever the amplitudes.
-
-    Examples
-    --------
-    >>> Drive(free_amplitude=127e-9).frequency is None
-    True
     """
 
     free_amplitude: Number[float] = Number("m", above=0, usual=AMPLITUDE, asks=False)

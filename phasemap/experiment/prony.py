@@ -184,13 +184,7 @@ class Prony(Shown):
 
     @classmethod
     def preset(cls, name: str, dwell: float | None = None) -> Prony:
-        """A spectrum of the literature: "PIB" (polyisobutylene) or "epoxy"; `spectra.toml` has the sources.
-
-        Examples
-        --------
-        >>> len(Prony.preset("PIB").times), round(Prony.preset("PIB").instantaneous / 1e9, 1)
-        (30, 8.9)
-        """
+        """A spectrum of the literature: "PIB" (polyisobutylene) or "epoxy"; `spectra.toml` has the sources."""
         tables = _tables()
         check_choice("preset of a spectrum", name, list(tables))
         one = tables[name]
@@ -214,13 +208,7 @@ class Prony(Shown):
         return self.equilibrium + sum(held)
 
     def complex_modulus(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Storage modulus + i loss modulus [Pa] at frequencies [Hz].
-
-        Examples
-        --------
-        >>> complex(Prony([1e9], [1e-6], 1e9).complex_modulus(1 / (2e-6 * np.pi))).real / 1e9
-        1.5
-        """
+        """Storage modulus + i loss modulus [Pa] at frequencies [Hz]."""
         arms = np.array(self.moduli) * arms_at(np.asarray(frequency, dtype=np.float64), np.array(self.times))
         found: NDArray[np.complex128] = self.equilibrium + arms.sum(axis=-1)
         return found

@@ -39,11 +39,6 @@ class TipChange(Shown):
     -----
     A surface's `damping` (alpha1) holds for both tips as it is; give `viscosity` where the same material is meant. The
     relief is not dilated anew: `Surface.dilated` knows one tip.
-
-    Examples
-    --------
-    >>> TipChange(line=100, radius=30e-9)
-    TipChange(line=100, radius=3e-08)
     """
 
     line: int
@@ -89,11 +84,6 @@ class Realism(Shown):
     of the nearest pixel, and the outermost pixels go on beyond the edge. Trace and retrace share the drift of their
     line. Then the image is taken; `Engage` and `Raster` take the lines before and after a change of the tip as images
     of their own, so that ``Raster(engage="image")`` engages anew there. Offsets of lines come after, quantisation last.
-
-    Examples
-    --------
-    >>> Realism(line_offset=0.2e-9, drift=(20e-9, 0.0, 0.0), tip_change=TipChange(100, 30e-9), bits=16).seed
-    0
     """
 
     temperature: Number[float | None] = Number("K", None, above=0, usual=(0.01, 3e3))

@@ -247,24 +247,12 @@ class Surface(Maps):
         xarray.Dataset
             The fields as variables with dims ("y", "x"), long_name and units, on coordinates of the pixel centres [m].
             It shares the surface's memory and so cannot be written to; ``copy(deep=True)`` can.
-
-        Examples
-        --------
-        >>> ds = Surface(modulus=1e9, adhesion=0.05, pixel_size=4e-9, shape=(2, 3)).to_dataset()
-        >>> dict(ds.sizes), ds["adhesion"].attrs["units"]
-        ({'y': 2, 'x': 3}, 'J m-2')
         """
         y, x = self.coords()
         return as_variables({name: getattr(self, name) for name in QUANTITIES}, y, x)
 
     def compute(self) -> Surface:
-        """Return the surface with all maps in memory; the same one if they are there already.
-
-        Examples
-        --------
-        >>> Surface(modulus=1e9, pixel_size=4e-9, shape=(2, 3)).compute().lazy
-        False
-        """
+        """Return the surface with all maps in memory; the same one if they are there already."""
         if not self.lazy:
             return self
         maps = {name: np.asarray(value) if is_lazy(value := getattr(self, name)) else value for name in QUANTITIES}

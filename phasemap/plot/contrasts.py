@@ -77,15 +77,6 @@ def contrast(
         Limits of the colours of a map [degree]; one alone is that of a scale that is symmetric about 0.
     cmap : str, optional
         Colour map of matplotlib; "coolwarm" by default.
-
-    Examples
-    --------
-    >>> import numpy as np, phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(30e-9))
-    >>> soft, hard = pm.Material(0.2e9, adhesion=0.06, damping=0.03), pm.Material(3e9, adhesion=0.07, damping=0.004)
-    >>> ds = pm.contrast(soft, hard, scope, np.linspace(0.4, 0.9, 4))
-    >>> [axes.get_ylabel() for axes in contrast(ds).axes]
-    ['phase (degrees)', '', 'contrast (degrees)']
     """
     if not is_contrast(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.contrast returned")

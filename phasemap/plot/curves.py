@@ -39,15 +39,6 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
         Value of the axis that is swept, in its SI unit or with a unit; the nearest one is taken.
     path, overwrite
         As in `phasemap.plot.plot`.
-
-    Examples
-    --------
-    >>> import numpy as np, phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
-    >>> axis = np.linspace(18e-9, 10e-9, 12)
-    >>> ds = pm.sweep_distance(pm.Material(modulus=2e9, adhesion=0.1), scope, axis, samples=64)
-    >>> [axes.get_ylabel() for axes in trace(ds, at=11e-9).axes]
-    ['deflection to surface (nm)', 'force (nN)']
     """
     if not is_sweep(ds) or "trace_force" not in ds:
         raise InputError("the dataset", "without traces", "a sweep with samples=256 (--samples 256)")
@@ -109,13 +100,6 @@ def force(
         As in `phasemap.plot.plot`.
     ax : matplotlib.axes.Axes, optional
         Axes of your own figure to draw in.
-
-    Examples
-    --------
-    >>> import phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip("10 nm"), pm.Drive("20 nm"))
-    >>> force(pm.force_curve(pm.Material.preset("PS"), scope)).axes[0].get_xlabel()
-    'depth of the tip in the surface (nm)'
     """
     if not is_force_curve(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.force_curve returned")
@@ -154,13 +138,6 @@ def fit(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: b
         What `phasemap.read_curve` returned, or ``to_dataset()`` of a `phasemap.Fit`.
     path, overwrite
         As in `phasemap.plot.plot`.
-
-    Examples
-    --------
-    >>> import numpy as np, xarray as xr
-    >>> z = (("direction", "point"), 1e-9 * np.arange(8.0)[None], {"units": "m"})
-    >>> len(fit(xr.Dataset({"distance": z, "amplitude": z}, {"direction": ["approach"]})).axes)
-    1
     """
     if not is_measured_curve(ds):
         raise InputError("what is to be drawn", ", ".join(map(str, ds.data_vars)), "a measured curve, or a fit to one")

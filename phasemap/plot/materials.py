@@ -130,15 +130,6 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
         What `phasemap.invert` or `phasemap.fit_regions` returned.
     path, overwrite
         As in `phasemap.plot.plot`.
-
-    Examples
-    --------
-    >>> import numpy as np, xarray as xr
-    >>> one = ("y", "x"), np.full((4, 6), 0.1)
-    >>> names = [name + end for name in SHOWN for end in ("", "_error")]
-    >>> ds = xr.Dataset({**dict.fromkeys(names, one), "flag": (("y", "x"), np.zeros((4, 6), np.uint8))})
-    >>> [axes.get_title(loc="left") for axes in inversion(ds).axes if axes.get_title(loc="left")][:2]
-    ['modulus (GPa)', 'standard error of its logarithm']
     """
     if not is_inversion(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.invert returned")

@@ -65,15 +65,6 @@ def comparison(
         Limits of both phases [degree].
     cmap : str, optional
         Colour map of both phases.
-
-    Examples
-    --------
-    >>> import phasemap as pm, xarray as xr
-    >>> hills = np.random.default_rng(1).normal(size=(40, 43)).cumsum(axis=0).cumsum(axis=1)
-    >>> channels = {"height": (("y", "x"), 1e-9 * hills), "phase": (("y", "x"), hills)}
-    >>> image = xr.Dataset(channels, {"y": 4e-9 * np.arange(40), "x": 4e-9 * np.arange(43)})
-    >>> [axes.get_title(loc="left") for axes in comparison(pm.compare(image, image)).axes[:3]]
-    ['measured phase', 'simulated phase', 'residual: measured minus simulated']
     """
     if not is_comparison(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what phasemap.compare returned")

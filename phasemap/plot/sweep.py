@@ -169,14 +169,6 @@ def curve(
         Axes of your own figure to draw in, one for each quantity, without title and notes.
     lag : bool
         Whether the phase is drawn as the lag behind the drive (`phasemap.phase_lag`), 90 degrees for the free lever.
-
-    Examples
-    --------
-    >>> import numpy as np, phasemap as pm
-    >>> scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
-    >>> ds = pm.sweep_distance(pm.Material(modulus=2e9, adhesion=0.1), scope, np.linspace(18e-9, 10e-9, 12))
-    >>> [axes.get_ylabel() for axes in curve(ds, quantities=["phase", "peak_force"]).axes]
-    ['phase (degrees)', 'peak force (nN)']
     """
     names = _check(ds, quantities)
     phases = [name for name in PHASES if lag and name in ds]

@@ -44,14 +44,6 @@ class Ensemble:
         The values of the varied keys, ``{"scan.setpoint": 0.7, ...}``, of each sample.
     folder : Path
         Where relative file names start.
-
-    Examples
-    --------
-    >>> ensemble = load_ensemble("samples/ensemble.toml", ["ensemble.count=3"])
-    >>> len(ensemble), ensemble.keys[0]
-    (3, 'materials.ldpe.modulus')
-    >>> ensemble.scene(2).microscope.tip.radius
-    1e-08
     """
 
     tables: Mapping[str, Any]
@@ -142,15 +134,6 @@ class Ensemble:
         InputError, FileError
             If a sample cannot be simulated, with its number, or the images of two samples differ in size; those that
             are done are kept. If the file is there, and `overwrite` is False.
-
-        Examples
-        --------
-        >>> import tempfile, xarray as xr
-        >>> ensemble = load_ensemble("samples/ensemble.toml", ["ensemble.count=2"])
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     with xr.open_dataset(ensemble.simulate(f"{folder}/two.nc")) as ds:
-        ...         print(dict(ds.sizes))
-        {'sample': 2, 'y': 64, 'x': 64}
         """
         path = check_dataset(path, overwrite)
         whole("workers", workers, 1)

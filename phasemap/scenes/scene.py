@@ -67,12 +67,6 @@ class Scene:
         The file that the scene was read from.
     built : Built or None
         The surface before a tip of finite size saw it, and its labels.
-
-    Examples
-    --------
-    >>> scene = load_scene("samples/step.toml", ["scan.setpoint=0.6"])
-    >>> scene.options["setpoint"], scene.microscope.tip.radius
-    (0.6, 1e-08)
     """
 
     surface: Surface

@@ -67,14 +67,6 @@ class Capillary(SphereLaw):
         Share of the attraction between the solids that is left in liquid, 0 to 1.
     model : {"constant volume", "constant force", "linear"}
         How the force depends on the gap: as above; not at all; or falling as a line to 0 where the neck breaks.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> one = Capillary(film_thickness=0.5e-9)
-    >>> necks = one.necks(1e-8, np.array([[np.inf, np.inf]]))
-    >>> [round(float(x[0]) * 1e9, 3) for x in (necks.forming, necks.release, necks.force)]
-    [-1.0, -2.971, 9.048]
     """
 
     film_thickness: Number[float | None] = Number("m", None, minimum=0, usual=FILM)

@@ -59,12 +59,6 @@ class Film(SphereLaw):
     ----------
     base : {"bonded", "slipping"}
         Whether the film sticks to its base, or slips on it without friction.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> Film().films(1e-8, np.array([[0.5, 5e-9]])).round(2).tolist()
-    [[20000.0, 1.13]]
     """
 
     base: str = "bonded"
