@@ -77,9 +77,8 @@ def take_modules(work: Callable[[], None]) -> list[Module]:
 
 def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
-    from phasemap._kernels.columns import WIDE, ErrorLimits, SolvedRows
+    from phasemap._kernels.columns import WIDE, SolvedRows
     from phasemap._kernels.continuation.piece import exact_orbits_at
-    from phasemap._kernels.engagement.detected_setpoint import SLOPES
     from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
@@ -102,16 +101,14 @@ def solve_one_of_each_kind() -> None:
     given, pixels = (work.law, work.rows, work.lever), work.pixels
     answers = Answers(np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     solved = SolvedRows(np.zeros((1, WIDE)), np.zeros(1, bool), np.zeros((1, 0)))
-    oscillator, numbers, limits = work.oscillator(0), np.zeros(4), ErrorLimits(0.0, 0.0)
+    oscillator, numbers = work.oscillator(0), np.zeros(4)
     path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
     compile_for(
         (fast.averaging_rows, pixels, answers),
         (fast.averaged_near_rows, pixels, answers),
         (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
-        (exact.seen_rows, pixels, TABLES, limits, answers, np.zeros((1, SLOPES))),
         (exact.exact_rows, pixels, TABLES, answers),
-        (fast.seen_side_rows, pixels, 1, limits, answers, np.zeros((1, SLOPES))),
-        (exact.exact_side_rows, pixels, TABLES, 1, answers, np.zeros((1, SLOPES))),
+        (exact.exact_side_rows, pixels, TABLES, 1, answers),
         (exact.replace_by_exact_rows, pixels, TABLES, answers.rows, np.zeros(1, bool)),
         (exact.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),

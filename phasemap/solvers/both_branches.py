@@ -14,8 +14,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.lever import sees_tip
-from phasemap.solvers.detected_setpoint import Found, at_seen, at_tip, shown
+from phasemap.solvers.detected_setpoint import Found, at_tip, shown
 from phasemap.solvers.in_time import ETA
 from phasemap.solvers.problem import Work
 from phasemap.solvers.solver import LENGTH, PHASE, March, Solver
@@ -112,7 +111,7 @@ def stable_branches(
 
 def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
     """Fill both branches, what engagement finds being there."""
-    from phasemap._kernels.rows.fast import seen_side_rows, side_rows
+    from phasemap._kernels.rows.fast import side_rows
 
     phase, height = accuracy.phase, accuracy.height
     if solver.name != "auto":
@@ -122,22 +121,15 @@ def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) ->
     known, engaged = answers.of(ENGAGED), answers.status[ENGAGED] == col.GOOD
     for slot, side in SIDES.items():
         here = np.flatnonzero(engaged & ((known.rows[:, col.STIFFENING] > 0) == (slot == REPELLING)))
-        own, slopes = answers.of(slot), np.full((len(work), 3), np.nan)
+        own = answers.of(slot)
         own.status[:] = col.PENDING
         own.put(here, known.of(here))
-        if sees_tip(work.lever):
-            waiting = side_rows(work.pixels, side, limits, allowed, own)
-        else:
-            waiting = seen_side_rows(work.pixels, side, limits, own, slopes)
-        if waiting:
+        if side_rows(work.pixels, side, limits, allowed, own):
             from phasemap._kernels.quadrature import TABLES
             from phasemap._kernels.rows.exact import exact_side_rows
 
-            if exact_side_rows(work.pixels, TABLES, side, own, slopes):
+            if exact_side_rows(work.pixels, TABLES, side, own):
                 _search(work, side, own)
-        found = np.flatnonzero(np.isfinite(slopes[:, 0]) & (own.status == col.GOOD))
-        if len(found):  # where the detector does not see the tip
-            own.rows[found] = at_seen(own.rows[found], slopes[found], work.lever, work.amplitudes[found])
     if solver.name == "averaging":
         _average(work, answers)
     elif isinstance(solver, March):

@@ -20,7 +20,6 @@ from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import sees_tip
-from phasemap.solvers.detected_setpoint import engage as engage_seen
 from phasemap.solvers.in_time import ETA, InTime
 from phasemap.solvers.problem import Work
 
@@ -96,9 +95,6 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
 
     phase, height = limits
     status, allowed = answers.status, ErrorLimits(math.radians(phase), height)
-    if not sees_tip(work.lever):
-        engage_seen(work, allowed, answers)
-        return
     if phase > 0:
         if not cheap_rows(work.pixels, allowed, average, answers):
             return

@@ -40,10 +40,8 @@ TABLE = [one for one in load("beam") if len(one["frequency_ratio"]) == 2 and one
 
 
 def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
-    """A sample under a lever that a force on the tip drives, at the tip's amplitude."""
-    work = make_work(np.array([[modulus, 0.0, 0.0, 0.3]]), False, scope, np.zeros(1))
-    work.amplitudes[:] = setpoint * scope.driven_amplitude / math.hypot(*work.lever[[col.FACTOR_RE, col.FACTOR_IM]])
-    return work
+    """A sample under a lever that a force on the tip drives."""
+    return make_work(np.array([[modulus, 0.0, 0.0, 0.3]]), False, scope, setpoint * scope.driven_amplitude)
 
 
 def solved(work: Work, used: tuple[int, ...] = (col.CORRECTED, col.ORBIT)) -> np.ndarray:

@@ -1,14 +1,13 @@
 """Orbits that the detector sees with a given amplitude, where it does not see the motion of the tip itself.
 
-What A is follows from the phase. Where averaging is sure of the branch, orbits by passes of the lever's response, or
-averaged ones where these do not converge, are come to by secants in A; from an averaged one collocation holds what is
-seen itself. Elsewhere the curve of exact orbits is followed down to the amplitude that is seen.
+What A is follows from the phase. Passes and collocation hold what is seen itself, from the A of an orbit without losses
+on. Which branch the tip is on is asked there, and again at the A that is found. Elsewhere the curve of exact orbits is
+followed down to the amplitude that is seen.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,22 +16,18 @@ from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import DOUBTFUL, LEAP, SURE, engage_by_averaging
 from phasemap._kernels.engagement.exact_orbit import CurveWorkspace, detected_amplitude_wanted, exact_orbit
-from phasemap._kernels.engagement.other_branch import averaged_orbit_on_branch
-from phasemap._kernels.engagement.side_from_far import forces_are_plain
 from phasemap._kernels.engagement.without_collocation import orbit_without_collocation
 from phasemap._kernels.excitation import (
     LEAST_SLOPE,
     detected_amplitude_rate,
     detected_signal,
     likely_amplitude,
-    next_amplitude,
     sees_tip,
 )
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import drive_needed, phase_of, phase_rate
-from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
+from phasemap._kernels.lever import drive_needed, phase_rate
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
-from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import solve_at_detected_amplitude
 from phasemap._kernels.orbits.collocation.system import (
@@ -48,218 +43,109 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.orbit import LEAST_SLOPE_ALONG, ResponseWorkspace, nodes_of_solution, refine
-from phasemap._kernels.orbits.response.state import fill_row_from_passes
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
+from phasemap._kernels.orbits.response.state import Along
 from phasemap._kernels.orbits.result_row import feedback_status
 
-ROUGHLY_SEEN, EXACTLY_SEEN = 1e-3, 1e-12  # of the amplitude seen: of averaged orbits, and of those of passes
-MOST_AMPLITUDE_SECANTS = 20
-LEAST_SECANT = 1e-7  # of A: secants over less say nothing
-SLOPE_STEP_OF_SEEN = 1e-5  # of A: to an orbit that is asked for slopes alone
-# What changes with A along the curve of orbits: amplitude seen [1], phase [rad/m], tip offset [1].
-SEEN_BY_A, PHASE_BY_A, OFFSET_BY_A, SLOPES = 0, 1, 2, 3
-
-
-class DetectedWorkspace(NamedTuple):
-    """Workspace for the orbit of a material that is detected with a given amplitude."""
-
-    harmonic: HarmonicOrbit
-    response: ResponseWorkspace
-    limits: ErrorLimits  # of passes
-
 
 @kernel
-def orbit_at_tip_amplitude(
-    oscillator: Oscillator, amplitude: float, side: int, averaged: bool, workspace: DetectedWorkspace
-) -> tuple[int, float]:
-    """Orbit of amplitude A [m] on a side of the resonance: GOOD by passes, KNOWN if averaged, or PENDING; its phase.
-
-    On the side that engagement reaches where `side` is 0. With `averaged` passes are not tried where averaging is sure.
-    """
-    harmonic = workspace.harmonic
-    if side != 0:
+def engaged_orbit_without_collocation(
+    oscillator: Oscillator, amplitude: float, limits: ErrorLimits, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
+) -> int:
+    """`orbit_without_collocation` on which a tip from far stops where the detector sees an amplitude [m]."""
+    lever, top, state, done = oscillator.lever, workspace.top, workspace.state, col.PENDING
+    if sees_tip(lever):
+        surety = engage_by_averaging(oscillator, amplitude, harmonic, top)
+        return orbit_without_collocation(oscillator, amplitude, surety, limits, harmonic, workspace)
+    workspace.seen = amplitude
+    for side in (ATTRACTIVE, REPULSIVE):
+        near = likely_amplitude(lever, amplitude, side)
+        surety = engage_by_averaging(oscillator, near, harmonic, top)
+        done = orbit_without_collocation(oscillator, near, surety, limits, harmonic, workspace)
+        if done != col.GOOD:
+            continue
+        repulsive, found = state.push > 0.0, state.amplitude
+        surety = engage_by_averaging(oscillator, found, harmonic, top)
+        if surety == SURE and (harmonic.push > 0.0) == repulsive:
+            return col.GOOD
+        done = orbit_without_collocation(oscillator, found, surety, limits, harmonic, workspace)
+        if surety != SURE and done == col.GOOD and (state.push > 0.0) == repulsive:
+            return col.GOOD
         done = col.PENDING
-        if fill_averaged_orbit_near(oscillator, amplitude, side, harmonic):
-            exact = not averaged and refine(oscillator, harmonic, workspace.limits, workspace.response)
-            done = col.GOOD if exact else col.KNOWN
-    else:
-        surety = engage_by_averaging(oscillator, amplitude, harmonic, workspace.response.top)
-        if averaged and surety == SURE:
-            done = col.KNOWN
-        else:
-            limits, passes = workspace.limits, workspace.response
-            done = orbit_without_collocation(oscillator, amplitude, surety, limits, harmonic, passes)
-    if done == col.GOOD:
-        return col.GOOD, workspace.response.state.phase
-    if done == col.KNOWN:
-        return col.KNOWN, phase_of(oscillator.lever, amplitude, harmonic.push, harmonic.drag)
-    return col.PENDING, math.nan
+    return done
 
 
 @kernel
-def repulsive_orbit_at_detected_amplitude(
-    oscillator: Oscillator, seen: float, workspace: DetectedWorkspace, row: np.ndarray, slopes: np.ndarray
-) -> bool:
-    """Find the repulsive orbit by passes that is seen with an amplitude [m]; False if averaging is not sure of it.
-
-    It is sure at both ends of what A may be without losses, and at the A found.
-    """
-    (harmonic, passes, limits), lever = workspace, oscillator.lever
-    for side in (-1, 1):
-        if not _engages_repulsively(oscillator, likely_amplitude(lever, seen, side), workspace):
-            return False
-    passes.seen = seen
-    found = refine(oscillator, harmonic, limits, passes)
-    passes.seen, state = 0.0, passes.state
-    if not (found and state.seen_by_a > LEAST_SLOPE and _engages_repulsively(oscillator, state.amplitude, workspace)):
-        return False
-    slopes[SEEN_BY_A], slopes[PHASE_BY_A], slopes[OFFSET_BY_A] = state.seen_by_a, state.phase_by_a, state.offset_by_a
-    fill_row_from_passes(lever, nodes_of_solution(passes), state, row)
-    return True
+def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.ndarray) -> None:
+    """Make errors and slope of the feedback of an orbit, which are those at its A, those at the amplitude seen [m]."""
+    a, phase, error = row[col.AMPLITUDE], row[col.PHASE], row[col.ERROR_PHASE]
+    offset, factor = (
+        complex(lever[col.OFFSET_RE], lever[col.OFFSET_IM]),
+        complex(lever[col.FACTOR_RE], lever[col.FACTOR_IM]),
+    )
+    # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
+    part = factor * complex(a * math.cos(phase), a * math.sin(phase))
+    share = part / (offset + part)
+    turn, grow = share.real, -seen * share.imag
+    # As the amplitude seen changes by one: phase seen, and tip offset.
+    by_phase, by_offset = (share.imag / a + turn * along.phase) / along.seen, along.offset / along.seen
+    missed = abs(detected_signal(lever, a, phase)[0] - seen)
+    row[col.ERROR_HEIGHT] += abs(by_offset) * (abs(grow) * error + missed)
+    row[col.ERROR_PHASE] = abs(turn - grow * by_phase) * error + abs(by_phase) * missed
+    row[col.SLOPE] *= along.seen
 
 
 @kernel
-def _engages_repulsively(oscillator: Oscillator, amplitude: float, workspace: DetectedWorkspace) -> bool:
-    """Whether averaging is sure that engagement reaches a repulsive orbit of amplitude A [m], which it fills in."""
-    harmonic, top = workspace.harmonic, workspace.response.top
-    return engage_by_averaging(oscillator, amplitude, harmonic, top) == SURE and harmonic.push > 0.0
-
-
-@kernel(shared=True)
-def response_orbit_at_detected_amplitude(
-    oscillator: Oscillator, seen: float, side: int, workspace: DetectedWorkspace, row: np.ndarray, slopes: np.ndarray
-) -> int:
-    """Orbit by passes that is seen with an amplitude [m], in its row, with its slopes: GOOD, KNOWN or PENDING.
-
-    On a side of the resonance, from near the averaged orbit in `workspace.harmonic`, or, where `side` is 0, on that
-    which engagement reaches. KNOWN where passes do not lead from the averaged orbit, which is then the one seen with
-    about this amplitude.
-    """
-    lever, state = oscillator.lever, workspace.response.state
-    slopes[SEEN_BY_A] = 1.0 if sees_tip(lever) else math.nan
-    if side == 0 and repulsive_orbit_at_detected_amplitude(oscillator, seen, workspace, row, slopes):
-        return col.GOOD
-    amplitude = likely_amplitude(lever, seen, side if side != 0 else -1)
-    done, phase = orbit_at_tip_amplitude(oscillator, amplitude, side, False, workspace)
-    if side == 0 and (
-        done == col.PENDING or lever[col.DRIVE] * math.sin(phase) > amplitude * lever[col.DYNAMIC_STIFFNESS]
-    ):
-        amplitude = likely_amplitude(lever, seen, 1)  # the attractive branch is not what is reached there
-        done, phase = orbit_at_tip_amplitude(oscillator, amplitude, side, done == col.KNOWN, workspace)
-    before, old_phase, old_offset = (math.nan, math.nan), math.nan, math.nan
-    for _ in range(MOST_AMPLITUDE_SECANTS):
-        if done == col.PENDING:
-            following = 0.5 * (amplitude + before[0])
-        else:
-            miss, moved = detected_signal(lever, amplitude, phase)[0] - seen, amplitude - before[0]
-            if done == col.KNOWN and abs(miss) < ROUGHLY_SEEN * seen:
-                return col.KNOWN
-            if abs(moved) > LEAST_SECANT * amplitude:
-                slopes[SEEN_BY_A], slopes[PHASE_BY_A] = (miss - before[1]) / moved, (phase - old_phase) / moved
-                slopes[OFFSET_BY_A] = (state.tip_offset - old_offset) / moved
-            there = done == col.GOOD and abs(miss) < EXACTLY_SEEN * seen
-            if there and math.isfinite(slopes[SEEN_BY_A]):
-                fill_row_from_passes(lever, nodes_of_solution(workspace.response), state, row)
-                return col.GOOD if slopes[SEEN_BY_A] > LEAST_SLOPE else col.PENDING
-            following = next_amplitude(lever, seen, amplitude, phase, miss, before)
-            if there:
-                following = amplitude * (1.0 + SLOPE_STEP_OF_SEEN)  # for the slopes alone
-            before, old_phase, old_offset = (amplitude, miss), phase, state.tip_offset
-        amplitude = following
-        if not amplitude > 0.0:
-            break
-        done, phase = orbit_at_tip_amplitude(oscillator, amplitude, side, done == col.KNOWN, workspace)
-    return col.PENDING
-
-
-@kernel
-def branch_orbit_at_detected_amplitude(
-    oscillator: Oscillator, seen: float, side: int, workspace: DetectedWorkspace, row: np.ndarray, slopes: np.ndarray
-) -> int:
-    """Orbit by passes on a side of the resonance that is seen with an amplitude [m]: GOOD, or NO_STABLE_ORBIT.
-
-    PENDING where that is left open, `workspace.harmonic` near an averaged one if there is any. There is none where none
-    has the amplitude of a lever without losses, nor one nearer to that seen.
-    """
-    lossless, harmonic = likely_amplitude(oscillator.lever, seen, side), workspace.harmonic
-    for amplitude in (lossless, 0.5 * (lossless + seen)):
-        done = averaged_orbit_on_branch(oscillator, amplitude, side, harmonic, workspace.response)
-        if done != col.NO_STABLE_ORBIT:
-            break
-    else:
-        return col.NO_STABLE_ORBIT
-    if not forces_are_plain(oscillator):  # passes know nothing of a neck, and a side may have several orbits
-        return col.PENDING
-    done = response_orbit_at_detected_amplitude(oscillator, seen, side, workspace, row, slopes)
-    return col.GOOD if done == col.GOOD and slopes[OFFSET_BY_A] > LEAST_SLOPE_ALONG else col.PENDING
-
-
-@kernel
-def fill_slopes_along_curve(lever: np.ndarray, orbit: Orbit, slopes: np.ndarray) -> bool:
-    """Fill in what changes with A along the curve, at an orbit that is linearised."""
+def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
+    """What changes with A along the curve, at an orbit that is linearised; NaN where that has no solution."""
     if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
-        return False
+        return Along(math.nan, math.nan, math.nan)
     head, rate = head_of(orbit), orbit.system[:, RIGHT]
     of, by = (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS])
-    slopes[SEEN_BY_A] = detected_amplitude_rate(lever, of, by)
     (x, y), (by_x, by_y) = drive_needed(lever, *of), drive_needed(lever, *by)
-    slopes[PHASE_BY_A] = phase_rate(x, y, by_x, by_y)
-    slopes[OFFSET_BY_A] = rate[RZ]
-    return True
+    return Along(detected_amplitude_rate(lever, of, by), phase_rate(x, y, by_x, by_y), rate[RZ])
 
 
 @kernel
 def move_to_detected_amplitude(
-    oscillator: Oscillator, seen: float, tolerance: float, orbit: Orbit, row: np.ndarray, slopes: np.ndarray
-) -> int:
-    """Move an exact orbit to where it is seen with an amplitude [m]; fill in its row and slopes, return its status.
+    oscillator: Oscillator, seen: float, tolerance: float, orbit: Orbit, row: np.ndarray
+) -> tuple[int, Along]:
+    """Move an exact orbit to where it is seen with an amplitude [m]; fill in its row, return a status and its slopes.
 
     `tolerance`: its last change [m].
     """
-    done = solve_at_detected_amplitude(oscillator, orbit, seen, tolerance)
+    done, along = solve_at_detected_amplitude(oscillator, orbit, seen, tolerance), Along(math.nan, math.nan, math.nan)
     if done == col.GOOD:
         done = refine_orbit(oscillator, orbit, row)
     if done == col.GOOD:
-        done = feedback_status(row)
-    if done == col.GOOD and not (
-        fill_slopes_along_curve(oscillator.lever, orbit, slopes) and slopes[SEEN_BY_A] > LEAST_SLOPE
-    ):
-        done = col.NOT_CONVERGED  # the amplitude that is seen turns here
-    return done
-
-
-@kernel
-def _from_averaged_or_along_curve(
-    oscillator: Oscillator, seen: float, surety: int, harmonic: HarmonicOrbit, curve: CurveWorkspace,
-    row: np.ndarray, slopes: np.ndarray,
-) -> int:  # fmt: skip
-    """Fill in the exact orbit, as `exact_orbit` finds it, that is seen with an amplitude [m]; returns a status."""
-    done = exact_orbit(oscillator, detected_amplitude_wanted(oscillator, seen), surety, harmonic, curve, row)
-    if done != col.GOOD:
-        return done
-    return move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), curve.found, row, slopes)
+        done, along = feedback_status(row), slopes_along_curve(oscillator.lever, orbit)
+        if done == col.GOOD and not along.seen > LEAST_SLOPE:
+            done = col.NOT_CONVERGED  # the amplitude that is seen turns here
+    return done, along
 
 
 @kernel
 def exact_orbit_at_detected_amplitude(
-    oscillator: Oscillator, seen: float, known: bool, workspace: DetectedWorkspace, curve: CurveWorkspace,
-    row: np.ndarray, slopes: np.ndarray,
-) -> int:  # fmt: skip
-    """Find by collocation the orbit on which a tip from far stops where the detector sees an amplitude [m].
+    oscillator: Oscillator, seen: float, surety: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
+    row: np.ndarray,
+) -> tuple[int, Along]:  # fmt: skip
+    """`exact_orbit` on which a tip from far stops where the detector sees an amplitude [m]; a status and its slopes.
 
-    From the averaged orbit in `workspace.harmonic` if that is `known`, and averaging is as sure of the branch at the
-    amplitude that the tip then has; else along the curve. Fills `curve.found`, the result row, and `slopes` by the
-    tip's amplitude; returns a status.
+    From the averaged orbit if averaging is as sure of the branch at the amplitude that the tip then has.
     """
-    harmonic, found, top, done = workspace.harmonic, curve.found, workspace.response.top, col.NOT_CONVERGED
-    if known:
-        done = _from_averaged_or_along_curve(oscillator, seen, SURE, harmonic, curve, row, slopes)
-        sure = done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top) == SURE
-        known = sure and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0)
-    if not known:
-        done = _from_averaged_or_along_curve(oscillator, seen, DOUBTFUL, harmonic, curve, row, slopes)
-        if done == col.GOOD and engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top) == LEAP:
-            done = col.NOT_CONVERGED
-    if done == col.GOOD:
-        estimate_errors(oscillator, found, row)
-    return done
+    wanted, found, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
+    done = col.NOT_CONVERGED
+    for sure in (surety, DOUBTFUL):
+        done = exact_orbit(oscillator, wanted, sure, harmonic, curve, row)
+        if done == col.GOOD:
+            done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)
+        there = LEAP
+        if done == col.GOOD:
+            there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
+        if there == SURE and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
+            break
+        if sure != SURE:
+            if done == col.GOOD and there == LEAP:
+                done = col.NOT_CONVERGED
+            break
+    return done, along

@@ -18,6 +18,7 @@ from phasemap._kernels.engagement.end_of_attractive_branch import exact_mismatch
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
+from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
@@ -30,7 +31,7 @@ from phasemap._kernels.orbits.averaged.sides import (
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, slope_is_clear
-from phasemap._kernels.records import clear
+from phasemap._kernels.records import assign, clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
 EXACTLY_DAMPED = 2e-3  # the same of exact orbits
@@ -148,9 +149,17 @@ def refined_orbit_on_branch(
     oscillator: Oscillator, amplitude: float, side: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> int:  # fmt: skip
-    """Find the averaged orbit on a side of the resonance, and GOOD with the exact one near it in `workspace.state`."""
-    done = averaged_orbit_on_branch(oscillator, amplitude, side, harmonic, workspace)
-    if done != col.GOOD:
+    """Find the averaged orbit on a side of the resonance, and GOOD with the exact one near it in `workspace.state`.
+
+    Where averaging leaves open whether there is one, an exact orbit near any averaged one of this side is an answer.
+    """
+    done, near = averaged_orbit_on_branch(oscillator, amplitude, side, harmonic, workspace), HarmonicOrbit()
+    if done == col.NO_STABLE_ORBIT or not forces_are_plain(oscillator):
         return done
-    exact = refine(oscillator, harmonic, limits, workspace)
-    return col.GOOD if exact and slope_is_clear(oscillator, limits, workspace) else col.PENDING
+    assign(near, harmonic)
+    if done == col.PENDING and not fill_averaged_orbit_near(oscillator, amplitude, side, near):
+        return done
+    if not (refine(oscillator, near, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):
+        return col.PENDING
+    assign(harmonic, near)
+    return col.GOOD

@@ -13,15 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.detected_setpoint import (
-    SLOPES,
-    DetectedWorkspace,
-    response_orbit_at_detected_amplitude,
-)
-from phasemap._kernels.excitation import detected_signal
+from phasemap._kernels.excitation import detected_signal, sees_tip
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.averaged.branch import (
     MEASURED_OFFSET,
@@ -30,8 +24,9 @@ from phasemap._kernels.orbits.averaged.branch import (
     fill_signal_and_slopes,
     held_root,
 )
+from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine
 
 
 class Setpoints(NamedTuple):
@@ -108,11 +103,8 @@ def exact_block(
     False, where passes do not converge, or the orbit is not sound.
     """
     levers, amplitudes, sides, places = setpoints
-    workspace, row, slopes = (
-        DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits),
-        np.zeros(col.COLUMNS),
-        np.zeros(SLOPES),
-    )
+    workspace, harmonic = ResponseWorkspace(), HarmonicOrbit()
+    state = workspace.state
     for i in range(len(rows)):
         p = parameters(rows[i])
         for j in range(len(amplitudes)):
@@ -120,10 +112,15 @@ def exact_block(
             good[i, j] = False
             if sides[i, j] == 0:
                 continue
-            fill_harmonic_orbit(workspace.harmonic, 1.0, places[i, j], 0.0, 0.0, 0.0)
-            oscillator = Oscillator(law, p, levers[j])
-            done = response_orbit_at_detected_amplitude(oscillator, amplitudes[j], sides[i, j], workspace, row, slopes)
-            good[i, j] = done == col.GOOD
-            if done == col.GOOD:
-                values[i, j, MEASURED_PHASE] = detected_signal(levers[j], row[col.AMPLITUDE], row[col.PHASE])[1]
-                values[i, j, MEASURED_OFFSET] = row[col.TIP_OFFSET]
+            oscillator, near = Oscillator(law, p, levers[j]), (math.nan, places[i, j])
+            amplitude, c, slope = held_root(oscillator, amplitudes[j], sides[i, j], True, near)
+            if not slope < 0.0:
+                continue
+            push, drag, mean = harmonics(oscillator, amplitude, c)
+            fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
+            harmonic.mismatch_slope = slope / amplitude
+            workspace.seen = 0.0 if sees_tip(levers[j]) else amplitudes[j]
+            good[i, j] = refine(oscillator, harmonic, limits, workspace)
+            if good[i, j]:
+                values[i, j, MEASURED_PHASE] = detected_signal(levers[j], state.amplitude, state.phase)[1]
+                values[i, j, MEASURED_OFFSET] = state.tip_offset

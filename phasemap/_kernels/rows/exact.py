@@ -12,21 +12,20 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import ErrorLimits, SolvedRows
+from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
 from phasemap._kernels.engagement.detected_setpoint import (
-    DetectedWorkspace,
     exact_orbit_at_detected_amplitude,
+    fill_errors_as_seen,
     move_to_detected_amplitude,
-    response_orbit_at_detected_amplitude,
 )
 from phasemap._kernels.engagement.exact_orbit import exact_orbit, new_curve_workspace, tip_amplitude_wanted
 from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
-from phasemap._kernels.excitation import sees_tip
-from phasemap._kernels.law import Oscillator, has_hysteresis, parameters
+from phasemap._kernels.excitation import likely_amplitude, sees_tip
+from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.averaged.sides import Maximum
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import exact_orbit_from_exact, exact_orbit_from_harmonic, tolerance_of
 from phasemap._kernels.orbits.collocation.system import new_orbit
@@ -42,6 +41,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
     nodes_from_collocation,
 )
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
+from phasemap._kernels.orbits.response.state import Along
 from phasemap._kernels.orbits.result_row import has_periodic_orbit, same_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
@@ -51,8 +51,8 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 @kernel
 def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
     """Orbit by collocation of every row whose status is PENDING, near the harmonic orbit it holds if any."""
-    out, status, solver = answers
-    curve = new_curve_workspace(pixels.lever, tables)
+    (out, status, solver), lever = answers, pixels.lever
+    curve, along = new_curve_workspace(lever, tables), Along(1.0, 0.0, 0.0)
     harmonic, top, at = HarmonicOrbit(), Maximum(), OrbitNodes()
     for i in range(len(out)):
         if status[i] != col.PENDING:
@@ -60,14 +60,22 @@ def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
         oscillator, amplitude, row, surety = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS], SURE
         load_harmonic_orbit(row, harmonic)
         if math.isnan(harmonic.tip_offset):
-            surety = engage_by_averaging(oscillator, amplitude, harmonic, top)
-        row[:] = math.nan
-        wanted = tip_amplitude_wanted(oscillator, amplitude)
-        status[i], solver[i] = exact_orbit(oscillator, wanted, surety, harmonic, curve, row), col.ORBIT
+            likely = likely_amplitude(lever, amplitude, ATTRACTIVE)
+            surety = engage_by_averaging(oscillator, likely, harmonic, top)
+        row[:], solver[i] = math.nan, col.ORBIT
+        if sees_tip(lever):
+            wanted = tip_amplitude_wanted(oscillator, amplitude)
+            status[i] = exact_orbit(oscillator, wanted, surety, harmonic, curve, row)
+        else:
+            status[i], along = exact_orbit_at_detected_amplitude(
+                oscillator, amplitude, surety, harmonic, top, curve, row
+            )
         if status[i] != col.GOOD:
             row[:] = math.nan
             continue
         estimate_errors(oscillator, curve.found, row)
+        if not sees_tip(lever):
+            fill_errors_as_seen(lever, amplitude, along, row)
         if out.shape[1] > col.COLUMNS:
             nodes_from_collocation(oscillator, curve.found, at)
             keep_nodes(at, out[i])
@@ -118,14 +126,14 @@ def nearby_rows(
 
 
 @kernel
-def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answers, slopes: np.ndarray) -> int:
+def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answers) -> int:
     """Exact orbits on a side of the resonance for rows left PENDING, where they are found; returns how many still are.
 
     A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
-    are tried too. `slopes` (shape (n, SLOPES)): as for `seen_rows`.
+    are tried too.
     """
-    out, status, solver = answers
-    orbit, harmonic, waiting = new_orbit(pixels.lever, tables), HarmonicOrbit(), 0
+    (out, status, solver), lever = answers, pixels.lever
+    orbit, harmonic, waiting, along = new_orbit(lever, tables), HarmonicOrbit(), 0, Along(1.0, 0.0, 0.0)
     for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
@@ -135,42 +143,20 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
             if math.isnan(harmonic.tip_offset):
                 break
             done, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
-            if done == col.GOOD and not sees_tip(pixels.lever):
+            if done == col.GOOD and not sees_tip(lever):
                 tolerance = tolerance_of(oscillator)
-                done = move_to_detected_amplitude(oscillator, pixels.amplitudes[i], tolerance, orbit, row, slopes[i])
+                done, along = move_to_detected_amplitude(oscillator, pixels.amplitudes[i], tolerance, orbit, row)
             if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (side > 0):
                 status[i], solver[i] = col.GOOD, col.ORBIT
                 estimate_errors(oscillator, orbit, row)
+                if not sees_tip(lever):
+                    fill_errors_as_seen(lever, pixels.amplitudes[i], along, row)
                 break
             harmonic.tip_offset += FARTHER_START * harmonic.amplitude
         if status[i] == col.PENDING:
             row[:] = math.nan
             waiting += 1
     return waiting
-
-
-@kernel
-def seen_rows(pixels: Pixels, tables: np.ndarray, limits: ErrorLimits, answers: Answers, slopes: np.ndarray) -> None:
-    """Orbit of the tip of every row that is seen with an amplitude, after engagement.
-
-    Errors in the rows are those at the tip's own amplitude; `slopes` (shape (n, SLOPES)) of what the detector sees by
-    that give the rest.
-    """
-    (out, status, solver), seen = answers, pixels.amplitudes
-    workspace = DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits)
-    curve = new_curve_workspace(pixels.lever, tables)
-    for i in range(len(out)):
-        oscillator, row = oscillator_of(pixels, i), out[i, : col.COLUMNS]
-        row[:], slopes[i, :] = math.nan, math.nan
-        if has_hysteresis(oscillator.p):
-            status[i] = col.NOT_CONVERGED  # between far and the setpoint there may be no periodic orbit
-            continue
-        status[i] = response_orbit_at_detected_amplitude(oscillator, seen[i], 0, workspace, row, slopes[i])
-        solver[i] = col.CORRECTED
-        if status[i] != col.GOOD:
-            known = status[i] == col.KNOWN
-            status[i] = exact_orbit_at_detected_amplitude(oscillator, seen[i], known, workspace, curve, row, slopes[i])
-            solver[i] = col.ORBIT
 
 
 @kernel

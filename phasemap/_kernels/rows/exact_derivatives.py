@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
-from phasemap._kernels.engagement.detected_setpoint import SLOPES, move_to_detected_amplitude
+from phasemap._kernels.engagement.detected_setpoint import move_to_detected_amplitude
 from phasemap._kernels.engagement.exact_orbit import (
     CurveWorkspace,
     detected_amplitude_wanted,
@@ -80,7 +80,7 @@ def exact_orbit_from_stored(
 def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, row: np.ndarray) -> bool:
     """Solve for the exact orbit seen with the amplitude held [m], from one near it; False where none can be held."""
     tolerance = max(LAST_CHANGE_BESIDE, tolerance_of(oscillator))
-    return move_to_detected_amplitude(oscillator, held, tolerance, orbit, row, np.zeros(SLOPES)) == col.GOOD
+    return move_to_detected_amplitude(oscillator, held, tolerance, orbit, row)[0] == col.GOOD
 
 
 @kernel

@@ -14,9 +14,10 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
-from phasemap._kernels.engagement.detected_setpoint import DetectedWorkspace, branch_orbit_at_detected_amplitude
+from phasemap._kernels.engagement.detected_setpoint import engaged_orbit_without_collocation, fill_errors_as_seen
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
-from phasemap._kernels.engagement.without_collocation import choose, orbit_without_collocation
+from phasemap._kernels.engagement.without_collocation import choose
+from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
@@ -28,6 +29,7 @@ from phasemap._kernels.orbits.harmonic_orbit import (
 )
 from phasemap._kernels.orbits.orbit_nodes import FAINT_DRIVE, OrbitNodes, keep_nodes, nodes_from_response
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, nodes_of_solution
+from phasemap._kernels.orbits.response.state import slopes_of
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
@@ -35,16 +37,16 @@ from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 def cheap_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answers) -> int:
     """Orbit of every row after engagement, where the cheap path is good enough; returns how many wait.
 
-    With `average` an averaged orbit may stand. Rows that wait hold their averaged orbit where it is known. Rows with
-    room keep the nodes of the orbit (`orbit_nodes`).
+    With `average` an averaged orbit may stand where the detector sees the tip. Rows that wait hold their averaged orbit
+    where it is known. Rows with room keep the nodes of the orbit (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
     workspace, at, harmonic, waiting = ResponseWorkspace(), OrbitNodes(), HarmonicOrbit(), 0
+    average = average and sees_tip(lever)
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        surety = engage_by_averaging(oscillator, amplitude, harmonic, workspace.top)
-        status[i] = orbit_without_collocation(oscillator, amplitude, surety, limits, harmonic, workspace)
+        status[i] = engaged_orbit_without_collocation(oscillator, amplitude, limits, harmonic, workspace)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.KNOWN:
@@ -52,10 +54,12 @@ def cheap_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answ
                 status[i] = col.PENDING
         else:
             solver[i] = choose(lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row)
+            if workspace.seen > 0.0:
+                fill_errors_as_seen(lever, amplitude, slopes_of(workspace.state), row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
                     f = nodes_of_solution(workspace)
-                    nodes_from_response(f, amplitude, workspace.state.centre, at)
+                    nodes_from_response(f, workspace.state.amplitude, workspace.state.centre, at)
                     keep_nodes(at, out[i])
     return waiting
 
@@ -105,16 +109,22 @@ def side_rows(pixels: Pixels, side: int, limits: ErrorLimits, allowed: ErrorLimi
     `limits`: of an exact orbit; `allowed`: those within which an averaged one may stand. What is PENDING then has a
     harmonic orbit to start from, or NaN.
     """
-    out, status, solver = answers
+    (out, status, solver), lever = answers, pixels.lever
     workspace, harmonic, waiting = ResponseWorkspace(), HarmonicOrbit(), 0
     for i in range(len(out)):
         if status[i] == col.PENDING:
-            status[i] = refined_orbit_on_branch(
-                oscillator_of(pixels, i), pixels.amplitudes[i], side, limits, harmonic, workspace
-            )
+            oscillator, held = oscillator_of(pixels, i), pixels.amplitudes[i]
+            workspace.seen, near = 0.0 if sees_tip(lever) else held, likely_amplitude(lever, held, side)
+            # There is none where none has the amplitude of a lever without losses, nor one nearer to that seen.
+            for amplitude in (near, 0.5 * (near + held)):
+                status[i] = refined_orbit_on_branch(oscillator, amplitude, side, limits, harmonic, workspace)
+                if status[i] != col.NO_STABLE_ORBIT or near == held:
+                    break
             if status[i] == col.GOOD:
                 f = nodes_of_solution(workspace)
-                solver[i] = choose(pixels.lever, harmonic, f, workspace.state, True, allowed, out[i])
+                solver[i] = choose(lever, harmonic, f, workspace.state, sees_tip(lever), allowed, out[i])
+                if workspace.seen > 0.0:
+                    fill_errors_as_seen(lever, held, slopes_of(workspace.state), out[i])
             else:
                 waiting += leave(harmonic, status[i], out[i])
     return waiting
@@ -127,19 +137,3 @@ def leave(harmonic: HarmonicOrbit, status: int, row: np.ndarray) -> bool:
     if status == col.PENDING and harmonic.amplitude > 0.0:
         store_harmonic_orbit(harmonic, row)
     return status == col.PENDING
-
-
-@kernel
-def seen_side_rows(pixels: Pixels, side: int, limits: ErrorLimits, answers: Answers, slopes: np.ndarray) -> int:
-    """`side_rows` where the detector does not see the tip; `slopes` (shape (n, SLOPES)): as for `exact.seen_rows`."""
-    out, status, solver = answers
-    workspace, waiting = DetectedWorkspace(HarmonicOrbit(), ResponseWorkspace(), limits), 0
-    for i in range(len(out)):
-        if status[i] == col.PENDING:
-            oscillator, solver[i] = oscillator_of(pixels, i), col.CORRECTED
-            status[i] = branch_orbit_at_detected_amplitude(
-                oscillator, pixels.amplitudes[i], side, workspace, out[i], slopes[i]
-            )
-            if status[i] != col.GOOD:
-                waiting += leave(workspace.harmonic, status[i], out[i])
-    return waiting

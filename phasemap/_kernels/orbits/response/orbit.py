@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from phasemap._kernels.columns import DYNAMIC_STIFFNESS, ErrorLimits
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import LEAST_SLOPE, detected_signal, next_amplitude
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.sides import Maximum, fill_averaged_orbit_at_gap
@@ -20,6 +23,10 @@ LEAST_SLOPE_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the j
 CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 SLOPE_STEP = 1e-3  # of the amplitude, for dz0/dA
+EXACTLY_SEEN = 1e-12  # of the amplitude seen
+MOST_AMPLITUDE_SECANTS = 20
+LEAST_SECANT = 1e-7  # of A: secants over less say nothing
+FIRST_SECANT = 1e-5  # of A, where the first orbit is seen with the amplitude wanted: for slopes alone
 FEW_PARTS = 2  # into which a contact is cut at most where Newton's method takes their cube: collocation is cheaper then
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
@@ -43,7 +50,7 @@ class ResponseWorkspace:
     finer: Nodes  # which cut the contact in two
     state: PassState
     other: PassState
-    seen: float  # amplitude [m] that the detector is to see of an orbit, or 0 where A is that of the averaged one
+    seen: float  # amplitude [m] that the detector is to see of an exact orbit, or 0 where A is that of the averaged one
     top: Maximum  # of the mismatch
     fit: Fit
 
@@ -125,7 +132,35 @@ def _orbit_by_passes(
         found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
     if found != FOUND or not on_same_branch(lever, harmonic, state):
         return False
+    if state.seen > 0.0:
+        if f.touches == 0 and not _move_to_detected_amplitude(oscillator, f, state, limits):
+            return False
+        if not state.seen_by_a > LEAST_SLOPE:
+            return False
     return orbit_is_kept(oscillator, f, state)
+
+
+@kernel
+def _move_to_detected_amplitude(oscillator: Oscillator, f: Nodes, state: PassState, limits: ErrorLimits) -> bool:
+    """Move an orbit without contact to where the detector sees `state.seen`, by secants in A; fill in its slopes."""
+    lever, seen, before = oscillator.lever, state.seen, (math.nan, math.nan)
+    for _ in range(MOST_AMPLITUDE_SECANTS):
+        amplitude, phase, offset = state.amplitude, state.phase, state.tip_offset
+        miss = detected_signal(lever, amplitude, phase)[0] - seen
+        if abs(miss) < EXACTLY_SEEN * seen and state.seen_by_a != 0.0:
+            return True
+        move = next_amplitude(lever, seen, amplitude, phase, miss, before) - amplitude
+        if state.seen_by_a == 0.0 and abs(move) < FIRST_SECANT * amplitude:
+            move = FIRST_SECANT * amplitude
+        before = (amplitude, miss)
+        state.amplitude += move
+        state.centre += move
+        if converge(oscillator, f, state, False, limits.phase, limits.tip_offset) != FOUND:
+            return False
+        if abs(move) > LEAST_SECANT * amplitude:
+            state.seen_by_a = (detected_signal(lever, state.amplitude, state.phase)[0] - seen - miss) / move
+            state.phase_by_a, state.offset_by_a = (state.phase - phase) / move, (state.tip_offset - offset) / move
+    return False
 
 
 @kernel
@@ -142,6 +177,8 @@ def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState)
 def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
     f, here, there = nodes_of_solution(workspace), workspace.state, workspace.other
+    if here.seen > 0.0:
+        return here.offset_by_a > LEAST_SLOPE_ALONG
     assign(there, here)
     move = SLOPE_STEP * here.amplitude
     there.amplitude += move

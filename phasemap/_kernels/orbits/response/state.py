@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,14 @@ from phasemap._kernels.orbits.response.nodes import Nodes, fill_force
 from phasemap._kernels.records import record
 
 ENERGY_LEFT = 5e-7  # largest energy imbalance
+
+
+class Along(NamedTuple):
+    """What changes with A along the curve of orbits."""
+
+    seen: float  # amplitude that the detector sees [1]
+    phase: float  # [rad/m]
+    offset: float  # tip offset [1]
 
 
 @record
@@ -78,6 +87,12 @@ def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
     """Work of the conservative part of the force over the energy supplied: zero on an exact orbit."""
     amplitude = state.amplitude
     return state.work / (math.pi * amplitude * (lever[DYNAMIC_LOSS] * amplitude - state.drag))
+
+
+@kernel
+def slopes_of(state: PassState) -> Along:
+    """What changes with A, where `seen` holds the orbit."""
+    return Along(state.seen_by_a, state.phase_by_a, state.offset_by_a)
 
 
 @kernel
