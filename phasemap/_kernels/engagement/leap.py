@@ -16,14 +16,13 @@ from phasemap._kernels.law import Oscillator, longrange_force
 from phasemap._kernels.lever import free_amplitude, reach_of
 from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.averaged.sides import balance_depth
+from phasemap._kernels.orbits.averaged.sides import balance_depth, gap_of_push
 from phasemap._kernels.records import record
 
 STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged
 FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
 GAP_SHRINKS = 0.75  # steps of its distance from -1.5
 CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
-FOLD_HALVINGS = 8
 NO_FOLD = 0  # how the search for a fold ends
 FOUND = 1
 FOLD_TOO_FAR = 2  # farther than where the search begins
@@ -92,21 +91,15 @@ def highest_repulsive_tip_offset(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     pull = lever[col.DYNAMIC_STIFFNESS] * lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
     amplitude = lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
-    outer, inner, mean = 0.0, 0.7 * balance_depth(law, p), 0.0
-    push, _, _ = harmonics(oscillator, amplitude, 1.0 - inner / amplitude)
+    before, gap = (0.0, harmonics(oscillator, amplitude, 1.0)[0]), -0.7 * balance_depth(law, p)
+    push, _, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     while push + pull <= 0.0:
-        outer, inner = inner, 1.4 * inner
-        if inner > 1.9 * amplitude:
+        before, gap = (gap, push), 1.4 * gap
+        if gap < -1.9 * amplitude:
             return -math.inf
-        push, _, _ = harmonics(oscillator, amplitude, 1.0 - inner / amplitude)
-    for _ in range(FOLD_HALVINGS):
-        middle = 0.5 * (outer + inner)
-        push, _, more = harmonics(oscillator, amplitude, 1.0 - middle / amplitude)
-        if push + pull > 0.0:
-            inner = middle
-        else:
-            outer, mean = middle, more
-    return amplitude - outer + mean
+        push, _, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
+    gap = gap_of_push(oscillator, amplitude, -pull, before, (gap, push))
+    return amplitude + gap + harmonics(oscillator, amplitude, 1.0 + gap / amplitude)[2]
 
 
 @kernel

@@ -27,6 +27,7 @@ from phasemap._kernels.orbits.averaged.sides import (
     Maximum,
     fill_averaged_orbit_on_side,
     find_mismatch_maximum,
+    gap_of_push,
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
@@ -40,7 +41,6 @@ FIRST_GAP_SHIFT = 0.02  # of the gap or the reach: between the first two gaps of
 MOST_FORCE_SECANTS = 6
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
 STEP_OUTSIDE = 0.5  # of depth and reach of the strongest pull, out of it
-MOST_STEPS = 60
 
 
 @kernel
@@ -98,25 +98,15 @@ def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> t
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
     for attraction, even in permanent contact.
     """
-    lever = oscillator.lever
-    near, far = top.gap, top.behind
-    h, push = mismatch_at_gap(oscillator, amplitude, far)
-    while push <= 0.0 and far >= DEEPEST * amplitude:
-        near, far = far, 2.0 * far
-        h, push = mismatch_at_gap(oscillator, amplitude, far)
+    before, gap = (top.gap, top.push), top.behind
+    _, push = mismatch_at_gap(oscillator, amplitude, gap)
+    while push <= 0.0 and gap >= DEEPEST * amplitude:
+        before, gap = (gap, push), 2.0 * gap
+        _, push = mismatch_at_gap(oscillator, amplitude, gap)
     if not push > 0.0:
-        return math.inf if push <= 0.0 else math.nan, far
-    middle = far
-    for _ in range(MOST_STEPS):
-        if abs(push) < 0.05 * lever[col.DRIVE]:
-            break
-        middle = 0.5 * (near + far)
-        h, push = mismatch_at_gap(oscillator, amplitude, middle)
-        if push > 0.0:
-            far = middle
-        else:
-            near = middle
-    return mismatch_without_net_force(lever, amplitude, h), middle
+        return math.inf if push <= 0.0 else math.nan, gap
+    gap = gap_of_push(oscillator, amplitude, 0.0, before, (gap, push))
+    return mismatch_without_net_force(oscillator.lever, amplitude, mismatch_at_gap(oscillator, amplitude, gap)[0]), gap
 
 
 @kernel

@@ -20,7 +20,7 @@ from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis, has_longrange
 from phasemap._kernels.lever import bend_by_adhesion
-from phasemap._kernels.numerics import copy
+from phasemap._kernels.numerics import copy, newton_in_bracket
 from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip
 from phasemap._kernels.orbits.time.tip import (
@@ -118,19 +118,16 @@ def static_depth(oscillator: Oscillator, z0: float) -> float:
         high *= 2.0
     low = high
     for _ in range(200):
-        low = 0.7 * high
+        low, high = 0.7 * low, low
         if z0 + low + inverse_k * contact_force(law, low, p) <= 0.0:
             break
-        high = low
     else:
         return math.nan
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if z0 + middle + inverse_k * contact_force(law, middle, p) <= 0.0:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    d = high
+    for _ in range(40):
+        off, slope = z0 + d + inverse_k * contact_force(law, d, p), 1.0 + inverse_k * contact_slope(law, d, p)
+        d, low, high = newton_in_bracket(d, off, slope, low, high, True)
+    return d
 
 
 @kernel

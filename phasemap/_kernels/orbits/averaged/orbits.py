@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.averaged.sides import UNCLEAR, gap_of_crossing, mismatch_at_gap
+from phasemap._kernels.orbits.averaged.sides import UNCLEAR, gap_of_crossing, gap_of_push, mismatch_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import (
     HARMONIC_WORDS,
     HarmonicOrbit,
@@ -54,29 +54,21 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
 
     Two branches may be picometres apart, but between them the in-phase force passes zero: those points are sampled too.
     """
-    stiffness, scale = oscillator.lever[col.DYNAMIC_STIFFNESS], scale_of(oscillator)
+    detuned, scale = amplitude * oscillator.lever[col.DYNAMIC_STIFFNESS], scale_of(oscillator)
     start = max(ratio_far_from_surface(oscillator, amplitude), 1.5)
     begin, end = math.asinh(2.0 * start * amplitude / scale), -math.asinh(6.0 * amplitude / scale)
     gaps, f, count = np.empty(2 * SAMPLES + 2), np.empty(2 * SAMPLES + 2), 0
-    x_before = 0.0
+    before = (0.0, 0.0)
     for i in range(SAMPLES + 1):
         gap = scale * math.sinh(begin + (end - begin) * i / SAMPLES)
         h, push = mismatch_at_gap(oscillator, amplitude, gap)
-        x = push + amplitude * stiffness
-        if i > 0 and (x > 0.0) != (x_before > 0.0):
-            near, far = gap, gaps[count - 1]
-            for _ in range(60):
-                middle = 0.5 * (near + far)
-                if (mismatch_at_gap(oscillator, amplitude, middle)[1] + amplitude * stiffness > 0.0) == (x > 0.0):
-                    near = middle
-                else:
-                    far = middle
-            gaps[count] = 0.5 * (near + far)
+        if i > 0 and (push > -detuned) != (before[1] > -detuned):
+            gaps[count] = gap_of_push(oscillator, amplitude, -detuned, before, (gap, push))
             f[count] = math.log1p(mismatch_at_gap(oscillator, amplitude, gaps[count])[0])
             count += 1
         gaps[count], f[count] = gap, math.log1p(h)
         count += 1
-        x_before = x
+        before = (gap, push)
     rows, harmonic, found = np.zeros((MOST_ORBITS, HARMONIC_WORDS)), HarmonicOrbit(), 0
     for i in range(1, count):
         if found == len(rows) or (f[i] > 0.0) == (f[i - 1] > 0.0):

@@ -146,6 +146,22 @@ def gap_of_crossing(
 
 
 @kernel
+def gap_of_push(
+    oscillator: Oscillator, amplitude: float, wanted: float, one: tuple[float, float], two: tuple[float, float]
+) -> float:
+    """Gap [m] at which P is what is wanted [m], between two points (gap, P); that of the first where both are above."""
+    (a, f_a), (b, f_b) = one, two
+    f_a, f_b, x = f_a - wanted, f_b - wanted, a
+    for _ in range(MOST_CROSSING_STEPS if (f_a > 0.0) != (f_b > 0.0) else 0):
+        x = (a * f_b - b * f_a) / (f_b - f_a)
+        f = mismatch_at_gap(oscillator, amplitude, x)[1] - wanted
+        if abs(f) < CROSSING_TOLERANCE * oscillator.lever[col.DRIVE]:
+            break
+        a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
+    return x
+
+
+@kernel
 def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
     """Whether repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
     return push > 0.0 and push + amplitude * lever[col.DYNAMIC_STIFFNESS] > 0.0
