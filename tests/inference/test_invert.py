@@ -71,6 +71,7 @@ def invert(stack, scope=SCOPE, **changed):
 
 
 def is_set(found, name):
+    assert not (found.flag.values & ~np.bitwise_or.reduce(found.flag.attrs["flag_masks"])).any()
     return found.flag.values & BITS[name] != 0
 
 

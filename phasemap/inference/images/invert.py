@@ -68,7 +68,7 @@ def dataset_of(
     found: Found, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any], how: str
 ) -> xr.Dataset:
     """Materials over these dims, settings over "image", and where all this comes from; places are those of an image."""
-    ds, known = xr.Dataset(), FLAGS if dims == ("region",) else FLAGS[:-1]
+    ds = xr.Dataset()
     for i, name in enumerate(PARAMETERS):
         more = {"ancillary_variables": f"{name}_error flag"}
         put(ds, name, dims, found.materials[..., i], name, UNITS[name], **more)
@@ -76,7 +76,7 @@ def dataset_of(
         put(ds, f"{name}_error", dims, found.errors[..., i], said)
     said = "chi2 over degrees of freedom, about 1 where the model describes the data"
     put(ds, "misfit", dims if found.misfit.ndim else (), found.misfit, said)
-    meant = {"flag_masks": np.array([1 << i for i in range(len(known))], np.uint8), "flag_meanings": " ".join(known)}
+    meant = {"flag_masks": np.array([1 << i for i in range(len(FLAGS))], np.uint8), "flag_meanings": " ".join(FLAGS)}
     ds["flag"] = (dims, found.flags, {"long_name": "what the data do not determine, or what went wrong", **meant})
     put(ds, "setpoint", "image", list(stack.setpoints), "setpoint")
     amplitudes = [one.drive.free_amplitude for one in stack.scopes]
