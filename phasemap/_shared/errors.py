@@ -100,6 +100,3 @@ def on_one_line(text: str, most: int = LONGEST) -> str:
     r"""Return text on one line, its middle left out where it has more letters than that."""
     text = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
     return text if len(text) <= most else f"{text[: most // 2]} ... {text[-(most // 2) :]}"
-
-
-__test__ = {"InputError": InputError, "InputErrors": InputErrors}  # doctest looks for classes of this module only

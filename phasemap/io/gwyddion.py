@@ -95,7 +95,7 @@ def load_channels(path: Path) -> list[Channel]:
             found = list(reader.parse_gwy(converted).channels.values())
             masks = _masks(converted, native)
             with np.errstate(all="ignore"):  # of bytes that are not numbers
-                data = [_without(one.data, mask) * _volts(one) for one, mask in zip(found, masks, strict=True)]
+                data = [np.where(mask, np.nan, one.data) * _volts(one) for one, mask in zip(found, masks, strict=True)]
     except reader.ConverterNotFoundError as error:
         raise PhasemapError(
             'reading measured files needs the package "gwyddionpy-converter": run pip install "afm-phasemap[read]".'
@@ -169,20 +169,13 @@ def _volts(channel: Any) -> float:
     return 1e-3 if channel.si_unit_z == "V" and scale.endswith("mV") and "/" not in sensitivity else 1.0
 
 
-def _masks(path: Path, native: bool) -> list[Any]:
-    """What hides pixels of each channel; a mask that a user drew in Gwyddion does not."""
+def _masks(path: Path, native: bool) -> list[np.ndarray | bool]:
+    """Which pixels of each channel are hidden; those under a mask that a user drew in Gwyddion are not."""
     container = import_module("gwyfile").load(str(path))
     numbers = sorted(int(key.split("/")[1]) for key in container if re.fullmatch(r"/\d+/data", key))
     hiding = [not native or MASKED in container.get(f"/{n}/meta", {}).values() for n in numbers]
-    return [container.get(f"/{n}/mask") if hides else None for n, hides in zip(numbers, hiding, strict=True)]
-
-
-def _without(data: np.ndarray, mask: Any) -> np.ndarray:
-    """A copy of the data with NaN under the mask."""
-    own = np.array(data, float)
-    if mask is not None:
-        own[np.asarray(mask.data) > 0] = np.nan
-    return own
+    masks = [container.get(f"/{n}/mask") if hides else None for n, hides in zip(numbers, hiding, strict=True)]
+    return [mask is not None and np.asarray(mask.data) > 0 for mask in masks]
 
 
 def _repaired(text: str) -> str:
