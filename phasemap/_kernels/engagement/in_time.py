@@ -151,11 +151,26 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
 
 
 @kernel
-def lower_to_setpoint(oscillator: Oscillator, goal: Goal, step: float, tip: Tip, row: np.ndarray) -> int:
-    """Lower a freely swinging tip until its amplitude first is at the setpoint; hold it, as `engage_by_march`."""
+def free_state(law: Law, lever: np.ndarray, z0: float) -> np.ndarray:
+    """State of a freely swinging lever whose tip offset is z0 [m]."""
+    free = free_phasor(lever)
+    return new_state(law, lever, 0.0, free.real, -lever[col.OMEGA] * free.imag, z0)
+
+
+@kernel
+def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
+    """Engage from far: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
+
+    Returns GOOD; NOT_SETTLED after the periods allowed; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
+    amplitude jumps across the setpoint.
+    """
     law, p, lever = oscillator
     free = free_amplitude(lever)
-    least, pace, loose = NEXT_TRY * free, pace_of_leap(oscillator), False
+    u = free_state(law, lever, free * ratio_far_from_surface(oscillator, goal.amplitude))
+    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    row[:] = math.nan
+    step, least = 0.1 * scale_of(oscillator) + 1e-3 * free, NEXT_TRY * free
+    pace, loose = pace_of_leap(oscillator), False
     # Too short for more than to see that the surface catches the tip
     short = WHOLE_FALL * ring_down_periods(lever) > goal.most_periods
     while True:
@@ -191,27 +206,6 @@ def lower_to_setpoint(oscillator: Oscillator, goal: Goal, step: float, tip: Tip,
             return hold_mean(oscillator, goal, LAST_GAIN if pace > 0.0 else EAGER_GAIN, tip, row)
         if ends != ORBIT_AGAIN:
             return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT
-
-
-@kernel
-def free_state(law: Law, lever: np.ndarray, z0: float) -> np.ndarray:
-    """State of a freely swinging lever whose tip offset is z0 [m]."""
-    free = free_phasor(lever)
-    return new_state(law, lever, 0.0, free.real, -lever[col.OMEGA] * free.imag, z0)
-
-
-@kernel
-def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
-    """Engage from far: lower a freely swinging lever until its amplitude first reaches the setpoint, and hold it.
-
-    Returns GOOD; NOT_SETTLED after the periods allowed; NO_STABLE_ORBIT where it was lowered as far as a tip is, or the
-    amplitude jumps across the setpoint.
-    """
-    law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
-    z0, step = free * ratio_far_from_surface(oscillator, goal.amplitude), 0.1 * scale_of(oscillator) + 1e-3 * free
-    tip = Tip(free_state(law, lever, z0), PeriodResult(), PeriodMap(), Periods())
-    row[:] = math.nan
-    return lower_to_setpoint(oscillator, goal, step, tip, row)
 
 
 @kernel
