@@ -7,6 +7,7 @@ is wrong in a single pixel.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -20,8 +21,8 @@ from phasemap.experiment.lever import lever_of
 from phasemap.imaging.engaged import DEEPEST
 from phasemap.imaging.imperfections import changes
 from phasemap.results.channels import channels
-from phasemap.results.quantities import is_derived, needs_of
-from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES, flag_attributes, provenance
+from phasemap.results.quantities import CHANNELS
+from phasemap.results.variables import FLAGS, FLOATS, SCAN_VARIABLES, all_variables_of, flag_attributes, provenance
 from phasemap.validation.again import Again
 from phasemap.validation.picture import MEAN, OPEN, Claim, Picture, pixels_in_words
 
@@ -204,8 +205,9 @@ def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
     """
     picture, values = again.picture, again.values
     made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
-    if changes(picture.claims.realism):  # channels are derived of what was recorded, not of the orbits
-        values = {name: found for name, found in values.items() if not is_derived(name)} | _recorded(picture)
+    if changes(picture.claims.realism):  # channels are derived of what was recorded, not of what the tip did
+        own = all_variables_of(picture.claims.control)
+        values = {name: found for name, found in values.items() if name in own} | _recorded(picture, own)
     names = [str(name) for name in picture.image.data_vars if name in values]
     largest = _largest(again, SHARE if made == here else BOTH)
     share, differ = np.zeros(len(again.pixels)), []
@@ -227,11 +229,13 @@ def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
     return claim, again.pixels[order[share[order] > 1]]
 
 
-def _recorded(picture: Picture) -> dict[str, Array]:
-    """What the formulas of derived channels make of the image's other variables, where it has all that these need."""
-    there = set(map(str, picture.image.data_vars))
-    made = [name for name in there if is_derived(name) and {*needs_of([name])} - {"amplitude"} <= there]
-    found = channels(picture.image, made, scope=picture.claims.microscope) if made else {}
+def _recorded(picture: Picture, own: Collection[str]) -> dict[str, Array]:
+    """What formulas make of the image's `own` variables, for the other ones, where it has all that these need."""
+    image = picture.image[[name for name in own if name in picture]]
+    others = {name: CHANNELS[name] for name in map(str, picture.image.data_vars) if name not in own}
+    needs = {name: {"amplitude", "phase", *one.needs, one.of_orbit} for name, one in others.items()}
+    made = [name for name in others if needs[name] & {*own} <= set(image.data_vars)]
+    found = channels(image, made, scope=picture.claims.microscope) if made else {}
     return {name: found[name].values.reshape(-1) for name in made}
 
 

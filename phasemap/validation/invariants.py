@@ -14,7 +14,8 @@ from phasemap._shared.pixels import centres
 from phasemap.experiment.realism import DIGITISED
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.feedback.lines import mean_ground
-from phasemap.results.quantities import CHANNELS
+from phasemap.imaging.imperfections import changes
+from phasemap.results.quantities import CHANNELS, is_derived
 from phasemap.results.variables import FLAGS, FLOATS, all_variables_of
 from phasemap.validation.claims import Claims
 from phasemap.validation.picture import FAILS, HOLDS, Claim, Picture, judged
@@ -171,8 +172,10 @@ def _one_material(picture: Picture, surface: Surface) -> Claim:
     count = np.bincount(kinds)
     shared = np.flatnonzero(count[kinds] > 1)  # by several pixels
     bad = np.zeros(kinds.size, np.int64)
+    # The height has the relief in it, and channels the noise of what was recorded.
+    others = {"height"} | {name for name in CHANNELS if is_derived(name) and changes(picture.claims.realism)}
     for name in map(str, picture.image.data_vars) if len(shared) else ():
-        if name != "height":  # that has the relief in it, and is compared with the tip offset
+        if name not in others:
             values = picture[name].astype(np.float64).reshape(-1)[shared]
             usual = _usual(values, kinds[shared])
             apart = np.abs(values - usual)

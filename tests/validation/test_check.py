@@ -81,6 +81,18 @@ def test_what_a_real_microscope_adds_is_allowed_for() -> None:
         assert any("phase" in about for about in failures(image))
 
 
+@pytest.mark.parametrize("control", [pm.Engage(), pm.Feedback(line_rate=200.0)], ids=str)
+def test_channels_are_those_of_what_was_recorded(control: Any) -> None:
+    realism, names = Realism(phase_offset=2.0, bits=10, seed=4), ("phase", "amplitude", "loss_tangent", "dissipation")
+    image = pm.simulate(SURFACE, SCOPE, SETPOINT, control=control, realism=realism, variables=names)
+    assert pm.check(image, SURFACE, pixels=2).holds
+    assert pm.check(image.drop_vars("amplitude"), SURFACE, pixels=2).holds  # of the amplitude, that is not there
+    for name in ("loss_tangent", "dissipation"):
+        altered = image.copy(deep=True)
+        altered[name][..., 1, 2] *= 1.001
+        assert REPEATED in failures(altered, pixels=2)
+
+
 def test_every_image_has_its_channels_of_trust_or_says_why_not() -> None:
     for solver in ("auto", "averaging", "orbit", "march"):
         for control in (pm.Engage(), pm.Raster()):
