@@ -121,10 +121,10 @@ def test_without_attraction_a_tip_is_repelled_and_adhesion_alone_leaves_that_ope
 def test_where_repulsion_balances_attraction_a_lever_without_further_losses_lacks_what_its_damping_leaves() -> None:
     oscillator, top = over(lever_at(), pull=PULL, longrange=PULL), Maximum()
     amplitude = 0.8 * FREE
-    top.gap, top.behind = -0.1e-9, -0.2e-9
+    top.gap, top.behind, top.push = -0.1e-9, -0.2e-9, push_at(oscillator, amplitude, -0.1e-9)
     lacks, gap = plain(other_branch.drag_at_balance)(oscillator, amplitude, top)
-    assert lacks == pytest.approx(0.8**2 - 1.0, abs=0.05**2)  # (2 alpha0 A / u0)^2 - 1, and P within 0.05 u0 of none
-    assert abs(push_at(oscillator, amplitude, gap)) < 0.051 * FREE / Q
+    assert lacks == pytest.approx(0.8**2 - 1.0, abs=1e-12)  # (2 alpha0 A / u0)^2 - 1
+    assert abs(push_at(oscillator, amplitude, gap)) < 1e-3 * FREE / Q  # as good as the sum is where contact begins
 
 
 def test_a_lever_rests_where_its_spring_and_contact_balance() -> None:
