@@ -99,7 +99,7 @@ def check(
     True
     >>> image.phase[0, 0] += 1.0
     >>> pm.check(image, surface).verdict
-    '3 of 19 claims FAIL. Do not trust this file.'
+    '2 of 13 claims FAIL. Do not trust this file.'
     """
     claims = claims_of(image, scope)
     whole("pixels", pixels, 1)
