@@ -220,7 +220,7 @@ class Prony(Shown):
 
     @property
     def key(self) -> float:
-        """A whole number by which maps name it, the same in every process."""
+        """A whole number by which maps name it, the same in every process; asked for once, it is found by that."""
         found = float(int(hashlib.sha256(json.dumps(self.arguments).encode()).hexdigest()[:13], 16))
         _KNOWN[found] = self
         return found

@@ -228,11 +228,11 @@ def _apply(
 ) -> xr.DataArray:
     """A channel of arrays that may be lazy."""
 
-    def value(size: Array, angle: Array, *integrals: Array) -> Array:
+    def channel_of_motion(size: Array, angle: Array, *integrals: Array) -> Array:
         return np.asarray(channel.value(motion_seen(scope, size, angle, dict(zip(orbit, integrals, strict=True)))))
 
     found: xr.DataArray = xr.apply_ufunc(
-        value, amplitude, phase, *orbit.values(), dask="parallelized", output_dtypes=[np.float64]
+        channel_of_motion, amplitude, phase, *orbit.values(), dask="parallelized", output_dtypes=[np.float64]
     )
     return found
 

@@ -24,7 +24,14 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import STABILITY, coded, flag_attributes, of_rows, provenance
-from phasemap.solvers.continuation.curves import Curves, distance_curves, held_curves, mend, not_followed, swept_curves
+from phasemap.solvers.continuation.curves import (
+    Curves,
+    distance_curves,
+    empty_swept_curves,
+    held_curves,
+    mend,
+    swept_curves,
+)
 from phasemap.solvers.continuation.path import UNITS, Question, Scale, fixed_path, swept_path
 from phasemap.solvers.continuation.visit import (
     Jump,
@@ -209,7 +216,7 @@ def parameter(
         return _dataset_in_time(question, works[0], about, visits, held)
     wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
     if ratio is not None and not sees_tip(question.work().lever):
-        curves = not_followed(path, wanted, samples)
+        curves = empty_swept_curves(path, wanted, samples)
         return dataset(curves, about, _each_held(curves, question, name, scale, ratio), question, held)
     curves = swept_curves(path, wanted, of_amplitude, samples)
     if ratio is None:

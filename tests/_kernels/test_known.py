@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from phasemap._kernels.columns import CONTACT, DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE, PULL, ROW
 from phasemap._kernels.forces import hertzian, inverse_square, power_law
 from phasemap._kernels.numerics import narrowed
-from phasemap._kernels.orbits.averaged.known import attraction_integrals, contact_integrals, known_of
+from phasemap._kernels.orbits.averaged.known import attraction_integrals, constants_of, contact_integrals
 
 A = 30e-9
 
@@ -34,7 +34,7 @@ def test_integrals_over_the_contact(depth: float) -> None:
 
         return quad(g, 0, 0.5 * math.pi, epsabs=0, epsrel=1e-13, limit=200)[0]
 
-    found = contact_integrals.py_func(known_of.py_func(p), A, c)
+    found = contact_integrals.py_func(constants_of.py_func(p), A, c)
     size = integral(lambda d, _: abs(hertzian(d, p)) + p[PULL])
     # The polynomials leave 3e-12; c holds a depth to 1e-16 of A.
     off = 1e-11 + 1e-15 * A / depth
@@ -63,7 +63,7 @@ def test_integrals_of_the_attraction(gap: float, reach: float) -> None:
     exact = [
         sum(quad(f, a, b, (even,), epsrel=1e-13)[0] for a, b in itertools.pairwise(pieces)) for even in (True, False)
     ]
-    found = attraction_integrals.py_func(known_of.py_func(p), A, c)
+    found = attraction_integrals.py_func(constants_of.py_func(p), A, c)
     assert np.abs(np.subtract(found, exact)).max() < 1e-11 * abs(exact[0])  # quadrature and rounding: 1e-13 each
 
 

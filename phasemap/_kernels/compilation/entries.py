@@ -92,7 +92,7 @@ def kernel(
     if function is None:
         return lambda one: kernel(one, fastmath=fastmath, inline=inline, shared=shared, vectors=vectors, light=light)
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
-    if not compiles_by_linking():
+    if not links_llvm_code():
         return _Plain(function, targetoptions=options)
     return (_Light if light else _Entry)(function, _compiler_of(shared, vectors), options)
 
@@ -372,8 +372,8 @@ def _fits() -> bool:
 
 
 @functools.cache
-def compiles_by_linking() -> bool:
-    """Whether kernels are compiled as is said above, and not as numba does it, which takes minutes."""
+def links_llvm_code() -> bool:
+    """Whether kernels are linked as LLVM code, and not compiled as numba does it, which takes minutes."""
     fits = _fits() and agrees_with_numba(
         lambda one: _Entry(one, _LinkedCompiler, OPTIONS),
         lambda one: _Entry(one, _SharedCompiler, OPTIONS),

@@ -38,7 +38,7 @@ def emitted_once(table: np.ndarray, i: int) -> float:
 
 
 def filled(count: int, value: float) -> np.ndarray:
-    """A new array."""
+    """Probe: a new array that a function returns."""
     made = np.empty(count)
     for i in range(count):
         made[i] = value * i

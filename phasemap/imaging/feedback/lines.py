@@ -161,8 +161,8 @@ class Lifts(NamedTuple):
         return np.column_stack([rows, *behind])
 
 
-def lifts_of(job: Job, work: Work) -> Lifts:
-    """Look at the harmonics of so many of these materials, evenly in the order of their contact stiffness."""
+def lifts_by_stiffness(job: Job, work: Work) -> Lifts:
+    """Shares in the shift of the tip of at most MOST of these materials, evenly in the order of contact stiffness."""
     limits = ErrorLimits(math.radians(job.accuracy.phase), job.accuracy.height)
     stiffness = work.rows[:, col.CONTACT]
     order = np.argsort(stiffness, kind="stable")

@@ -12,7 +12,15 @@ from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
-from phasemap.imaging.feedback.lines import ENGAGED, Lifts, Lines, TipState, check_loop, drive_frequency, lifts_of
+from phasemap.imaging.feedback.lines import (
+    ENGAGED,
+    Lifts,
+    Lines,
+    TipState,
+    check_loop,
+    drive_frequency,
+    lifts_by_stiffness,
+)
 from phasemap.imaging.feedback.tuning import LinearLoop, quietened
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import Survey
@@ -57,7 +65,7 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
         if control.integral_gain is None:
             control = quietened(linear.tuned(), job, work, engine)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
-    return Plan(control, engine, lifts_of(job, work) if engine == col.AVERAGING else None, notes)
+    return Plan(control, engine, lifts_by_stiffness(job, work) if engine == col.AVERAGING else None, notes)
 
 
 def _engine_of(job: Job, work: Work) -> int:

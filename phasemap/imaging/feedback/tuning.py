@@ -27,7 +27,7 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
-from phasemap.imaging.feedback.lines import ENGAGED, TipState, lifts_of, loop_of, tau_per_second
+from phasemap.imaging.feedback.lines import ENGAGED, TipState, lifts_by_stiffness, loop_of, tau_per_second
 from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
@@ -207,7 +207,7 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
     some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
     work = work.part(some)
     orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
-    rows = lifts_of(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
+    rows = lifts_by_stiffness(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
     held = np.flatnonzero(status == col.GOOD)
     for _ in range(HALVINGS):
         if all(_is_quiet(control, job, work, engine, rows[i], orbits[i]) for i in held):

@@ -200,7 +200,7 @@ class _Located:
         guess, off = folds.plane(bases, known, nodes, self.box)
         ends = folds.follow_all(self.exact, nodes, guess, off)
         while ends is not None:
-            heights = folds.lost(ends)
+            heights = folds.adhesion_at_end_of_branch(ends)
             if heights is None:
                 return None
             border = self._border(heights.reshape(sizes), True, 0.0)
@@ -217,7 +217,7 @@ class _Located:
         """The border with its error, from the true one at some points between the nodes."""
         between = _between(self.box)
         found = folds.follow_all(self.exact, between, folds.interpolated(ends, sizes, between, self.box)[0], 0.0)
-        heights = None if found is None else folds.lost(found)
+        heights = None if found is None else folds.adhesion_at_end_of_branch(found)
         if heights is None:
             return None
         error = 3 * float(abs(border.height(between[:, 0], between[:, 1]) - heights).max())

@@ -149,7 +149,7 @@ def refined(
     return joined
 
 
-def lost(every: list[Ends]) -> Array | None:
+def adhesion_at_end_of_branch(every: list[Ends]) -> Array | None:
     """Adhesion below which the branch is lost on the way to the setpoint: the largest of all amplitudes."""
     if len(every) == 1:
         return every[0].adhesion

@@ -86,9 +86,9 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
     values, places = np.full((len(q), count, 2), np.nan), model.nowhere(len(q), count)
     slopes = np.zeros((*values.shape, 3))
 
-    def follow(of: tuple[NDArray[np.intp], int], to: tuple[NDArray[np.intp], int]) -> None:
+    def carry_orbits(known: tuple[NDArray[np.intp], int], to: tuple[NDArray[np.intp], int]) -> None:
         """Go from known orbits of some materials in an image to those of others that are not known, in another."""
-        (first, i), (last, j) = of, to
+        (first, i), (last, j) = known, to
         some = np.isnan(values[last, j, 0]) & np.isfinite(places[first, i, 0])
         take(first[some], last[some], places[first[some], i][:, None], j)
 
@@ -105,13 +105,13 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
 
     order, every = np.argsort(model.amplitudes, kind="stable"), number.reshape(-1)
     for i, j in pairwise([order[0], *order]):
-        follow((every, i), (every, j))
+        carry_orbits((every, i), (every, j))
         if np.isnan(values[:, j, 0]).all():  # the first, and one whose drive is too different
             take(every, every, model.nowhere(len(q), 1), j, search=True)
     for j, (axis, size) in product(order, enumerate(GRID)):
         for k in [*range(1, size), *range(-2, -size - 1, -1)]:
             before = k - 1 if k > 0 else k + 1
-            follow((number.take(before, axis).ravel(), j), (number.take(k, axis).ravel(), j))
+            carry_orbits((number.take(before, axis).ravel(), j), (number.take(k, axis).ravel(), j))
     values, places, slopes = (np.stack([one, one]) for one in (values, places, slopes))
     return Grid(q, values, places, np.zeros_like(values), slopes)
 

@@ -37,8 +37,8 @@ from phasemap._kernels.lever import distance_to_pole, reach_of, static_complianc
 from phasemap._kernels.orbits.averaged.known import (
     Known,
     attraction_integrals,
+    constants_of,
     contact_integrals,
-    known_of,
     knows_all,
     knows_contact,
 )
@@ -116,7 +116,7 @@ def longrange_integrals(law: Law, p: np.ndarray, amplitude: float, c: float) -> 
     if not has_longrange(p) or not c > -1.0:
         return 0.0, 0.0
     if law.longrange_force == 0:
-        return attraction_integrals(known_of(p), amplitude, c)
+        return attraction_integrals(constants_of(p), amplitude, c)
     mean, push = 0.0, 0.0
     least = max(c - 1.0, 0.0)  # smallest gap over A
     start = math.sqrt((1.0 - c) / (1.0 + c)) if c < 1.0 else 0.0
@@ -150,7 +150,7 @@ def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: b
     damped = p[DAMPING] != 0.0
     if c < 1.0:
         if knows_contact(law, p, c):
-            mean, push, loss = contact_integrals(known_of(p), amplitude, c)
+            mean, push, loss = contact_integrals(constants_of(p), amplitude, c)
         elif c <= -1.0:
             share = math.pi / len(_ALL_ROUND)
             for x in _ALL_ROUND:
@@ -189,7 +189,7 @@ def harmonics(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float
     """
     law, p, lever = oscillator
     if knows_all(law, p, c):  # a whole oscillator costs as much to hand over as these integrals
-        push, drag, mean = _harmonics_of_known(known_of(p), 1.0 / lever[STIFFNESS], lever[OMEGA], amplitude, c)
+        push, drag, mean = _harmonics_of_known(constants_of(p), 1.0 / lever[STIFFNESS], lever[OMEGA], amplitude, c)
     else:
         push, drag, mean = _harmonics_of_one_mode(oscillator, amplitude, c)
     return push, drag, static_compliance(lever) * mean

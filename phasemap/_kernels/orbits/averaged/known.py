@@ -53,8 +53,8 @@ class Known(NamedTuple):
 
 
 @kernel(inline=True)
-def known_of(p: np.ndarray) -> Known:
-    """The numbers of a row of parameters."""
+def constants_of(p: np.ndarray) -> Known:
+    """Constants of the integrals in closed form, Eqs. (averaging-12) and (averaging-13), of a row of parameters."""
     return Known(p[CONTACT], p[PULL] + p[BIAS], p[DAMPING], p[LONGRANGE], p[INVERSE_REACH])
 
 
