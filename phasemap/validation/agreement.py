@@ -41,6 +41,7 @@ BOTH = 2.0  # of it, within which two versions do
 SAME = {"degree": 1e-3, "m": 1e-12}  # of a scan in time on another machine
 ITERATIONS = 1e-6, 1e-15  # [degree, m], where that is less: what iterations leave
 RELATIVE = 1e-8  # of an amplitude, as the balance of the setpoint has it
+SAME_FORMULA = 1e-9  # of a channel that follows from the others of the image
 OTHERWISE = 1e-4  # of any other quantity, the indentation most: 1e-5 was measured without vector instructions
 CLOSES = 1e-6  # of an energy closure
 FACTOR = 10.0  # between errors that are estimated twice
@@ -205,11 +206,13 @@ def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
     """
     picture, values = again.picture, again.values
     made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
+    own = all_variables_of(picture.claims.control)
     if changes(picture.claims.realism):  # channels are derived of what was recorded, not of what the tip did
-        own = all_variables_of(picture.claims.control)
-        values = {name: found for name, found in values.items() if name in own} | _recorded(picture, own)
+        values = {name: found for name, found in values.items() if name in own}
+    values = values | (recorded := _recorded(picture, own))
     names = [str(name) for name in picture.image.data_vars if name in values]
     largest = _largest(again, SHARE if made == here else BOTH)
+    largest |= {name: SAME_FORMULA * np.abs(found) for name, found in recorded.items()}
     share, differ = np.zeros(len(again.pixels)), []
     for name in names:
         off = _over_allowed(name, again.claimed(name), values[name], largest)
@@ -233,7 +236,8 @@ def _recorded(picture: Picture, own: Collection[str]) -> dict[str, Array]:
     """What formulas make of the image's `own` variables, for the other ones, where it has all that these need."""
     image = picture.image[[name for name in own if name in picture]]
     others = {name: CHANNELS[name] for name in map(str, picture.image.data_vars) if name not in own}
-    needs = {name: {"amplitude", "phase", *one.needs, one.of_orbit} for name, one in others.items()}
+    always = {"amplitude", "phase"} if picture.claims.control.in_time else {"phase"}  # at rest the setpoint will do
+    needs = {name: {*always, *one.needs, one.of_orbit} for name, one in others.items()}
     made = [name for name in others if needs[name] & {*own} <= set(image.data_vars)]
     found = channels(image, made, scope=picture.claims.microscope) if made else {}
     return {name: found[name].values.reshape(-1) for name in made}
