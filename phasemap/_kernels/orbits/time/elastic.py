@@ -54,6 +54,7 @@ from phasemap._kernels.orbits.time.period import (
 )
 from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
+    LEAST_GAP_IN_NECK,
     approach_square,
     contact_rate,
     depth_reached,
@@ -67,8 +68,6 @@ from phasemap._kernels.records import record
 # What the contact does, beside OFF_SURFACE.
 CONTACT_MADE = 1
 NECK_DRAWN = 2
-# Of the gap at which a neck of liquid breaks, for at a gap of 0 its law has the slope in contact.
-LEAST_GAP_IN_NECK = 1e-9
 
 
 @record

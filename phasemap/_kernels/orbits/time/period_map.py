@@ -57,6 +57,13 @@ MOST_CREEP = 1000.0  # passes of two periods in which it has to
 CREEP_STEP = 0.01  # of the motion: longer steps lead astray meanwhile
 CREEP_GROWTH = 30.0  # the same, times the first step
 MOST_JUMPS = 3  # of the amplitude across the setpoint: then it goes on so for ever
+FEEDBACK_JUMP = 0.02  # of the amplitude, by which it changes more than the tip offset does where it jumps
+LEAST_FEEDBACK_STRIDE = 1e-4  # of the amplitude: a setpoint that is passed again in steps so short lies inside a jump
+LEAST_FEEDBACK_SLOPE = 0.2  # of the amplitude with the tip offset, by which a step of the feedback is divided
+FARTHEST = 50.0  # drives over alpha0, 100 free amplitudes: a setpoint farther up is none
+MOST_NEWTON_STEPS = 20
+NEAR_ORBIT = 1e-4  # of the motion: as near to an orbit derivatives of the last step will do
+DISTURBANCE = 1e-6  # of the motion, by which it is moved off an orbit that its neighbours leave
 
 
 class Tolerance(NamedTuple):
@@ -181,14 +188,14 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
     step_size, y_limit, z0_limit = tolerance
     u, linear, now, way = tip.u, tip.linear, Change(), Way()
     trial, y = np.empty(motion_size(lever)), np.empty(len(u))
-    for _ in range(20):
+    for _ in range(MOST_NEWTON_STEPS):
         if not linearise_period(oscillator, step_size, tip):
             return False
         if not multiplier_of(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
             return False
         fill_way_to_rest(linear, linear.now, target, way)
         before = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
-        near = before * y_limit <= 1e-4 * motion_scale(lever, u)
+        near = before * y_limit <= NEAR_ORBIT * motion_scale(lever, u)
         moved, left = False, before
         while before > 1 or not moved:
             copy_state(u, trial)
@@ -231,8 +238,8 @@ def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int
             return True
         if not multiplier_of(tip.linear) < 1:
             # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
-            tip.u[Z] *= 1 + 1e-6
-            tip.u[V] *= 1 + 1e-6
+            tip.u[Z] *= 1 + DISTURBANCE
+            tip.u[V] *= 1 + DISTURBANCE
         for _ in range(min(wait, end - tip.periods.marched)):
             if not march_tip(oscillator, tolerance.step_size, tip):
                 return False
@@ -252,7 +259,7 @@ def hold_periodic(
     """
     law, p, lever = oscillator
     snap = abs(contact_force(law, 0.0, p)) / lever[col.STIFFNESS]
-    farthest = 50 * lever[col.DRIVE] / lever[col.ALPHA0] + 2 * snap  # 100 free amplitudes, and twice to pull-off
+    farthest = FARTHEST * lever[col.DRIVE] / lever[col.ALPHA0] + 2 * snap  # and twice to pull-off
     stride, longest = FEEDBACK_STRIDE * amplitude, max(FEEDBACK_STRIDE * amplitude, TO_RELEASE * snap)
     last = move = 0.0
     jumps, before, slopes = 0, np.empty(motion_size(lever)), Way()
@@ -263,14 +270,14 @@ def hold_periodic(
         error = amplitude_of(lever, tip.acc) - amplitude
         if error * last < 0:
             stride = 0.5 * min(stride, FEEDBACK_STRIDE * amplitude)
-            jumps += abs(error - last) > max(2.0 * abs(move), 0.02 * amplitude)
+            jumps += abs(error - last) > max(2.0 * abs(move), FEEDBACK_JUMP * amplitude)
         far = last != 0.0 and not abs(tip.u[Z0]) < farthest  # a tip pressed in as far may be held at once
         last = error
         # A setpoint inside a jump is passed again and again, and one above the free amplitude is never reached.
-        if stride < 1e-4 * amplitude or jumps > MOST_JUMPS or far:
+        if stride < LEAST_FEEDBACK_STRIDE * amplitude or jumps > MOST_JUMPS or far:
             return col.NO_STABLE_ORBIT
         slope = slopes_of_orbit(tip.linear, slopes)
-        wanted = error / max(slope, 0.2)
+        wanted = error / max(slope, LEAST_FEEDBACK_SLOPE)
         move = max(-stride, min(wanted, stride))
         copy_state(tip.u, before)
         if law.memory != 0:

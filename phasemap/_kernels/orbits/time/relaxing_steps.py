@@ -24,6 +24,7 @@ from phasemap._kernels.orbits.time.relaxing import Pace, Relaxing, dent_at
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes
 from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
+    LEAST_GAP_IN_NECK,
     approach_square,
     contact_rate,
     flies_freely,
@@ -51,8 +52,6 @@ STRAY_SHARE = 0.3  # of a step: how far it may be off a line's
 MOST_NODES_PASSED = 5  # of a dent, in a step
 PAST_TURN = 3e-3  # of q: how far past an old turn an edge has to come to stop there
 PAST_KINK = 1e-6  # the same of a Kelvin-Voigt contact
-# Of the free amplitude, for at a gap of 0 the law of a neck has the slope in contact.
-LEAST_GAP_IN_NECK = 1e-9
 DENT_FORGOTTEN = 1e-9  # of the free amplitude: a dent that is gone
 
 

@@ -19,6 +19,8 @@ from phasemap._kernels.orbits.time.contact import Beam, Moved
 APPROACH_WEIGHT = 0.4
 CONTACT_WEIGHT = 0.75
 HIGHER_WEIGHT = 0.4
+# Of the gap at which a neck of liquid breaks, or the free amplitude: at a gap of 0 its law has the slope in contact.
+LEAST_GAP_IN_NECK = 1e-9
 
 
 @kernel(inline=True)
