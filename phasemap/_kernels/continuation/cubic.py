@@ -1,8 +1,6 @@
-"""Cubic interpolation between two points of a curve: where a coordinate passes a value, just reaches it, or turns."""
+"""Cubic interpolation between two points of a curve: where a coordinate passes a value, or turns."""
 
 from __future__ import annotations
-
-import math
 
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.point import (
@@ -19,9 +17,6 @@ from phasemap._kernels.numerics import newton_in_bracket
 from phasemap._kernels.orbits.collocation.path import Path
 
 AT_FOLD = 3e-3  # change of the control over its scale, per step of one
-SHORTEST_WITH_EXTREME = 1e-5  # step along the curve, below which an extreme in it is rounding
-BEYOND = 3.0  # times as far outside of an extreme as that is of the ends, a value may still be reached by the curve
-BESIDE_VALUE = 1e-3  # the same, of the value and the step
 MOST_LENGTH_STEPS, LENGTH_ERROR = 30, 1e-12  # of Newton's method for a place on a cubic, and its last step
 
 
@@ -69,31 +64,6 @@ def turns_twice_between(path: Path, reach: float, before: Point, point: Point) -
             if (square * square / (3.0 * cubic) - one) * one > AT_FOLD * scale * abs(by_one * one):
                 return True
     return False
-
-
-@kernel
-def extreme_between(before: Point, point: Point, index: int, value: float) -> float:
-    """Length of the step to the extreme of an entry (`index`) that may just reach `value` between two points; 0 if not.
-
-    The extreme is that of the cubic through both points and slopes. It asks for a point there when `value` lies beyond
-    both ends, on the side of the extreme and not far outside it, so that a pair of crossings is not stepped over.
-    """
-    one, two, length = before.rate[index], point.rate[index], point.length
-    if one * two >= 0.0 or length < SHORTEST_WITH_EXTREME:
-        return 0.0
-    rise = (point.value[index] - before.value[index]) / length
-    cubic, square = cubic_terms(one, two, rise)
-    # one + 2 square t + 3 cubic t^2 = 0 with t in (0, 1): the root without cancellation.
-    root = math.sqrt(max(square * square - 3.0 * cubic * one, 0.0))
-    t = -one / (square + root) if square > 0.0 else -one / (square - root)
-    if not 0.0 < t < 1.0:
-        return 0.0
-    extreme = before.value[index] + length * t * (one + t * (square + t * cubic))
-    end = min(before.value[index], point.value[index]) if one < 0.0 else max(before.value[index], point.value[index])
-    beyond, reached = value - end, extreme - end
-    if beyond * reached <= 0.0 or abs(beyond) > BEYOND * abs(reached) + BESIDE_VALUE * abs(point.value[index]) * length:
-        return 0.0
-    return t * length
 
 
 @kernel

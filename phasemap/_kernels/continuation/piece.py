@@ -37,7 +37,7 @@ from phasemap._kernels.continuation.step import (
 )
 from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.lever import phase_of
-from phasemap._kernels.numerics import count_smaller
+from phasemap._kernels.numerics import count_smaller, narrowed
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
@@ -171,14 +171,14 @@ def turn_between(
     assign(begun, start.point)
     copy_orbit(start.orbit, base)
     head_of(base).level = level
-    low, high, f_low, f_high = 0.0, after.length, begun.rate[entry], after.rate[entry]
-    most, last = max(abs(f_low), abs(f_high)), 0
-    steep, natural = (abs(f_low) + abs(f_high)) / after.length, 0.2 * begun.value[ENTRY_A]
+    one, f_one, two, f_two = 0.0, begun.rate[entry], after.length, after.rate[entry]
+    rises, most = f_one > 0.0, max(abs(f_one), abs(f_two))
+    steep, natural = (abs(f_one) + abs(f_two)) / after.length, 0.2 * begun.value[ENTRY_A]
     if entry == control_entry(path):
         natural = scales(path, natural_length(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
-        share = f_low / (f_low - f_high)
-        step = low + (high - low) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
+        share = f_one / (f_one - f_two)
+        step = one + (two - one) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
         copy_orbit(base, orbit)
         assign(point, begun)
         status, _ = next_point(path, point, step, orbit, spare)
@@ -192,20 +192,13 @@ def turn_between(
         f = point.rate[entry]
         if abs(f) <= FOLD_FLAT * most or 0.5 * f * f <= FOLD_PLACE * natural * steep:
             return True
-        if high - low < CLOSED_BRACKET:
+        if abs(two - one) < CLOSED_BRACKET:
             return False
-        if (f > 0.0) == (f_low > 0.0):
-            low, f_low = reached, f
-            if reached < step:
-                assign(begun, point)
-                copy_orbit(orbit, base)
-                at, low, high = at + reached, 0.0, high - reached
-            f_high *= 0.5 if last == 1 else 1.0
-            last = 1
-        else:
-            high, f_high = reached, f
-            f_low *= 0.5 if last == 2 else 1.0
-            last = 2
+        one, f_one, two, f_two = narrowed(one, f_one, two, f_two, reached, f)
+        if reached < step and (f > 0.0) == rises:
+            assign(begun, point)
+            copy_orbit(orbit, base)
+            at, one, two = at + reached, one - reached, two - reached
     return abs(point.rate[entry]) <= FOLD_ROUGH * most
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.continuation.cubic import extreme_between
 from phasemap._kernels.continuation.piece import turn_between
 from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_SEEN, ENTRY_Z0, Point, solve_far_from_surface
 from phasemap._kernels.continuation.step import (
@@ -51,6 +50,7 @@ from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.records import assign, clear, record
 
 MOST_APPROACH_POINTS = 1500
+MAY_REACH = 0.5  # of a slope's change over a step, times its length: farther beyond both ends no parabola turns
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 HIGHER = (0.3, 0.7)  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
 # Of the way from the setpoint to the free amplitude: where a short contact holds the lever, and its orbit is begun at.
@@ -134,11 +134,14 @@ def descend_by_turn(
 
     Returns what `descend` does; the amplitude may just reach the setpoint where it turns.
     """
-    if not extreme_between(start.point, after, wanted.entry, wanted.value) > 0.0:
+    entry, value, tolerance = wanted
+    one, two, sense = start.point.rate[entry], after.rate[entry], 1.0 if start.point.rate[entry] > 0.0 else -1.0
+    beyond = min(sense * (value - start.point.value[entry]), sense * (value - after.value[entry]))
+    if one * two >= 0.0 or not 0.0 < beyond < MAY_REACH * abs(one - two) * after.length:
         return descend(path, wanted, start, after, near, way, found)
     turn, top, end = Point(), new_orbit_like(found), Point()
     level = head_of(near).level
-    good = turn_between(path, start, after, wanted.entry, level, wanted.tolerance, top, turn)
+    good = turn_between(path, start, after, entry, level, tolerance, top, turn)
     if not good:
         return col.NOT_CONVERGED
     status = descend(path, wanted, start, turn, top, way, found)
