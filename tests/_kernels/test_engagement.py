@@ -11,7 +11,6 @@ from cases import plain
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import (
-    end_of_attractive_branch,
     leap,
     lock_in,
     other_branch,
@@ -19,6 +18,7 @@ from phasemap._kernels.engagement import (
     second_drive,
     side_from_far,
     stuck,
+    without_collocation,
 )
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum
@@ -105,7 +105,7 @@ def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_str
     # (P/u0)^2 + r^2 - 1 at resonance. Contact as much stiffer with the attraction leaves its strongest depth.
     share, deepest = FREE / q * math.sqrt(wanted + 1.0 - r**2) / max(pulls), gaps[int(np.argmax(pulls))]
     workspace.top.mismatch = wanted
-    found = plain(end_of_attractive_branch.exact_maximum)(
+    found = plain(without_collocation.exact_maximum)(
         over(lever, share * HERTZ, share * PULL, share * PULL), r * FREE, 0.8 * deepest, 0.3 * abs(deepest), workspace
     )
     assert found == pytest.approx(wanted, abs=3e-4)  # what harmonics change is 0.01 at Q 400, and goes with 1/Q

@@ -2,7 +2,7 @@
 
 `branch_by_averaging`, where its decision has a margin; `side_from_far` says which side of the resonance a tip from far
 is on, `leap` where a lever is carried over it, `rebound` where a tip keeps a time of its own. What it leaves open the
-`end_of_attractive_branch` may decide, sought among orbits of the lever's response (`without_collocation`).
+end of the attractive branch may decide, sought among orbits of the lever's response (`without_collocation`).
 
 `exact_orbit`: the curve of exact orbits, with its folds.
 

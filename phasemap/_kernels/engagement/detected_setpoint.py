@@ -139,13 +139,12 @@ def exact_orbit_at_detected_amplitude(
         done = exact_orbit(oscillator, wanted, sure, harmonic, curve, row)
         if done == col.GOOD:
             done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)
-        there = LEAP
         if done == col.GOOD:
             there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
-        if there == SURE and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
-            break
-        if sure != SURE:
-            if done == col.GOOD and there == LEAP:
+            if there == SURE and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
+                break
+            if there == LEAP:
                 done = col.NOT_CONVERGED
+        if sure != SURE:
             break
     return done, along

@@ -14,8 +14,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.end_of_attractive_branch import exact_mismatch, highest_exact_mismatch, side_of
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.without_collocation import exact_mismatch, highest_exact_mismatch, side_of
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near

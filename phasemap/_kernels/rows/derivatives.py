@@ -21,11 +21,11 @@ from phasemap._kernels.orbits.averaged.branch import (
     MEASURED_OFFSET,
     MEASURED_PHASE,
     detector_signal_of_harmonic_orbit,
+    fill_held_averaged_orbit,
     fill_signal_and_slopes,
     held_root,
 )
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine
 
 
@@ -113,12 +113,8 @@ def exact_block(
             if sides[i, j] == 0:
                 continue
             oscillator, near = Oscillator(law, p, levers[j]), (math.nan, places[i, j])
-            amplitude, c, slope = held_root(oscillator, amplitudes[j], sides[i, j], True, near)
-            if not slope < 0.0:
+            if not fill_held_averaged_orbit(oscillator, amplitudes[j], sides[i, j], near, harmonic):
                 continue
-            push, drag, mean = harmonics(oscillator, amplitude, c)
-            fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
-            harmonic.mismatch_slope = slope / amplitude
             workspace.seen = 0.0 if sees_tip(levers[j]) else amplitudes[j]
             good[i, j] = refine(oscillator, harmonic, limits, workspace)
             if good[i, j]:

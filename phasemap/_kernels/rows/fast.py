@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
@@ -18,12 +16,10 @@ from phasemap._kernels.engagement.detected_setpoint import engaged_orbit_without
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
 from phasemap._kernels.engagement.without_collocation import choose
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
-from phasemap._kernels.orbits.averaged.branch import held_root
-from phasemap._kernels.orbits.averaged.harmonics import harmonics
+from phasemap._kernels.orbits.averaged.branch import fill_held_averaged_orbit
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
 from phasemap._kernels.orbits.harmonic_orbit import (
     HarmonicOrbit,
-    fill_harmonic_orbit,
     fill_row_from_harmonic,
     store_harmonic_orbit,
 )
@@ -91,11 +87,8 @@ def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
             oscillator, row = oscillator_of(pixels, i), out[i]
             side, amplitude = REPULSIVE if row[col.STIFFENING] > 0.0 else ATTRACTIVE, row[col.AMPLITUDE]
             near = amplitude, (row[col.TIP_OFFSET] - row[col.MEAN]) / amplitude
-            amplitude, c, slope = held_root(oscillator, pixels.amplitudes[i], side, True, near)
             row[:] = math.nan
-            if slope < 0.0:
-                push, drag, mean = harmonics(oscillator, amplitude, c)
-                fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
+            if fill_held_averaged_orbit(oscillator, pixels.amplitudes[i], side, near, harmonic):
                 fill_row_from_harmonic(pixels.lever, harmonic, row)
             else:
                 status[i] = col.NO_AVERAGED_ORBIT
@@ -125,15 +118,10 @@ def side_rows(pixels: Pixels, side: int, limits: ErrorLimits, allowed: ErrorLimi
                 solver[i] = choose(lever, harmonic, f, workspace.state, sees_tip(lever), allowed, out[i])
                 if workspace.seen > 0.0:
                     fill_errors_as_seen(lever, held, slopes_of(workspace.state), out[i])
-            else:
-                waiting += leave(harmonic, status[i], out[i])
+                continue
+            out[i] = math.nan
+            if status[i] == col.PENDING:
+                waiting += 1
+                if harmonic.amplitude > 0.0:
+                    store_harmonic_orbit(harmonic, out[i])
     return waiting
-
-
-@kernel
-def leave(harmonic: HarmonicOrbit, status: int, row: np.ndarray) -> bool:
-    """Leave in a row the harmonic orbit to start from, if any, where its status is PENDING; returns whether that is."""
-    row[:] = math.nan
-    if status == col.PENDING and harmonic.amplitude > 0.0:
-        store_harmonic_orbit(harmonic, row)
-    return status == col.PENDING

@@ -146,6 +146,19 @@ def held_root(
 
 
 @kernel
+def fill_held_averaged_orbit(
+    oscillator: Oscillator, held: float, side: int, near: tuple[float, float], harmonic: HarmonicOrbit
+) -> bool:
+    """Fill `harmonic` with the averaged orbit of `held_root`, sought anywhere on its side; False if none is stable."""
+    amplitude, c, slope = held_root(oscillator, held, side, True, near)
+    if slope < 0.0:
+        push, drag, mean = harmonics(oscillator, amplitude, c)
+        fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
+        harmonic.mismatch_slope = slope / amplitude
+    return slope < 0.0
+
+
+@kernel
 def fill_signal_and_slopes(
     oscillator: Oscillator, at: tuple[float, float], rows: np.ndarray, i: int, step: float, values: np.ndarray,
     slopes: np.ndarray,

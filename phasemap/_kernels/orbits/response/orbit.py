@@ -103,12 +103,9 @@ def _orbit_by_passes(
     """
     lever, f, state = oscillator.lever, workspace.nodes, workspace.state
     clear(state)
-    state.amplitude, state.centre, state.slope, state.seen = (
-        harmonic.amplitude,
-        centre,
-        harmonic.mismatch_slope,
-        workspace.seen,
-    )
+    state.amplitude, state.centre, state.slope = harmonic.amplitude, centre, harmonic.mismatch_slope
+    # Newton's method holds what is seen where contact repels; attraction outside follows from pass to pass.
+    state.seen = workspace.seen if harmonic.push > 0.0 else 0.0
     if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
@@ -132,8 +129,9 @@ def _orbit_by_passes(
         found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
     if found != FOUND or not on_same_branch(lever, harmonic, state):
         return False
-    if state.seen > 0.0:
-        if f.touches == 0 and not _move_to_detected_amplitude(oscillator, f, state, limits):
+    if workspace.seen > 0.0:
+        held = state.seen > 0.0 and f.touches == 1
+        if not (held or _move_to_detected_amplitude(oscillator, f, workspace.seen, limits, state)):
             return False
         if not state.seen_by_a > LEAST_SLOPE:
             return False
@@ -141,9 +139,11 @@ def _orbit_by_passes(
 
 
 @kernel
-def _move_to_detected_amplitude(oscillator: Oscillator, f: Nodes, state: PassState, limits: ErrorLimits) -> bool:
-    """Move an orbit without contact to where the detector sees `state.seen`, by secants in A; fill in its slopes."""
-    lever, seen, before = oscillator.lever, state.seen, (math.nan, math.nan)
+def _move_to_detected_amplitude(
+    oscillator: Oscillator, f: Nodes, seen: float, limits: ErrorLimits, state: PassState
+) -> bool:
+    """Move an orbit to where the detector sees an amplitude [m], by secants in A; fill in its slopes."""
+    lever, before = oscillator.lever, (math.nan, math.nan)
     for _ in range(MOST_AMPLITUDE_SECANTS):
         amplitude, phase, offset = state.amplitude, state.phase, state.tip_offset
         miss = detected_signal(lever, amplitude, phase)[0] - seen
@@ -177,7 +177,7 @@ def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState)
 def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
     f, here, there = nodes_of_solution(workspace), workspace.state, workspace.other
-    if here.seen > 0.0:
+    if workspace.seen > 0.0:
         return here.offset_by_a > LEAST_SLOPE_ALONG
     assign(there, here)
     move = SLOPE_STEP * here.amplitude
