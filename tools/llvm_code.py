@@ -78,7 +78,7 @@ def take_modules(work: Callable[[], None]) -> list[Module]:
 def solve_one_of_each_kind() -> None:
     """Orbits, both branches and a curve are solved; what only some materials need is compiled without being run."""
     from phasemap._kernels.columns import WIDE, SolvedRows
-    from phasemap._kernels.continuation.piece import exact_orbits_at
+    from phasemap._kernels.continuation.piece import collocation_orbits_at
     from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.excitation import likely_amplitude
     from phasemap._kernels.neck import loop_energies
@@ -87,7 +87,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.time import march
     from phasemap._kernels.orbits.time.landing import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows import exact, fast, marched
+    from phasemap._kernels.rows import by_collocation, by_response, marched
     from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.scanning.quasi_static import reach_rows
     from phasemap.solvers.continuation.path import Question, fixed_path
@@ -104,13 +104,13 @@ def solve_one_of_each_kind() -> None:
     oscillator, numbers = work.oscillator(0), np.zeros(4)
     path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
     compile_for(
-        (fast.averaging_rows, pixels, answers),
-        (fast.averaged_near_rows, pixels, answers),
-        (exact_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
-        (exact.exact_rows, pixels, TABLES, answers),
-        (exact.exact_side_rows, pixels, TABLES, 1, answers),
-        (exact.replace_by_exact_rows, pixels, TABLES, answers.rows, np.zeros(1, bool)),
-        (exact.force_rows, pixels, TABLES, 0, solved, 0),
+        (by_response.averaging_rows, pixels, answers),
+        (by_response.averaged_near_rows, pixels, answers),
+        (collocation_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
+        (by_collocation.collocation_rows, pixels, TABLES, answers),
+        (by_collocation.collocation_side_rows, pixels, TABLES, 1, answers),
+        (by_collocation.replace_by_collocation_rows, pixels, TABLES, answers.rows, np.zeros(1, bool)),
+        (by_collocation.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (marched.remembering_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (ratio_far_from_surface, oscillator, 1.0),

@@ -111,7 +111,7 @@ def stable_branches(
 
 def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
     """Fill both branches, what engagement finds being there."""
-    from phasemap._kernels.rows.fast import side_rows
+    from phasemap._kernels.rows.by_response import side_rows
 
     phase, height = accuracy.phase, accuracy.height
     if solver.name != "auto":
@@ -126,9 +126,9 @@ def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) ->
         own.put(here, known.of(here))
         if side_rows(work.pixels, side, limits, allowed, own):
             from phasemap._kernels.quadrature import TABLES
-            from phasemap._kernels.rows.exact import exact_side_rows
+            from phasemap._kernels.rows.by_collocation import collocation_side_rows
 
-            if exact_side_rows(work.pixels, TABLES, side, own):
+            if collocation_side_rows(work.pixels, TABLES, side, own):
                 _search(work, side, own)
     if solver.name == "averaging":
         _average(work, answers)
@@ -170,7 +170,7 @@ def _search(work: Work, side: int, answers: Answers) -> None:
 
 def _average(work: Work, answers: Answers) -> None:
     """Averaged orbits in the place of exact ones, without what is known of their errors."""
-    from phasemap._kernels.rows.fast import averaged_near_rows
+    from phasemap._kernels.rows.by_response import averaged_near_rows
 
     for slot in SIDES:
         averaged_near_rows(work.pixels, answers.of(slot))

@@ -35,7 +35,7 @@ def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, 
     detector sees them, made by the solvers `used`; `kept` (shape (n, KEEPING)) are rows with nodes of the same orbits.
     NaN where there is no periodic orbit.
     """
-    from phasemap._kernels.rows.exact import adhesion_rows
+    from phasemap._kernels.rows.by_collocation import adhesion_rows
 
     def fill(solved: SolvedRows) -> None:
         adhesion_rows(work.pixels, TABLES, bare, solved)
@@ -53,7 +53,7 @@ def with_forces(
     harmonic about its deepest point, which in air is good to 1 %. Arguments as for `with_adhesion`; `second` says
     whether the second mode is driven, and how: then there is too what its sidebands do to it.
     """
-    from phasemap._kernels.rows.exact import force_rows
+    from phasemap._kernels.rows.by_collocation import force_rows
 
     def fill(solved: SolvedRows) -> None:
         force_rows(work.pixels, TABLES, second, solved, harmonics)

@@ -91,12 +91,12 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
 
     A contact with hysteresis is left to it at once: between far and the setpoint there may be no periodic orbit.
     """
-    from phasemap._kernels.rows.fast import cheap_rows
+    from phasemap._kernels.rows.by_response import response_rows
 
     phase, height = limits
     status, allowed = answers.status, ErrorLimits(math.radians(phase), height)
     if phase > 0:
-        if not cheap_rows(work.pixels, allowed, average, answers):
+        if not response_rows(work.pixels, allowed, average, answers):
             return
     else:
         status[:] = col.PENDING
@@ -104,9 +104,9 @@ def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answ
     status[hysteretic & (status == col.PENDING)] = col.NOT_CONVERGED
     if (status == col.PENDING).any():
         from phasemap._kernels.quadrature import TABLES
-        from phasemap._kernels.rows.exact import exact_rows
+        from phasemap._kernels.rows.by_collocation import collocation_rows
 
-        exact_rows(work.pixels, TABLES, answers)
+        collocation_rows(work.pixels, TABLES, answers)
 
 
 def engage_lost(work: Work, periods: int, answers: Answers) -> None:
@@ -124,10 +124,10 @@ def polish(work: Work, answers: Answers) -> None:
     if not len(chosen) or not sees_tip(work.lever):
         return
     from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.exact import replace_by_exact_rows
+    from phasemap._kernels.rows.by_collocation import replace_by_collocation_rows
 
     rows, done = out[chosen], np.empty(len(chosen), np.bool_)
-    replace_by_exact_rows(work.part(chosen).pixels, TABLES, rows, done)
+    replace_by_collocation_rows(work.part(chosen).pixels, TABLES, rows, done)
     out[chosen[done]], solver[chosen[done]] = rows[done], col.ORBIT
 
 
@@ -144,7 +144,7 @@ class Averaging:
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
         """See `Solver`."""
-        from phasemap._kernels.rows.fast import averaged_near_rows
+        from phasemap._kernels.rows.by_response import averaged_near_rows
 
         if not engage_averaged(work, accuracy.periods, answers):
             return
@@ -161,7 +161,7 @@ def engage_averaged(work: Work, periods: int, answers: Answers) -> bool:
     Far from the resonance it cannot: what ends the orbits there are terms that it leaves out. Nor is it asked where the
     detector does not see the tip.
     """
-    from phasemap._kernels.rows.fast import averaging_rows
+    from phasemap._kernels.rows.by_response import averaging_rows
 
     if sees_tip(work.lever):
         averaging_rows(work.pixels, answers)

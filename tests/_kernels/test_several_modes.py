@@ -23,8 +23,8 @@ from phasemap._kernels.orbits.response.passes import UNRESOLVED
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.answers import Answers
-from phasemap._kernels.rows.exact import exact_rows
-from phasemap._kernels.rows.fast import cheap_rows
+from phasemap._kernels.rows.by_collocation import collocation_rows
+from phasemap._kernels.rows.by_response import response_rows
 from phasemap.solvers.integrals import with_forces
 from phasemap.solvers.problem import Work, make_work
 
@@ -46,8 +46,8 @@ def asked(scope: pm.Microscope, modulus: float, setpoint: float) -> Work:
 
 def solved(work: Work, used: tuple[int, ...] = (col.CORRECTED, col.ORBIT)) -> np.ndarray:
     answers = Answers(np.empty((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
-    cheap_rows(work.pixels, LIMITS, False, answers)
-    exact_rows(work.pixels, TABLES, answers)
+    response_rows(work.pixels, LIMITS, False, answers)
+    collocation_rows(work.pixels, TABLES, answers)
     assert answers.status[0] == col.GOOD and answers.solver[0] in used
     return answers.rows[0]
 

@@ -36,8 +36,8 @@ from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import entries, library
 from phasemap._kernels.law import contact_force, longrange_force, withdrawn_force
 from phasemap._kernels.quadrature import TABLES
+from phasemap._kernels.rows.by_collocation import adhesion_rows
 from phasemap._kernels.rows.derivatives import Setpoints, averaged_phases
-from phasemap._kernels.rows.exact import adhesion_rows
 from phasemap._kernels.rows.marched import second_drive_rows
 from phasemap._kernels.scanning.periods import begin_periods, new_periods
 from phasemap.cli.kinds_of_work import KINDS, LIQUID, MATERIAL, SCOPE, TWO

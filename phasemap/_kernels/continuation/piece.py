@@ -310,7 +310,7 @@ def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
 
 
 @kernel
-def exact_orbits_at(
+def collocation_orbits_at(
     path: Path, harmonics: np.ndarray, m: np.ndarray, hold: int, tight: float, orbit: Orbit, found: np.ndarray
 ) -> int:
     """Go from harmonic orbits, shape (n, HARMONIC_WORDS), to the exact ones at these m of the path.

@@ -2,12 +2,12 @@
 
 `branch_by_averaging`, where its decision has a margin; `side_from_far` says which side of the resonance a tip from far
 is on, `leap` where a lever is carried over it, `rebound` where a tip keeps a time of its own. What it leaves open the
-end of the attractive branch may decide, sought among orbits of the lever's response (`without_collocation`).
+end of the attractive branch may decide, sought among orbits of the lever's response (`by_response`).
 
-`exact_orbit`: the curve of exact orbits, with its folds.
+`by_collocation`: the curve of exact orbits, with its folds.
 
 `in_time`: time, which leads to a `goal`. `lowering` is how the tip comes to the setpoint, `holding` and `holding_mean`
-how it stays there, `lock_in` what a lock-in shows, `stuck` recognises a tip that sticks; `second_drive` has the loops
+how it stays there, `averages` what a lock-in shows, `stuck` recognises a tip that sticks; `second_drive` has the loops
 of a second mode that is driven too.
 
 `detected_setpoint` is for a detector that does not see the tip itself, `other_branch` finds the orbit that engagement

@@ -15,8 +15,12 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import DOUBTFUL, LEAP, SURE, engage_by_averaging
-from phasemap._kernels.engagement.exact_orbit import CurveWorkspace, detected_amplitude_wanted, exact_orbit
-from phasemap._kernels.engagement.without_collocation import orbit_without_collocation
+from phasemap._kernels.engagement.by_collocation import (
+    CurveWorkspace,
+    detected_amplitude_wanted,
+    engaged_collocation_orbit,
+)
+from phasemap._kernels.engagement.by_response import orbit_by_response
 from phasemap._kernels.excitation import (
     LEAST_SLOPE,
     detected_amplitude_rate,
@@ -49,26 +53,26 @@ from phasemap._kernels.orbits.result_row import feedback_status
 
 
 @kernel
-def engaged_orbit_without_collocation(
+def engaged_orbit_by_response(
     oscillator: Oscillator, amplitude: float, limits: ErrorLimits, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
 ) -> int:
-    """`orbit_without_collocation` on which a tip from far stops where the detector sees an amplitude [m]."""
+    """`orbit_by_response` on which a tip from far stops where the detector sees an amplitude [m]."""
     lever, top, state, done = oscillator.lever, workspace.top, workspace.state, col.PENDING
     if sees_tip(lever):
         surety = engage_by_averaging(oscillator, amplitude, harmonic, top)
-        return orbit_without_collocation(oscillator, amplitude, surety, limits, harmonic, workspace)
+        return orbit_by_response(oscillator, amplitude, surety, limits, harmonic, workspace)
     workspace.seen = amplitude
     for side in (ATTRACTIVE, REPULSIVE):
         near = likely_amplitude(lever, amplitude, side)
         surety = engage_by_averaging(oscillator, near, harmonic, top)
-        done = orbit_without_collocation(oscillator, near, surety, limits, harmonic, workspace)
+        done = orbit_by_response(oscillator, near, surety, limits, harmonic, workspace)
         if done != col.GOOD:
             continue
         repulsive, found = state.push > 0.0, state.amplitude
         surety = engage_by_averaging(oscillator, found, harmonic, top)
         if surety == SURE and (harmonic.push > 0.0) == repulsive:
             return col.GOOD
-        done = orbit_without_collocation(oscillator, found, surety, limits, harmonic, workspace)
+        done = orbit_by_response(oscillator, found, surety, limits, harmonic, workspace)
         if surety != SURE and done == col.GOOD and (state.push > 0.0) == repulsive:
             return col.GOOD
         done = col.PENDING
@@ -125,18 +129,18 @@ def move_to_detected_amplitude(
 
 
 @kernel
-def exact_orbit_at_detected_amplitude(
+def collocation_orbit_at_detected_amplitude(
     oscillator: Oscillator, seen: float, surety: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
     row: np.ndarray,
 ) -> tuple[int, Along]:  # fmt: skip
-    """`exact_orbit` on which a tip from far stops where the detector sees an amplitude [m]; a status and its slopes.
+    """`by_collocation` on which a tip from far stops where the detector sees an amplitude [m]; a status and its slopes.
 
     From the averaged orbit if averaging is as sure of the branch at the amplitude that the tip then has.
     """
     wanted, found, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
     done = col.NOT_CONVERGED
     for sure in (surety, DOUBTFUL):
-        done = exact_orbit(oscillator, wanted, sure, harmonic, curve, row)
+        done = engaged_collocation_orbit(oscillator, wanted, sure, harmonic, curve, row)
         if done == col.GOOD:
             done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)
         if done == col.GOOD:

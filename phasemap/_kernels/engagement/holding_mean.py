@@ -13,8 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, fine_tolerance
-from phasemap._kernels.engagement.lock_in import (
+from phasemap._kernels.engagement.averages import (
     Errors,
     LockIn,
     Series,
@@ -32,6 +31,7 @@ from phasemap._kernels.engagement.lock_in import (
     touches_alike,
     with_average,
 )
+from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, fine_tolerance
 from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.excitation import detected_phasor, sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis

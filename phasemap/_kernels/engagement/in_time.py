@@ -17,10 +17,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
-from phasemap._kernels.engagement.holding import hold
-from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
-from phasemap._kernels.engagement.lock_in import (
+from phasemap._kernels.engagement.averages import (
     FEWEST_AVERAGED,
     LockIn,
     average,
@@ -29,6 +26,9 @@ from phasemap._kernels.engagement.lock_in import (
     mean_amplitude,
     touches_alike,
 )
+from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
+from phasemap._kernels.engagement.holding import hold
+from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_REACHED,
     DISTURBED,

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.exact_orbit import (
+from phasemap._kernels.engagement.by_collocation import (
     CurveWorkspace,
     new_curve_workspace,
     orbit_along_curve,
@@ -19,7 +19,7 @@ from phasemap._kernels.engagement.side_from_far import forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
-from phasemap._kernels.orbits.collocation.near import exact_orbit_from_harmonic
+from phasemap._kernels.orbits.collocation.near import collocation_orbit_from_harmonic
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_from_row
 from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
@@ -82,7 +82,7 @@ def nodes_of(
             return True
         fill_harmonic_from_row(oscillator.lever, row, workspace.harmonic)  # which passes began elsewhere
     orbit = workspace.curve.orbit
-    done, _ = exact_orbit_from_harmonic(oscillator, workspace.harmonic, orbit, workspace.row)
+    done, _ = collocation_orbit_from_harmonic(oscillator, workspace.harmonic, orbit, workspace.row)
     if done != col.GOOD or not same_orbit(workspace.row, row):
         wanted = tip_amplitude_wanted(oscillator, row[col.AMPLITUDE])
         done = orbit_along_curve(oscillator, wanted, side == REPULSIVE, workspace.curve, workspace.row)

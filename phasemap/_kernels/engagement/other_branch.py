@@ -2,7 +2,7 @@
 
 Whether there is one is asked at the setpoint's amplitude, as engagement asks it at every amplitude on its way: far from
 the end of the branch averaging tells, and the lever's response gives the orbit; what is near is left PENDING for exact
-orbits (`rows.exact`).
+orbits (`rows.by_collocation`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.by_response import highest_response_mismatch, response_mismatch, side_of
 from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
-from phasemap._kernels.engagement.without_collocation import exact_mismatch, highest_exact_mismatch, side_of
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
@@ -63,7 +63,7 @@ def averaged_orbit_on_branch(
     if side == ATTRACTIVE:
         decided = decide(oscillator, amplitude, low_q_margin_factor(lever), top)
         if decided == UNCLEAR:
-            decided = side_of(highest_exact_mismatch(oscillator, amplitude, workspace))
+            decided = side_of(highest_response_mismatch(oscillator, amplitude, workspace))
         if decided == REPULSIVE:
             return col.NO_STABLE_ORBIT
         if decided == UNCLEAR or not top.mismatch > 0.0:
@@ -78,7 +78,7 @@ def averaged_orbit_on_branch(
         return col.PENDING
     drag, gap = drag_at_balance(oscillator, amplitude, top)
     if abs(drag) < DAMPED * low_q_margin_factor(lever):
-        drag = exact_drag(oscillator, amplitude, gap, workspace)
+        drag = response_drag(oscillator, amplitude, gap, workspace)
         return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
     return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
 
@@ -117,14 +117,14 @@ def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) ->
 
 
 @kernel
-def exact_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
+def response_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
     """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
     lever = oscillator.lever
     before = gap + FIRST_GAP_SHIFT * min(gap, -reach_of(oscillator.p))
-    exact_mismatch(oscillator, amplitude, before, workspace)
+    response_mismatch(oscillator, amplitude, before, workspace)
     push_before = workspace.state.push
     for _ in range(MOST_FORCE_SECANTS):
-        h = exact_mismatch(oscillator, amplitude, gap, workspace)
+        h = response_mismatch(oscillator, amplitude, gap, workspace)
         push = workspace.state.push
         if not math.isfinite(h):
             return math.nan

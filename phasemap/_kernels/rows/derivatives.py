@@ -94,7 +94,7 @@ def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints
 
 
 @kernel
-def exact_block(
+def response_block(
     law: Law, rows: np.ndarray, setpoints: Setpoints, limits: ErrorLimits, values: np.ndarray, good: np.ndarray
 ) -> None:
     """Fill in exact phase and tip offset of n materials in m images, by passes from averaged orbits.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ADHESION_LOSS
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.rows.exact import nearby_rows
+from phasemap._kernels.rows.by_collocation import nearby_rows
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy

@@ -17,8 +17,8 @@ from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.law import Law
 from phasemap._kernels.lever import low_q
 from phasemap._kernels.quadrature import TABLES
-from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block, averaged_phases, exact_block
-from phasemap._kernels.rows.exact_derivatives import PLACE, exact_block_with_derivatives
+from phasemap._kernels.rows.collocation_derivatives import PLACE, collocation_block
+from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block, averaged_phases, response_block
 from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
@@ -113,7 +113,7 @@ class Model:
         if self.averages:
             averaged_block(self.law, rows, STEP, setpoints, search, found)
             return found
-        exact_block_with_derivatives(self.law, rows, STEP, setpoints, search, TABLES, found)
+        collocation_block(self.law, rows, STEP, setpoints, search, TABLES, found)
         return found
 
     def phases(self, q: Array, places: Array, asked: NDArray[np.bool_] | None = None, search: bool = False) -> Array:
@@ -145,7 +145,7 @@ class Model:
         rows = self.rows(q)
         if self.averages:
             setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
-            exact_block(self.law, rows, setpoints, LIMITS, values, good)
+            response_block(self.law, rows, setpoints, LIMITS, values, good)
         for j in np.flatnonzero((~good & (sides != 0)).any(axis=0) & engage):
             some = np.flatnonzero(~good[:, j] & (sides[:, j] != 0))
             work = Work(self.law, rows[some], self.levers[j], np.full(len(some), self.amplitudes[j]))

@@ -15,7 +15,7 @@ from phasemap._kernels.continuation.piece import (
     PIECE_FULL,
     Asked,
     Made,
-    exact_orbits_at,
+    collocation_orbits_at,
     follow_piece,
     mark_start,
 )
@@ -197,10 +197,10 @@ class Curves:
         self.wanted = wanted
 
     def _go(self, harmonics: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
-        """The last exact orbit next to harmonic ones, and what `exact_orbits_at` found of those that there are."""
+        """The last orbit next to harmonic ones, and what `collocation_orbits_at` found of those that there are."""
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
         orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(harmonics), col.COLUMNS), np.nan)
-        count = exact_orbits_at(self.path, harmonics, m, hold, TIGHT, orbit, found)
+        count = collocation_orbits_at(self.path, harmonics, m, hold, TIGHT, orbit, found)
         return orbit, found[:count]
 
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]

@@ -112,7 +112,7 @@ def solve_near(
 
 
 @kernel(shared=True)
-def exact_orbit_from_harmonic(
+def collocation_orbit_from_harmonic(
     oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray
 ) -> tuple[int, float]:
     """Exact orbit from a harmonic one: its row, and how far it is from it [m].
@@ -132,7 +132,7 @@ def exact_orbit_from_harmonic(
 
 
 @kernel
-def exact_orbit_from_exact(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> int:
+def collocation_orbit_from_near(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> int:
     """Exact orbit from another one, with amplitude, tip offset, P and S of a harmonic one: its status and row."""
     head = head_of(orbit)
     head.amplitude, head.tip_offset = harmonic.amplitude, harmonic.tip_offset

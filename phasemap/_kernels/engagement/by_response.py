@@ -49,7 +49,7 @@ END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
 
 
 @kernel
-def exact_mismatch(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
+def response_mismatch(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
     """Attractive mismatch of the exact orbit with this amplitude and gap, at any drive; NaN if it is not found."""
     nodes, state = workspace.nodes, workspace.state
     clear(state)
@@ -62,7 +62,7 @@ def exact_mismatch(oscillator: Oscillator, amplitude: float, gap: float, workspa
 
 
 @kernel
-def exact_maximum(
+def response_maximum(
     oscillator: Oscillator, amplitude: float, near: float, step: float, workspace: ResponseWorkspace
 ) -> float:
     """Maximum over the gap of the exact mismatch, its vertex in `workspace.fit`; NaN if there is none near a gap [m].
@@ -73,21 +73,21 @@ def exact_maximum(
     fit, nodes = workspace.fit, workspace.nodes
     clear(fit)
     for _ in range(MOST_PARABOLAS):
-        h0 = exact_mismatch(oscillator, amplitude, near, workspace)
+        h0 = response_mismatch(oscillator, amplitude, near, workspace)
         if h0 < FAR_BELOW and workspace.top.mismatch < FAR_BELOW:
             return h0
-        h1 = exact_mismatch(oscillator, amplitude, near + step, workspace)
-        h2 = exact_mismatch(oscillator, amplitude, near - step, workspace)
+        h1 = response_mismatch(oscillator, amplitude, near + step, workspace)
+        h2 = response_mismatch(oscillator, amplitude, near - step, workspace)
         for _ in range(MOST_SHIFTS):
             if math.isfinite(h0 + h1 + h2) or not beside_resonance(oscillator.lever):
                 break
             near, h1, h0 = near - step, h0, h2  # passes may not converge where a tip just touches
-            h2 = exact_mismatch(oscillator, amplitude, near - step, workspace)
+            h2 = response_mismatch(oscillator, amplitude, near - step, workspace)
         at, vertex, bend = parabola((near + step, h1), (near, h0), (near - step, h2))
         if not bend < 0.0:
             return math.nan
         near = min(max(at, near - 2.0 * step), near + 2.0 * step)
-        h = exact_mismatch(oscillator, amplitude, near, workspace)
+        h = response_mismatch(oscillator, amplitude, near, workspace)
         fit.amplitude, fit.gap, fit.mismatch, fit.curvature = amplitude, near, h, bend
         depth = nodes.w[middle_of(nodes)] - near
         step = fit.step = min(NARROW * (reach_of(oscillator.p) + abs(near)), MOST_OF_DEPTH * depth)
@@ -100,14 +100,14 @@ def exact_maximum(
 
 
 @kernel
-def highest_exact_mismatch(oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace) -> float:
-    """`exact_maximum` from the averaged one in `workspace.top`."""
+def highest_response_mismatch(oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace) -> float:
+    """`response_maximum` from the averaged one in `workspace.top`."""
     top, nodes = workspace.top, workspace.nodes
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
-    lifted = exact_mismatch(oscillator, amplitude, 0.0, workspace)
+    lifted = response_mismatch(oscillator, amplitude, 0.0, workspace)
     near = top.gap + (min(nodes.w[OUT], 0.0) if math.isfinite(lifted) else 0.0)
     step = min(WIDE * (reach_of(oscillator.p) + abs(near)), MOST_OF_DEPTH * abs(top.gap))
-    return exact_maximum(oscillator, amplitude, near, step, workspace)
+    return response_maximum(oscillator, amplitude, near, step, workspace)
 
 
 @kernel
@@ -119,17 +119,17 @@ def side_of(highest: float) -> int:
 
 
 @kernel
-def decide_exactly(oscillator: Oscillator, setpoint: float, amplitude: float, workspace: ResponseWorkspace) -> int:
+def decide_by_response(oscillator: Oscillator, setpoint: float, amplitude: float, workspace: ResponseWorkspace) -> int:
     """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end; or UNCLEAR.
 
     Where that is is known for harmonic orbits. Of the maxima around it, not below the setpoint, the least counts.
     """
     lever, fit = oscillator.lever, workspace.fit
-    highest = highest_exact_mismatch(oscillator, amplitude, workspace)
+    highest = highest_response_mismatch(oscillator, amplitude, workspace)
     if abs(highest) < TIGHT and amplitude < (1.0 + SPREAD) * narrowest_amplitude_ratio(lever) * free_amplitude(lever):
         gap, step = fit.gap, fit.step
-        above = exact_maximum(oscillator, (1.0 + SPREAD) * amplitude, gap, step, workspace)
-        below = exact_maximum(oscillator, (1.0 - SPREAD) * amplitude, gap, step, workspace)
+        above = response_maximum(oscillator, (1.0 + SPREAD) * amplitude, gap, step, workspace)
+        below = response_maximum(oscillator, (1.0 - SPREAD) * amplitude, gap, step, workspace)
         at, least, bend = parabola((-1.0, below), (0.0, highest), (1.0, above))
         if not (bend > 0.0 and abs(at) < 2.0):
             return UNCLEAR
@@ -147,13 +147,13 @@ def fill_orbit_outside_maximum(
     """
     fit, state = workspace.fit, workspace.state
     if fit.amplitude != amplitude:
-        exact_maximum(oscillator, amplitude, fit.gap, fit.step, workspace)
+        response_maximum(oscillator, amplitude, fit.gap, fit.step, workspace)
     highest, fall = fit.mismatch, 0.5 * fit.curvature
     for _ in range(MOST_STEPS_TO_END):
         if not (highest > 0.0 and fall < 0.0):
             return False
         x = math.sqrt(-highest / fall)
-        h = exact_mismatch(oscillator, amplitude, fit.gap + x, workspace)
+        h = response_mismatch(oscillator, amplitude, fit.gap + x, workspace)
         fall = (h - highest) / (x * x)
         if abs(h) < END_MISMATCH * highest and state.push < 0.0:
             harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude = (
@@ -167,7 +167,7 @@ def fill_orbit_outside_maximum(
 
 
 @kernel(shared=True)
-def orbit_without_collocation(
+def orbit_by_response(
     oscillator: Oscillator, amplitude: float, surety: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> int:  # fmt: skip
@@ -185,7 +185,7 @@ def orbit_without_collocation(
     if surety != UNDECIDED:
         return PENDING
     worst = worst_amplitude(oscillator.lever, amplitude)
-    side = decide_exactly(oscillator, amplitude, worst, workspace)
+    side = decide_by_response(oscillator, amplitude, worst, workspace)
     if side == UNCLEAR:
         return PENDING
     known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)

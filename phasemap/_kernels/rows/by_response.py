@@ -12,9 +12,9 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
-from phasemap._kernels.engagement.detected_setpoint import engaged_orbit_without_collocation, fill_errors_as_seen
+from phasemap._kernels.engagement.by_response import choose
+from phasemap._kernels.engagement.detected_setpoint import engaged_orbit_by_response, fill_errors_as_seen
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
-from phasemap._kernels.engagement.without_collocation import choose
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.orbits.averaged.branch import fill_held_averaged_orbit
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
@@ -30,7 +30,7 @@ from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 
 @kernel
-def cheap_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answers) -> int:
+def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answers) -> int:
     """Orbit of every row after engagement, where the cheap path is good enough; returns how many wait.
 
     With `average` an averaged orbit may stand where the detector sees the tip. Rows that wait hold their averaged orbit
@@ -42,7 +42,7 @@ def cheap_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answ
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        status[i] = engaged_orbit_without_collocation(oscillator, amplitude, limits, harmonic, workspace)
+        status[i] = engaged_orbit_by_response(oscillator, amplitude, limits, harmonic, workspace)
         if status[i] != col.GOOD:
             waiting += 1
             if status[i] == col.KNOWN:

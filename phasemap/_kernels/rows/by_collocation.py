@@ -15,19 +15,27 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
+from phasemap._kernels.engagement.by_collocation import (
+    engaged_collocation_orbit,
+    new_curve_workspace,
+    tip_amplitude_wanted,
+)
 from phasemap._kernels.engagement.detected_setpoint import (
-    exact_orbit_at_detected_amplitude,
+    collocation_orbit_at_detected_amplitude,
     fill_errors_as_seen,
     move_to_detected_amplitude,
 )
-from phasemap._kernels.engagement.exact_orbit import exact_orbit, new_curve_workspace, tip_amplitude_wanted
 from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
-from phasemap._kernels.orbits.collocation.near import exact_orbit_from_exact, exact_orbit_from_harmonic, tolerance_of
+from phasemap._kernels.orbits.collocation.near import (
+    collocation_orbit_from_harmonic,
+    collocation_orbit_from_near,
+    tolerance_of,
+)
 from phasemap._kernels.orbits.collocation.system import new_orbit
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_from_row, load_harmonic_orbit
 from phasemap._kernels.orbits.integrals import fill_adhesion_integrals, fill_force_integrals, new_load_workspace
@@ -49,7 +57,7 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 
 
 @kernel
-def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
+def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
     """Orbit by collocation of every row whose status is PENDING, near the harmonic orbit it holds if any."""
     (out, status, solver), lever = answers, pixels.lever
     curve, along = new_curve_workspace(lever, tables), Along(1.0, 0.0, 0.0)
@@ -65,9 +73,9 @@ def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
         row[:], solver[i] = math.nan, col.ORBIT
         if sees_tip(lever):
             wanted = tip_amplitude_wanted(oscillator, amplitude)
-            status[i] = exact_orbit(oscillator, wanted, surety, harmonic, curve, row)
+            status[i] = engaged_collocation_orbit(oscillator, wanted, surety, harmonic, curve, row)
         else:
-            status[i], along = exact_orbit_at_detected_amplitude(
+            status[i], along = collocation_orbit_at_detected_amplitude(
                 oscillator, amplitude, surety, harmonic, top, curve, row
             )
         if status[i] != col.GOOD:
@@ -82,14 +90,14 @@ def exact_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
 
 
 @kernel
-def replace_by_exact_rows(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
+def replace_by_collocation_rows(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
     """Replace each result row of the tip by that of the exact orbit beside it; `done` says where there is one."""
     orbit, harmonic, row = new_orbit(pixels.lever, tables), HarmonicOrbit(), np.zeros(col.COLUMNS)
     for i in range(len(out)):
         oscillator, near = oscillator_of(pixels, i), out[i]
         fill_harmonic_from_row(pixels.lever, near, harmonic)
         harmonic.amplitude = pixels.amplitudes[i]
-        status, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
+        status, _ = collocation_orbit_from_harmonic(oscillator, harmonic, orbit, row)
         done[i] = status == col.GOOD and same_orbit(row, near)
         if done[i]:
             estimate_errors(oscillator, orbit, row)
@@ -114,9 +122,9 @@ def nearby_rows(
             if warm and (i % group == 0 or status[i - 1] != col.GOOD):
                 continue
             if warm:
-                done = exact_orbit_from_exact(oscillator, harmonic, orbit, row)
+                done = collocation_orbit_from_near(oscillator, harmonic, orbit, row)
             else:
-                done, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
+                done, _ = collocation_orbit_from_harmonic(oscillator, harmonic, orbit, row)
             if done == col.GOOD and abs(row[col.TIP_OFFSET] - z0) < away[i]:
                 break
             done = col.NOT_CONVERGED
@@ -126,7 +134,7 @@ def nearby_rows(
 
 
 @kernel
-def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answers) -> int:
+def collocation_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answers) -> int:
     """Exact orbits on a side of the resonance for rows left PENDING, where they are found; returns how many still are.
 
     A strong pull throws the tip out of its harmonic orbit, whose contact then is too deep to start from: farther ones
@@ -142,7 +150,7 @@ def exact_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers: Answ
         for _ in range(MOST_STARTS):
             if math.isnan(harmonic.tip_offset):
                 break
-            done, _ = exact_orbit_from_harmonic(oscillator, harmonic, orbit, row)
+            done, _ = collocation_orbit_from_harmonic(oscillator, harmonic, orbit, row)
             if done == col.GOOD and not sees_tip(lever):
                 tolerance = tolerance_of(oscillator)
                 done, along = move_to_detected_amplitude(oscillator, pixels.amplitudes[i], tolerance, orbit, row)

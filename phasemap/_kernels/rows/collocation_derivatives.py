@@ -13,13 +13,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
-from phasemap._kernels.engagement.detected_setpoint import move_to_detected_amplitude
-from phasemap._kernels.engagement.exact_orbit import (
+from phasemap._kernels.engagement.by_collocation import (
     CurveWorkspace,
     detected_amplitude_wanted,
-    exact_orbit,
+    engaged_collocation_orbit,
     new_curve_workspace,
 )
+from phasemap._kernels.engagement.detected_setpoint import move_to_detected_amplitude
 from phasemap._kernels.excitation import detected_rates, detected_signal, likely_amplitude
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.numerics import copy
@@ -53,7 +53,7 @@ LAST_CHANGE_BESIDE = 2e-12  # [m], of an orbit; what is left is the square of it
 
 
 @kernel
-def store_exact_orbit(orbit: Orbit, place: np.ndarray) -> None:
+def store_collocation_orbit(orbit: Orbit, place: np.ndarray) -> None:
     """Store head and elements of an orbit in a place, or NaN if there are more elements than it holds."""
     place[0], last = math.nan, head_of(orbit).count + 1
     if last > len(place[HEAD_WORDS:]) // ELEMENT_WORDS:
@@ -63,7 +63,7 @@ def store_exact_orbit(orbit: Orbit, place: np.ndarray) -> None:
 
 
 @kernel
-def exact_orbit_from_stored(
+def collocation_orbit_from_stored(
     oscillator: Oscillator, held: float, place: np.ndarray, orbit: Orbit, row: np.ndarray
 ) -> bool:
     """Exact orbit that is seen with the amplitude held [m], from a stored one; False where none is found or held."""
@@ -84,11 +84,13 @@ def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, r
 
 
 @kernel
-def exact_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
+def collocation_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
     """Exact orbit seen with the amplitude held [m] to which curves lead a tip from far; False where a tip leaps."""
     top, harmonic = Maximum(), HarmonicOrbit()
     surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
-    done = exact_orbit(oscillator, detected_amplitude_wanted(oscillator, held), surety, harmonic, curve, row)
+    done = engaged_collocation_orbit(
+        oscillator, detected_amplitude_wanted(oscillator, held), surety, harmonic, curve, row
+    )
     return done == col.GOOD and solve_at_held_amplitude(oscillator, held, curve.found, row)
 
 
@@ -119,7 +121,7 @@ def fill_derivatives_by_property(
 
 
 @kernel
-def exact_block_with_derivatives(
+def collocation_block(
     law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, tables: np.ndarray, found: Found
 ) -> None:
     """Fill in phase and tip offset of exact orbits near known ones, as `averaged_block` does of averaged ones.
@@ -139,12 +141,12 @@ def exact_block_with_derivatives(
             if sides[i, j] == 0:
                 continue
             oscillator, held = Oscillator(law, p, levers[j]), amplitudes[j]
-            good[i] = exact_orbit_from_stored(oscillator, held, places[i, j], orbit, row) or (
-                search and exact_orbit_from_far(oscillator, held, curve, row)
+            good[i] = collocation_orbit_from_stored(oscillator, held, places[i, j], orbit, row) or (
+                search and collocation_orbit_from_far(oscillator, held, curve, row)
             )
             if not good[i]:
                 break
-            store_exact_orbit(orbit, places[i, j])
+            store_collocation_orbit(orbit, places[i, j])
             for k in range(len(rows) - 1):
                 good[i] = good[i] and fill_derivatives_by_property(
                     oscillator, orbit, held, rows[1 + k, i], step, slopes[i, j, :, k]

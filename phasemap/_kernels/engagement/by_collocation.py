@@ -37,7 +37,7 @@ from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.near import (
     MOST_STEPS_NEARBY,
-    exact_orbit_from_harmonic,
+    collocation_orbit_from_harmonic,
     refine_orbit,
     tolerance_of,
 )
@@ -205,7 +205,7 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
 
 
 @kernel
-def engage_along_exact_curve(path: Path, wanted: Wanted, curve: CurveWorkspace) -> int:
+def engage_along_curve(path: Path, wanted: Wanted, curve: CurveWorkspace) -> int:
     """Exact orbit that holds what is wanted after the approach from far, in `curve.found`.
 
     NOT_CONVERGED where only time tells.
@@ -225,7 +225,7 @@ def _found_on_averaged_branch(
     oscillator: Oscillator, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
 ) -> bool:
     """True if the exact orbit near the averaged one, left in `curve.found`, is on its branch and can be held."""
-    done, away = exact_orbit_from_harmonic(oscillator, harmonic, curve.found, row)
+    done, away = collocation_orbit_from_harmonic(oscillator, harmonic, curve.found, row)
     same = (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0)
     near = away < largest_branch_distance(oscillator.lever, harmonic.amplitude)
     return done == col.GOOD and same and near
@@ -262,14 +262,14 @@ def orbit_along_curve(
     if repulsive and low_q(oscillator.lever):
         done = _repulsive_orbit_from_larger_amplitude(path, wanted, curve)
     if done != col.GOOD:
-        done = engage_along_exact_curve(path, wanted, curve)
+        done = engage_along_curve(path, wanted, curve)
     if done == col.GOOD:
         done = refine_orbit(oscillator, curve.found, row)
     return feedback_status(row) if done == col.GOOD else done
 
 
 @kernel(shared=True)
-def exact_orbit(
+def engaged_collocation_orbit(
     oscillator: Oscillator, wanted: Wanted, surety: int, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
 ) -> int:
     """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
