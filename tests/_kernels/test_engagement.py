@@ -11,14 +11,14 @@ from cases import plain
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import (
+    averages,
+    by_response,
     leap,
-    lock_in,
     other_branch,
     rebound,
     second_drive,
     side_from_far,
     stuck,
-    without_collocation,
 )
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum
@@ -105,7 +105,7 @@ def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_str
     # (P/u0)^2 + r^2 - 1 at resonance. Contact as much stiffer with the attraction leaves its strongest depth.
     share, deepest = FREE / q * math.sqrt(wanted + 1.0 - r**2) / max(pulls), gaps[int(np.argmax(pulls))]
     workspace.top.mismatch = wanted
-    found = plain(without_collocation.response_maximum)(
+    found = plain(by_response.response_maximum)(
         over(lever, share * HERTZ, share * PULL, share * PULL), r * FREE, 0.8 * deepest, 0.3 * abs(deepest), workspace
     )
     assert found == pytest.approx(wanted, abs=3e-4)  # what harmonics change is 0.01 at Q 400, and goes with 1/Q
@@ -175,4 +175,4 @@ def test_a_second_drive_is_seen_without_the_harmonics_of_the_first() -> None:
 
 def test_angles_are_counted_from_one_phasor_to_another() -> None:
     one, other = 2.0 * np.exp(0.4j), 0.3 * np.exp(-2.1j)
-    assert plain(lock_in.angle_between)(one.real, one.imag, other.real, other.imag) == pytest.approx(-2.5)
+    assert plain(averages.angle_between)(one.real, one.imag, other.real, other.imag) == pytest.approx(-2.5)
