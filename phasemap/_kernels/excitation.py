@@ -29,6 +29,12 @@ def sees_tip(lever: np.ndarray) -> bool:
 
 
 @kernel(light=True)
+def offset_and_factor(lever: np.ndarray) -> tuple[complex, complex]:
+    """The complex numbers offset [m] and factor [1] by which the detector sees the tip."""
+    return complex(lever[OFFSET_RE], lever[OFFSET_IM]), complex(lever[FACTOR_RE], lever[FACTOR_IM])
+
+
+@kernel(light=True)
 def detected_components(lever: np.ndarray, along: float, across: float) -> tuple[float, float]:
     """What the detector sees, (A_s cos(phase_s), A_s sin(phase_s)) [m], from the tip's (A cos(phase), A sin(phase))."""
     return (
@@ -94,7 +100,7 @@ def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
     """
     if sees_tip(lever):
         return seen
-    offset, factor = complex(lever[OFFSET_RE], lever[OFFSET_IM]), complex(lever[FACTOR_RE], lever[FACTOR_IM])
+    offset, factor = offset_and_factor(lever)
     if offset == 0.0:
         return seen / abs(factor)
     most = lever[DRIVE] / lever[DYNAMIC_LOSS]

@@ -26,6 +26,7 @@ from phasemap._kernels.excitation import (
     detected_amplitude_rate,
     detected_signal,
     likely_amplitude,
+    offset_and_factor,
     sees_tip,
 )
 from phasemap._kernels.law import Oscillator
@@ -83,10 +84,7 @@ def engaged_orbit_by_response(
 def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.ndarray) -> None:
     """Make errors and slope of the feedback of an orbit, which are those at its A, those at the amplitude seen [m]."""
     a, phase, error = row[col.AMPLITUDE], row[col.PHASE], row[col.ERROR_PHASE]
-    offset, factor = (
-        complex(lever[col.OFFSET_RE], lever[col.OFFSET_IM]),
-        complex(lever[col.FACTOR_RE], lever[col.FACTOR_IM]),
-    )
+    offset, factor = offset_and_factor(lever)
     # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
     part = factor * complex(a * math.cos(phase), a * math.sin(phase))
     share = part / (offset + part)

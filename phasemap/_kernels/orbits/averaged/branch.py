@@ -98,14 +98,22 @@ def stable_root(oscillator: Oscillator, amplitude: float, side: int, search: boo
 
 
 @kernel
-def fill_averaged_orbit_near(oscillator: Oscillator, amplitude: float, side: int, harmonic: HarmonicOrbit) -> bool:
-    """Fill `harmonic` with the averaged orbit of amplitude A [m] on a side, near its own c; False if none is stable."""
-    near = centre_height(harmonic) / harmonic.amplitude
-    c, slope = stable_root(oscillator, amplitude, side, True, near)
+def fill_orbit_at_root(
+    oscillator: Oscillator, amplitude: float, c: float, slope: float, harmonic: HarmonicOrbit
+) -> bool:
+    """Fill `harmonic` with the averaged orbit at a root c of the mismatch with this slope; returns if it is stable."""
     push, drag, mean = harmonics(oscillator, amplitude, c)
     fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
     harmonic.mismatch_slope = slope / amplitude
     return slope < 0.0
+
+
+@kernel
+def fill_averaged_orbit_near(oscillator: Oscillator, amplitude: float, side: int, harmonic: HarmonicOrbit) -> bool:
+    """Fill `harmonic` with the averaged orbit of amplitude A [m] on a side, near its own c; False if none is stable."""
+    near = centre_height(harmonic) / harmonic.amplitude
+    c, slope = stable_root(oscillator, amplitude, side, True, near)
+    return fill_orbit_at_root(oscillator, amplitude, c, slope, harmonic)
 
 
 @kernel
@@ -151,11 +159,7 @@ def fill_held_averaged_orbit(
 ) -> bool:
     """Fill `harmonic` with the averaged orbit of `held_root`, sought anywhere on its side; False if none is stable."""
     amplitude, c, slope = held_root(oscillator, held, side, True, near)
-    if slope < 0.0:
-        push, drag, mean = harmonics(oscillator, amplitude, c)
-        fill_harmonic_orbit(harmonic, amplitude, c, push, drag, mean)
-        harmonic.mismatch_slope = slope / amplitude
-    return slope < 0.0
+    return slope < 0.0 and fill_orbit_at_root(oscillator, amplitude, c, slope, harmonic)
 
 
 @kernel

@@ -126,12 +126,6 @@ def lay_nodes(nodes: Nodes, entry: float, exit_: float) -> None:
         theta[IN + j], weight[IN + j] = entry - before * nodes.far[j], before * nodes.far_weight[j]
         theta[OUT + j], weight[OUT + j] = exit_ + after * nodes.far[j], after * nodes.far_weight[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
-    fill_angles(nodes)
-
-
-@kernel
-def fill_angles(nodes: Nodes) -> None:
-    """Fill in sines and cosines of the angles of the nodes."""
     _turn(nodes.theta[: count_of(nodes)], 1.0, nodes.sin, nodes.cos)
 
 

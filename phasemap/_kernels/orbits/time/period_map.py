@@ -61,7 +61,7 @@ FEEDBACK_JUMP = 0.02  # of the amplitude, by which it changes more than the tip 
 LEAST_FEEDBACK_STRIDE = 1e-4  # of the amplitude: a setpoint that is passed again in steps so short lies inside a jump
 LEAST_FEEDBACK_SLOPE = 0.2  # of the amplitude with the tip offset, by which a step of the feedback is divided
 FARTHEST = 50.0  # drives over alpha0, 100 free amplitudes: a setpoint farther up is none
-MOST_NEWTON_STEPS = 20
+MOST_SKIPS = 20  # of a transient, each with derivatives of its own
 NEAR_ORBIT = 1e-4  # of the motion: as near to an orbit derivatives of the last step will do
 DISTURBANCE = 1e-6  # of the motion, by which it is moved off an orbit that its neighbours leave
 
@@ -188,7 +188,7 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
     step_size, y_limit, z0_limit = tolerance
     u, linear, now, way = tip.u, tip.linear, Change(), Way()
     trial, y = np.empty(motion_size(lever)), np.empty(len(u))
-    for _ in range(MOST_NEWTON_STEPS):
+    for _ in range(MOST_SKIPS):
         if not linearise_period(oscillator, step_size, tip):
             return False
         if not multiplier_of(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
