@@ -131,8 +131,7 @@ CREATES_ENERGY = 8
 OUT_OF_RANGE = 9
 DIVERGED = 10
 NOT_ENGAGED = 11
-PENDING, KNOWN = -1, -2
-"""Between two kernels only. KNOWN: an averaged orbit is known, passes do not lead on from it."""
+PENDING = -1  # between two kernels only
 
 # Solver codes.
 AVERAGING = 0

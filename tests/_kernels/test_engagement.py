@@ -12,10 +12,9 @@ from cases import plain
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import (
     averages,
+    beside_resonance,
     by_response,
-    leap,
     other_branch,
-    rebound,
     second_drive,
     side_from_far,
     stuck,
@@ -53,7 +52,7 @@ def push_at(oscillator: Oscillator, amplitude: float, gap: float) -> float:
 
 @pytest.mark.parametrize("omega", [0.95, 1.05])
 def test_a_tip_rebounds_where_its_impact_is_shorter_than_what_the_period_differs(omega: float) -> None:
-    push, rebounds = 1e-9, plain(rebound.rebounds)
+    push, rebounds = 1e-9, plain(beside_resonance.rebounds)
     speed = 0.5 * math.pi * push / omega
     deepest = (1.25 * speed**2 * STIFFNESS / HERTZ) ** 0.4  # v^2/2 = (2/5) (c/k) d^(5/2)
     turn = 0.5 * np.pi * (np.arange(4000) + 0.5) / 4000
@@ -65,8 +64,8 @@ def test_a_tip_rebounds_where_its_impact_is_shorter_than_what_the_period_differs
 
 
 def test_neither_an_attracted_tip_rebounds_nor_one_at_resonance() -> None:
-    assert not plain(rebound.rebounds)(over(lever_at(0.95), 1e12), -1e-9)
-    assert not plain(rebound.rebounds)(over(lever_at(), 1e12), 1e-9)
+    assert not plain(beside_resonance.rebounds)(over(lever_at(0.95), 1e12), -1e-9)
+    assert not plain(beside_resonance.rebounds)(over(lever_at(), 1e12), 1e-9)
 
 
 @pytest.mark.parametrize("omega", [0.99, 0.9990, 0.99985, 1.0, 1.01])
@@ -105,11 +104,11 @@ def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_str
     # (P/u0)^2 + r^2 - 1 at resonance. Contact as much stiffer with the attraction leaves its strongest depth.
     share, deepest = FREE / q * math.sqrt(wanted + 1.0 - r**2) / max(pulls), gaps[int(np.argmax(pulls))]
     workspace.top.mismatch = wanted
-    found = plain(by_response.response_maximum)(
+    found, gap, _ = plain(by_response.response_maximum)(
         over(lever, share * HERTZ, share * PULL, share * PULL), r * FREE, 0.8 * deepest, 0.3 * abs(deepest), workspace
     )
     assert found == pytest.approx(wanted, abs=3e-4)  # what harmonics change is 0.01 at Q 400, and goes with 1/Q
-    assert workspace.fit.gap == pytest.approx(deepest, rel=0.05)  # flat there
+    assert gap == pytest.approx(deepest, rel=0.05)  # flat there
 
 
 def test_without_attraction_a_tip_is_repelled_and_adhesion_alone_leaves_that_open() -> None:
@@ -150,10 +149,9 @@ def test_an_oscillation_that_just_stays_in_contact_is_pushed_by_eight_fifths_ove
 
 
 def test_a_tip_falls_at_the_fold_where_its_orbits_from_far_are_lowest() -> None:
-    lever, at = lever_at(0.997), leap.FoldPoint()
+    lever = lever_at(0.997)
     oscillator: Any = over(lever, pull=PULL, longrange=PULL)
     s, loss, u0 = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS], lever[col.DRIVE]
-    assert plain(leap.find_fold)(oscillator, at) == leap.FOUND
     offsets, amplitude = [], FREE
     for gap in np.geomspace(20 * REACH, 0.2 * REACH, 150):
         for _ in range(4):  # (A s + P)^2 + (2 alpha0 omega A)^2 = u0^2, X > 0
@@ -162,7 +160,7 @@ def test_a_tip_falls_at_the_fold_where_its_orbits_from_far_are_lowest() -> None:
         depth = amplitude * (np.cos(ANGLES) - 1) - gap
         mean = float(np.mean(PULL / (1 - depth / REACH) ** 2)) / STIFFNESS
         offsets.append(amplitude + gap + mean)
-    assert at.amplitude + at.gap + at.mean_deflection == pytest.approx(min(offsets), abs=0.02 * REACH)
+    assert plain(beside_resonance.tip_offset_of_fold)(oscillator) == pytest.approx(min(offsets), abs=0.02 * REACH)
 
 
 def test_a_second_drive_is_seen_without_the_harmonics_of_the_first() -> None:

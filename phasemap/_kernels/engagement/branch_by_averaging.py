@@ -8,8 +8,12 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.leap import FARTHEST_FOLD, attraction_defies_averaging, lands_attractive
-from phasemap._kernels.engagement.rebound import rebounds
+from phasemap._kernels.engagement.beside_resonance import (
+    FARTHEST_FOLD,
+    attraction_defies_averaging,
+    lands_attractive,
+    rebounds,
+)
 from phasemap._kernels.engagement.side_from_far import (
     DETUNED,
     attraction_is_too_weak,
@@ -36,75 +40,68 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
-from phasemap._kernels.records import clear
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
-# What averaging says of the branch.
-SURE = 0
-DOUBTFUL = 1  # the curve of exact orbits tells
-UNDECIDED = 2  # the fold at the end of the attractive branch tells, by exact orbits
-LEAP = 3  # the tip is carried over its resonance, or rebounds, and only time tells where
+# What decides on which orbit a tip from far holds the setpoint.
+BY_AVERAGING = 0
+BY_FOLD = 1  # the end of the attractive branch, sought among exact orbits
+BY_CURVE = 2  # the curve of exact orbits
+BY_TIME = 3  # the tip is carried over its resonance, or rebounds
 
 
 @kernel(shared=True)
 def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
-    """How sure it is which averaged orbit holds `amplitude` after engaging from far; fills `harmonic` with it if SURE.
+    """What decides which orbit of this amplitude a tip from far comes to; BY_AVERAGING with that in `harmonic`.
 
-    Where it is UNDECIDED `top` is the maximum of the mismatch.
+    BY_FOLD the maximum of the mismatch is in `top`.
     """
-    surety = find_side_and_orbit(oscillator, amplitude, harmonic, top)
-    return LEAP if surety == SURE and rebounds(oscillator, harmonic.push) else surety
+    rung = find_side_and_orbit(oscillator, amplitude, harmonic, top)
+    return BY_TIME if rung == BY_AVERAGING and rebounds(oscillator, harmonic.push) else rung
 
 
 @kernel
 def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
-    """Find by averaging the side of the resonance on which a tip ends that comes from far and does not rebound.
-
-    SURE with its averaged orbit in `harmonic`; LEAP where the amplitude jumps on the way, which only time tells;
-    UNDECIDED where the end of the attractive branch decides, whose averaged maximum is in `top`; else DOUBTFUL.
-    """
+    """`engage_by_averaging` of a tip that does not rebound."""
     p, lever = oscillator.p, oscillator.lever
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
-        return DOUBTFUL  # where a contact lasts longer than its depth says, curves of orbits end
+        return BY_CURVE  # where a contact lasts longer than its depth says, curves of orbits end
     attracted = has_longrange(p)
     rises = attracted and leaps(oscillator)
     if low_q(lever):
-        return find_orbit_at_low_q(oscillator, amplitude, rises, harmonic, top)
+        return BY_AVERAGING if fill_orbit_at_low_q(oscillator, amplitude, rises, harmonic, top) else BY_CURVE
     if rises and attraction_defies_averaging(oscillator):
-        return LEAP
+        return BY_TIME
     side = side_reached_from_far(oscillator, amplitude, top)
-    landing = rises and side != REPULSIVE
-    if side != UNCLEAR and not landing and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic):
-        return SURE
+    falls = rises and side != REPULSIVE
+    if side != UNCLEAR and not falls and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic):
+        return BY_AVERAGING
     if attracted and fill_only_averaged_orbit(oscillator, amplitude, harmonic):
-        return SURE
-    if landing:
-        if not lands_attractive(oscillator):
-            return LEAP
-        if side == ATTRACTIVE and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic):
-            return SURE
-        return LEAP if narrowest_amplitude_ratio(lever) > 1.0 else DOUBTFUL  # the curve may not lead to where it lands
+        return BY_AVERAGING
+    if falls:
+        attractive = side == ATTRACTIVE and lands_attractive(oscillator)
+        found = attractive and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic)
+        return BY_AVERAGING if found else BY_TIME  # the curve may not lead to where it lands
     open_side = side == UNCLEAR and attracted and narrowest_amplitude_ratio(lever) <= 1.0
-    return UNDECIDED if open_side else DOUBTFUL
+    return BY_FOLD if open_side else BY_CURVE
 
 
 @kernel
-def find_orbit_at_low_q(
+def fill_orbit_at_low_q(
     oscillator: Oscillator, amplitude: float, rises: bool, harmonic: HarmonicOrbit, top: Maximum
-) -> int:
-    """Find by averaging the orbit on which a lever of low Q engages: SURE with `harmonic` filled, or DOUBTFUL.
+) -> bool:
+    """Fill `harmonic` with the averaged orbit on which a lever of low Q engages; False where averaging is not sure.
 
-    Averaging is sure of one thing only there: that attraction is too weak for a branch of its own.
+    It is sure of one thing only there: that attraction is too weak for a branch of its own.
     """
     p, lever = oscillator.p, oscillator.lever
     worst = worst_amplitude(lever, amplitude)
     if has_longrange(p):
         find_mismatch_maximum(oscillator, worst, math.inf, top)
         if rises or not attraction_is_too_weak(lever, worst, top.mismatch):
-            return DOUBTFUL
+            return False
     elif decide(oscillator, amplitude, 1.0, top) == UNCLEAR:
-        return DOUBTFUL
-    return SURE if fill_setpoint_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic) else DOUBTFUL
+        return False
+    return fill_setpoint_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic)
 
 
 @kernel
@@ -153,30 +150,3 @@ def fill_setpoint_orbit_on_side(
         if side == ATTRACTIVE and not top.mismatch > 0.0:
             return False
     return fill_averaged_orbit_on_side(oscillator, amplitude, side, top, harmonic)
-
-
-@kernel
-def has_one_orbit(p: np.ndarray, lever: np.ndarray) -> bool:
-    """Whether the tip has one orbit of each amplitude: nothing attracts it, and it is driven at the resonance or below.
-
-    Repulsion moves the resonance up and away from such a drive; one above the resonance it would bring nearer.
-    """
-    attracted = p[col.PULL] != 0.0 or has_longrange(p) or p[col.BIAS] != 0.0
-    return not attracted and near_resonance(lever) and lever[col.OMEGA] <= 1.0
-
-
-@kernel
-def only_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> bool:
-    """Fill `harmonic` with the averaged orbit where there is only one (`has_one_orbit`); False if it may not stand."""
-    clear(top)
-    top.behind = -1e-3 * amplitude
-    known = fill_averaged_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic)
-    return known and not rebounds(oscillator, harmonic.push)
-
-
-@kernel
-def sure_orbit(oscillator: Oscillator, amplitude: float, top: Maximum, harmonic: HarmonicOrbit) -> bool:
-    """Fill `harmonic` with the averaged orbit to which a tip comes from far, on any surface; False if not sure."""
-    if has_one_orbit(oscillator.p, oscillator.lever):
-        return only_orbit(oscillator, amplitude, top, harmonic)
-    return engage_by_averaging(oscillator, amplitude, harmonic, top) == SURE

@@ -26,8 +26,13 @@ from phasemap._kernels.continuation.step import (
     mark_point,
     next_point,
 )
-from phasemap._kernels.engagement.branch_by_averaging import LEAP, SURE, fill_setpoint_orbit_on_side, worst_amplitude
-from phasemap._kernels.engagement.rebound import rebounds
+from phasemap._kernels.engagement.beside_resonance import rebounds
+from phasemap._kernels.engagement.branch_by_averaging import (
+    BY_AVERAGING,
+    BY_TIME,
+    fill_setpoint_orbit_on_side,
+    worst_amplitude,
+)
 from phasemap._kernels.engagement.side_from_far import leaps, side_reached_from_far
 from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, has_longrange
@@ -270,18 +275,18 @@ def orbit_along_curve(
 
 @kernel(shared=True)
 def engaged_collocation_orbit(
-    oscillator: Oscillator, wanted: Wanted, surety: int, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
+    oscillator: Oscillator, wanted: Wanted, rung: int, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
 ) -> int:
     """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
     """
-    if surety == LEAP:
+    if rung == BY_TIME:
         row[:] = math.nan
         return col.NOT_CONVERGED
-    if surety == SURE and _found_on_averaged_branch(oscillator, harmonic, curve, row):
+    if rung == BY_AVERAGING and _found_on_averaged_branch(oscillator, harmonic, curve, row):
         return col.GOOD
-    repulsive = surety == SURE and harmonic.push > 0.0
+    repulsive = rung == BY_AVERAGING and harmonic.push > 0.0
     done = orbit_along_curve(oscillator, wanted, repulsive, curve, row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):
         done = col.NOT_CONVERGED

@@ -13,15 +13,15 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import GOOD, KNOWN, NOT_CONVERGED, PENDING, ErrorLimits
+from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.beside_resonance import rebounds
 from phasemap._kernels.engagement.branch_by_averaging import (
-    SURE,
-    UNDECIDED,
+    BY_AVERAGING,
+    BY_FOLD,
     fill_setpoint_orbit_on_side,
     worst_amplitude,
 )
-from phasemap._kernels.engagement.rebound import rebounds
 from phasemap._kernels.engagement.side_from_far import narrowest_amplitude_ratio
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import beside_resonance, free_amplitude, phase_of, reach_of
@@ -29,7 +29,7 @@ from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, attractive_mismatch
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, grazes, refine, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, slope_is_clear
 from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.records import clear
@@ -44,8 +44,6 @@ CLOSEST = 1e-4  # nearer to zero only the curve of exact orbits tells
 END_PHASE = 0.1 * CLOSEST  # phase [rad] to which orbits are known of which this is the maximum
 SURE_OF_IT = 0.3  # of the mismatch at the maximum, by which a parabola may miss it
 SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
-MOST_STEPS_TO_END = 6  # to the orbit beside the end
-END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
 
 
 @kernel
@@ -64,18 +62,17 @@ def response_mismatch(oscillator: Oscillator, amplitude: float, gap: float, work
 @kernel
 def response_maximum(
     oscillator: Oscillator, amplitude: float, near: float, step: float, workspace: ResponseWorkspace
-) -> float:
-    """Maximum over the gap of the exact mismatch, its vertex in `workspace.fit`; NaN if there is none near a gap [m].
+) -> tuple[float, float, float]:
+    """Maximum over the gap of the exact mismatch, with its gap and a step there [m]; NaN if there is none near a gap.
 
     By parabolas through three points, the first of which are a `step` [m] apart, until one meets the mismatch at its
     vertex, or a point lies far enough above zero, or below.
     """
-    fit, nodes = workspace.fit, workspace.nodes
-    clear(fit)
+    nodes = workspace.nodes
     for _ in range(MOST_PARABOLAS):
         h0 = response_mismatch(oscillator, amplitude, near, workspace)
         if h0 < FAR_BELOW and workspace.top.mismatch < FAR_BELOW:
-            return h0
+            return h0, near, step
         h1 = response_mismatch(oscillator, amplitude, near + step, workspace)
         h2 = response_mismatch(oscillator, amplitude, near - step, workspace)
         for _ in range(MOST_SHIFTS):
@@ -85,22 +82,23 @@ def response_maximum(
             h2 = response_mismatch(oscillator, amplitude, near - step, workspace)
         at, vertex, bend = parabola((near + step, h1), (near, h0), (near - step, h2))
         if not bend < 0.0:
-            return math.nan
+            break
         near = min(max(at, near - 2.0 * step), near + 2.0 * step)
         h = response_mismatch(oscillator, amplitude, near, workspace)
-        fit.amplitude, fit.gap, fit.mismatch, fit.curvature = amplitude, near, h, bend
         depth = nodes.w[middle_of(nodes)] - near
-        step = fit.step = min(NARROW * (reach_of(oscillator.p) + abs(near)), MOST_OF_DEPTH * depth)
+        step = min(NARROW * (reach_of(oscillator.p) + abs(near)), MOST_OF_DEPTH * depth)
         highest = max(max(h0, h1), max(h2, h))
         if not (step > 0.0 and math.isfinite(h)):
-            return math.nan
+            break
         if highest > TIGHT or abs(h - vertex) < SURE_OF_IT * abs(h) + END_PHASE:
-            return highest
-    return math.nan
+            return highest, near, step
+    return math.nan, near, step
 
 
 @kernel
-def highest_response_mismatch(oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace) -> float:
+def highest_response_mismatch(
+    oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace
+) -> tuple[float, float, float]:
     """`response_maximum` from the averaged one in `workspace.top`."""
     top, nodes = workspace.top, workspace.nodes
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
@@ -124,12 +122,11 @@ def decide_by_response(oscillator: Oscillator, setpoint: float, amplitude: float
 
     Where that is is known for harmonic orbits. Of the maxima around it, not below the setpoint, the least counts.
     """
-    lever, fit = oscillator.lever, workspace.fit
-    highest = highest_response_mismatch(oscillator, amplitude, workspace)
+    lever = oscillator.lever
+    highest, gap, step = highest_response_mismatch(oscillator, amplitude, workspace)
     if abs(highest) < TIGHT and amplitude < (1.0 + SPREAD) * narrowest_amplitude_ratio(lever) * free_amplitude(lever):
-        gap, step = fit.gap, fit.step
-        above = response_maximum(oscillator, (1.0 + SPREAD) * amplitude, gap, step, workspace)
-        below = response_maximum(oscillator, (1.0 - SPREAD) * amplitude, gap, step, workspace)
+        above, _, _ = response_maximum(oscillator, (1.0 + SPREAD) * amplitude, gap, step, workspace)
+        below, _, _ = response_maximum(oscillator, (1.0 - SPREAD) * amplitude, gap, step, workspace)
         at, least, bend = parabola((-1.0, below), (0.0, highest), (1.0, above))
         if not (bend > 0.0 and abs(at) < 2.0):
             return UNCLEAR
@@ -137,72 +134,26 @@ def decide_by_response(oscillator: Oscillator, setpoint: float, amplitude: float
     return side_of(highest)
 
 
-@kernel
-def fill_orbit_outside_maximum(
-    oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
-) -> bool:
-    """Fill `harmonic` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
-
-    The mismatch goes with the square of the distance from its maximum, which is sought near that in `workspace.fit`.
-    """
-    fit, state = workspace.fit, workspace.state
-    if fit.amplitude != amplitude:
-        response_maximum(oscillator, amplitude, fit.gap, fit.step, workspace)
-    highest, fall = fit.mismatch, 0.5 * fit.curvature
-    for _ in range(MOST_STEPS_TO_END):
-        if not (highest > 0.0 and fall < 0.0):
-            return False
-        x = math.sqrt(-highest / fall)
-        h = response_mismatch(oscillator, amplitude, fit.gap + x, workspace)
-        fall = (h - highest) / (x * x)
-        if abs(h) < END_MISMATCH * highest and state.push < 0.0:
-            harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude = (
-                state.centre - state.mean_force,
-                -state.mean_force,
-                amplitude,
-            )
-            harmonic.push, harmonic.drag, harmonic.mismatch_slope = state.push, state.drag, 2.0 * fall * x
-            return True
-    return False
-
-
 @kernel(shared=True)
 def orbit_by_response(
-    oscillator: Oscillator, amplitude: float, surety: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
+    oscillator: Oscillator, amplitude: float, rung: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
-) -> int:  # fmt: skip
-    """Solve by averaging and the lever's response; returns how far that led.
+) -> bool:  # fmt: skip
+    """Find the exact orbit, in `workspace.state`, that averaging or the end of the attractive branch decides on.
 
-    * GOOD: the exact orbit is in `workspace.state`
-    * KNOWN: only the averaged one in `harmonic` is sure
-    * PENDING: the side of the resonance is in doubt
-    * NOT_CONVERGED: only time tells
+    False where these do not decide, or passes do not come to an orbit that is clear of a fold: curves tell then.
     """
-    if surety == SURE:
-        if refine(oscillator, harmonic, limits, workspace):
-            return GOOD
-        return PENDING if grazes(oscillator.p, harmonic) else KNOWN
-    if surety != UNDECIDED:
-        return PENDING
+    if rung == BY_AVERAGING:
+        return refine(oscillator, harmonic, limits, workspace)
+    if rung != BY_FOLD:
+        return False
     worst = worst_amplitude(oscillator.lever, amplitude)
     side = decide_by_response(oscillator, amplitude, worst, workspace)
-    if side == UNCLEAR:
-        return PENDING
-    known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
-    if side == REPULSIVE:
-        if not known:
-            return PENDING
-        if rebounds(oscillator, harmonic.push):
-            return NOT_CONVERGED
-        return GOOD if refine(oscillator, harmonic, limits, workspace) else KNOWN
-    if known and refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace):
-        return GOOD
-    if not fill_orbit_outside_maximum(oscillator, amplitude, harmonic, workspace):
-        return PENDING
-    if not (refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):
-        return KNOWN
-    harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
-    return GOOD
+    if side == UNCLEAR or not fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic):
+        return False
+    if rebounds(oscillator, harmonic.push) or not refine(oscillator, harmonic, limits, workspace):
+        return False
+    return side == REPULSIVE or slope_is_clear(oscillator, limits, workspace)
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import DOUBTFUL, LEAP, SURE, engage_by_averaging
+from phasemap._kernels.engagement.branch_by_averaging import BY_AVERAGING, BY_CURVE, BY_TIME, engage_by_averaging
 from phasemap._kernels.engagement.by_collocation import (
     CurveWorkspace,
     detected_amplitude_wanted,
@@ -56,28 +56,23 @@ from phasemap._kernels.orbits.result_row import feedback_status
 @kernel
 def engaged_orbit_by_response(
     oscillator: Oscillator, amplitude: float, limits: ErrorLimits, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
-) -> int:
-    """`orbit_by_response` on which a tip from far stops where the detector sees an amplitude [m]."""
-    lever, top, state, done = oscillator.lever, workspace.top, workspace.state, col.PENDING
-    if sees_tip(lever):
-        surety = engage_by_averaging(oscillator, amplitude, harmonic, top)
-        return orbit_by_response(oscillator, amplitude, surety, limits, harmonic, workspace)
-    workspace.seen = amplitude
+) -> bool:
+    """`orbit_by_response` on which a tip from far stops where the detector sees an amplitude [m].
+
+    Where that is not A, averaging has to be sure of the branch again at the A that is found.
+    """
+    lever, top, state = oscillator.lever, workspace.top, workspace.state
+    workspace.seen = 0.0 if sees_tip(lever) else amplitude
     for side in (ATTRACTIVE, REPULSIVE):
-        near = likely_amplitude(lever, amplitude, side)
-        surety = engage_by_averaging(oscillator, near, harmonic, top)
-        done = orbit_by_response(oscillator, near, surety, limits, harmonic, workspace)
-        if done != col.GOOD:
-            continue
-        repulsive, found = state.push > 0.0, state.amplitude
-        surety = engage_by_averaging(oscillator, found, harmonic, top)
-        if surety == SURE and (harmonic.push > 0.0) == repulsive:
-            return col.GOOD
-        done = orbit_by_response(oscillator, found, surety, limits, harmonic, workspace)
-        if surety != SURE and done == col.GOOD and (state.push > 0.0) == repulsive:
-            return col.GOOD
-        done = col.PENDING
-    return done
+        likely = likely_amplitude(lever, amplitude, side)
+        rung = engage_by_averaging(oscillator, likely, harmonic, top)
+        done = orbit_by_response(oscillator, likely, rung, limits, harmonic, workspace)
+        if sees_tip(lever):
+            return done
+        if done and engage_by_averaging(oscillator, state.amplitude, harmonic, top) == BY_AVERAGING:
+            if (harmonic.push > 0.0) == (state.push > 0.0):
+                return True
+    return False
 
 
 @kernel
@@ -128,7 +123,7 @@ def move_to_detected_amplitude(
 
 @kernel
 def collocation_orbit_at_detected_amplitude(
-    oscillator: Oscillator, seen: float, surety: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
+    oscillator: Oscillator, seen: float, rung: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
     row: np.ndarray,
 ) -> tuple[int, Along]:  # fmt: skip
     """`by_collocation` on which a tip from far stops where the detector sees an amplitude [m]; a status and its slopes.
@@ -137,16 +132,16 @@ def collocation_orbit_at_detected_amplitude(
     """
     wanted, found, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
     done = col.NOT_CONVERGED
-    for sure in (surety, DOUBTFUL):
-        done = engaged_collocation_orbit(oscillator, wanted, sure, harmonic, curve, row)
+    for decides in (rung, BY_CURVE):
+        done = engaged_collocation_orbit(oscillator, wanted, decides, harmonic, curve, row)
         if done == col.GOOD:
             done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)
         if done == col.GOOD:
             there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
-            if there == SURE and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
+            if there == BY_AVERAGING and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
                 break
-            if there == LEAP:
+            if there == BY_TIME:
                 done = col.NOT_CONVERGED
-        if sure != SURE:
+        if decides != BY_AVERAGING:
             break
     return done, along

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import has_one_orbit, sure_orbit
+from phasemap._kernels.engagement.branch_by_averaging import BY_AVERAGING, engage_by_averaging
 from phasemap._kernels.engagement.goal import Goal, fine_tolerance
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, hold_mean
 from phasemap._kernels.law import Law, Oscillator
@@ -82,12 +82,9 @@ def hold_over_remembering_surface(
 
     Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
-    p, lever = oscillator.p, oscillator.lever
-    if not sure_orbit(oscillator, goal.amplitude, top, harmonic):
+    lever = oscillator.lever
+    if engage_by_averaging(oscillator, goal.amplitude, harmonic, top) != BY_AVERAGING:
         return col.PENDING
-    if has_one_orbit(p, lever):
-        fill_row_from_harmonic(lever, harmonic, row)
-        return hold_from_row(oscillator, goal, row)
     near = min(goal.most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
     for finer in (1.0, SECOND_TRY):
         fill_row_from_harmonic(lever, harmonic, row)

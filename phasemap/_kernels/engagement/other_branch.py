@@ -63,7 +63,7 @@ def averaged_orbit_on_branch(
     if side == ATTRACTIVE:
         decided = decide(oscillator, amplitude, low_q_margin_factor(lever), top)
         if decided == UNCLEAR:
-            decided = side_of(highest_response_mismatch(oscillator, amplitude, workspace))
+            decided = side_of(highest_response_mismatch(oscillator, amplitude, workspace)[0])
         if decided == REPULSIVE:
             return col.NO_STABLE_ORBIT
         if decided == UNCLEAR or not top.mismatch > 0.0:

@@ -25,7 +25,7 @@ maximum of the mismatch of (1), counted negative while X > 0, decides. Well abov
 the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
 that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
 held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
-follow the curve: it jumps, and where to is in `leap`.
+follow the curve: it jumps, and where to is in `beside_resonance`.
 """
 
 from __future__ import annotations

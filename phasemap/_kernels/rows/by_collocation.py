@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
+from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
 from phasemap._kernels.engagement.by_collocation import (
     engaged_collocation_orbit,
     new_curve_workspace,
@@ -58,25 +58,22 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 
 @kernel
 def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
-    """Orbit by collocation of every row whose status is PENDING, near the harmonic orbit it holds if any."""
+    """Orbit by collocation of every row whose status is PENDING."""
     (out, status, solver), lever = answers, pixels.lever
     curve, along = new_curve_workspace(lever, tables), Along(1.0, 0.0, 0.0)
     harmonic, top, at = HarmonicOrbit(), Maximum(), OrbitNodes()
     for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
-        oscillator, amplitude, row, surety = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS], SURE
-        load_harmonic_orbit(row, harmonic)
-        if math.isnan(harmonic.tip_offset):
-            likely = likely_amplitude(lever, amplitude, ATTRACTIVE)
-            surety = engage_by_averaging(oscillator, likely, harmonic, top)
+        oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS]
+        rung = engage_by_averaging(oscillator, likely_amplitude(lever, amplitude, ATTRACTIVE), harmonic, top)
         row[:], solver[i] = math.nan, col.ORBIT
         if sees_tip(lever):
             wanted = tip_amplitude_wanted(oscillator, amplitude)
-            status[i] = engaged_collocation_orbit(oscillator, wanted, surety, harmonic, curve, row)
+            status[i] = engaged_collocation_orbit(oscillator, wanted, rung, harmonic, curve, row)
         else:
             status[i], along = collocation_orbit_at_detected_amplitude(
-                oscillator, amplitude, surety, harmonic, top, curve, row
+                oscillator, amplitude, rung, harmonic, top, curve, row
             )
         if status[i] != col.GOOD:
             row[:] = math.nan

@@ -11,7 +11,7 @@ import math
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import SURE, engage_by_averaging
+from phasemap._kernels.engagement.branch_by_averaging import BY_AVERAGING, engage_by_averaging
 from phasemap._kernels.engagement.by_response import choose
 from phasemap._kernels.engagement.detected_setpoint import engaged_orbit_by_response, fill_errors_as_seen
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
@@ -33,8 +33,8 @@ from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: Answers) -> int:
     """Orbit of every row after engagement, where the cheap path is good enough; returns how many wait.
 
-    With `average` an averaged orbit may stand where the detector sees the tip. Rows that wait hold their averaged orbit
-    where it is known. Rows with room keep the nodes of the orbit (`orbit_nodes`).
+    With `average` an averaged orbit may stand where the detector sees the tip. Rows with room keep the nodes of the
+    orbit (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
     workspace, at, harmonic, waiting = ResponseWorkspace(), OrbitNodes(), HarmonicOrbit(), 0
@@ -42,13 +42,9 @@ def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: A
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        status[i] = engaged_orbit_by_response(oscillator, amplitude, limits, harmonic, workspace)
-        if status[i] != col.GOOD:
-            waiting += 1
-            if status[i] == col.KNOWN:
-                store_harmonic_orbit(harmonic, row)
-                status[i] = col.PENDING
-        else:
+        found = engaged_orbit_by_response(oscillator, amplitude, limits, harmonic, workspace)
+        status[i], waiting = (col.GOOD, waiting) if found else (col.PENDING, waiting + 1)
+        if found:
             solver[i] = choose(lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row)
             if workspace.seen > 0.0:
                 fill_errors_as_seen(lever, amplitude, slopes_of(workspace.state), row)
@@ -68,7 +64,7 @@ def averaging_rows(pixels: Pixels, answers: Answers) -> int:
     for i in range(len(out)):
         out[i] = math.nan
         solver[i] = col.AVERAGING
-        if engage_by_averaging(oscillator_of(pixels, i), pixels.amplitudes[i], harmonic, top) == SURE:
+        if engage_by_averaging(oscillator_of(pixels, i), pixels.amplitudes[i], harmonic, top) == BY_AVERAGING:
             status[i] = col.GOOD
             fill_row_from_harmonic(pixels.lever, harmonic, out[i])
         else:

@@ -87,9 +87,9 @@ def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, r
 def collocation_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
     """Exact orbit seen with the amplitude held [m] to which curves lead a tip from far; False where a tip leaps."""
     top, harmonic = Maximum(), HarmonicOrbit()
-    surety = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
+    rung = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
     done = engaged_collocation_orbit(
-        oscillator, detected_amplitude_wanted(oscillator, held), surety, harmonic, curve, row
+        oscillator, detected_amplitude_wanted(oscillator, held), rung, harmonic, curve, row
     )
     return done == col.GOOD and solve_at_held_amplitude(oscillator, held, curve.found, row)
 

@@ -32,17 +32,6 @@ GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
 
 @record
-class Fit:
-    """A parabola through the mismatch over the gap, at its maximum."""
-
-    amplitude: float  # [m]
-    gap: float  # of the maximum [m]
-    mismatch: float  # there
-    curvature: float  # [1/m2]
-    step: float  # [m] between points of the next one, nearer to the maximum
-
-
-@record
 class ResponseWorkspace:
     """Workspace of passes: nodes and states of an orbit, and the maximum of the mismatch."""
 
@@ -52,7 +41,6 @@ class ResponseWorkspace:
     other: PassState
     seen: float  # amplitude [m] that the detector is to see of an exact orbit, or 0 where A is that of the averaged one
     top: Maximum  # of the mismatch
-    fit: Fit
 
 
 @kernel
@@ -74,22 +62,16 @@ def nodes_of_solution(workspace: ResponseWorkspace) -> Nodes:
 
 
 @kernel
-def grazes(p: np.ndarray, harmonic: HarmonicOrbit) -> bool:
-    """Whether an averaged orbit is so near to just touching that the exact one may do otherwise."""
-    gap = centre_height(harmonic) - harmonic.amplitude
-    return bool(has_longrange(p) and abs(gap) <= GRAZING * reach_of(p))
-
-
-@kernel
 def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""
-    amplitude, e = harmonic.amplitude, centre_height(harmonic)
+    e, reach = centre_height(harmonic), reach_of(oscillator.p)
     if _orbit_by_passes(oscillator, harmonic, e, limits, workspace):
         return True
-    if not grazes(oscillator.p, harmonic):
+    gap = e - harmonic.amplitude
+    if not (has_longrange(oscillator.p) and abs(gap) <= GRAZING * reach):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
-    e = amplitude + (1e-6 if e < amplitude else -0.05) * reach_of(oscillator.p)
+    e = harmonic.amplitude + (1e-6 if gap < 0.0 else -0.05) * reach
     return _orbit_by_passes(oscillator, harmonic, e, limits, workspace)
 
 
