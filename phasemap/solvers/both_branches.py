@@ -156,11 +156,12 @@ def _limit(work: Work, most: int, found: Branches) -> None:
 def _search(work: Work, side: int, answers: Answers) -> None:
     """Decide what is still PENDING on a side of the resonance by all the exact orbits that there are."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
-    from phasemap.solvers.continuation.curves import orbits_of_amplitude
+    from phasemap.solvers.continuation.curves import curves_to_amplitude
 
     rows, status, used = answers
     for i in np.flatnonzero(status == col.PENDING):
-        found = orbits_of_amplitude(fixed_path(work.oscillator(int(i))), work.amplitudes[i])[0][:, : col.COLUMNS]
+        curves = curves_to_amplitude(fixed_path(work.oscillator(int(i))), work.amplitudes[i])
+        found = curves.wanted_rows[:, : col.COLUMNS]
         stable = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
         on = found[stable & ((found[:, col.STIFFENING] > 0) == (side > 0))]
         status[i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT

@@ -20,11 +20,10 @@ from phasemap._shared.notices import question
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.described import describe
-from phasemap.experiment.lever import seen
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import STABILITY, coded, of_rows, provenance
-from phasemap.solvers.continuation.curves import orbits_of_amplitude, orbits_of_offset
+from phasemap.solvers.continuation.curves import curves_to_amplitude, curves_to_offset
 from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, UNITS, Question, fixed_path
 from phasemap.solvers.problem import check_marched, check_setpoint, work_of_material
 from phasemap.sweeps.follow import distance, parameter, setpoint
@@ -253,19 +252,20 @@ def orbits(
     path = fixed_path(Question(material, scope))
     if setpoint is not None:
         setpoint = check_setpoint(setpoint)
-        rows, complete = orbits_of_amplitude(path, setpoint * scope.driven_amplitude)
-        rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
+        curves = curves_to_amplitude(path, setpoint * scope.driven_amplitude)
     else:
         assert tip_offset is not None
         tip_offset = number("tip_offset", tip_offset, "m")
-        rows, complete = orbits_of_offset(path, tip_offset)
-    rows = seen(rows, path.lever)
+        curves = curves_to_offset(path, tip_offset)
+    rows = curves.seen(curves.wanted_rows)
+    if setpoint is not None:
+        rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip
     found = _orbit_dataset(rows)
     found.attrs.update(provenance(configuration, "orbits found"))
-    found.attrs["complete"] = int(complete)
+    found.attrs["complete"] = int(curves.all_followed)
     return found
 
 

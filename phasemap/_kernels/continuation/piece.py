@@ -86,11 +86,40 @@ class Asked(NamedTuple):
     level: int  # of refinement, at least, of the orbits wanted
 
 
+class KeptOrbits(NamedTuple):
+    """The first orbits at values wanted: arrays of an `Orbit`, one after another."""
+
+    elements: np.ndarray
+    heads: np.ndarray
+    modes: np.ndarray
+
+
 class Made(NamedTuple):
-    """Full rows of orbits, shape (n, FULL), and their time traces, shape (n, 2, samples)."""
+    """Full rows of orbits, shape (n, FULL), their time traces, shape (n, 2, samples), and orbits themselves."""
 
     rows: np.ndarray
     traces: np.ndarray
+    kept: KeptOrbits
+
+
+@kernel
+def kept_orbit(kept: KeptOrbits, i: int, workspace: Orbit) -> Orbit:
+    """Orbit number i of those kept, with the workspace of another."""
+    _, _, _, forces, chain, chained, system, tables, other, other_head, other_modes = workspace
+    return Orbit(
+        kept.elements[i], kept.heads[i], kept.modes[i],
+        forces, chain, chained, system, tables, other, other_head, other_modes,
+    )  # fmt: skip
+
+
+@kernel
+def _keep_orbit(orbit: Orbit, kept: KeptOrbits) -> None:
+    """Keep an orbit, where there is room for one more."""
+    for i in range(len(kept.heads)):
+        free = kept_orbit(kept, i, orbit)
+        if head_of(free).count == 0:
+            copy_orbit(orbit, free)
+            return
 
 
 @kernel
@@ -223,6 +252,8 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
             now = add_row(path, one, col.WANTED, k, made, count)
             if now > count and index == ENTRY_A:
                 estimate_errors(standing_at(path, head_of(one).parameter), one, made.rows[count])
+            if now > count:
+                _keep_orbit(one, made.kept)
             count = now
     return count
 

@@ -37,11 +37,9 @@ from phasemap._kernels.engagement.side_from_far import leaps, side_reached_from_
 from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance
-from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, REPULSIVE, Maximum
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.near import (
-    MOST_STEPS_NEARBY,
     collocation_orbit_from_harmonic,
     refine_orbit,
     tolerance_of,
@@ -58,8 +56,6 @@ MOST_APPROACH_POINTS = 1500
 MAY_REACH = 0.5  # of a slope's change over a step, times its length: farther beyond both ends no parabola turns
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 HIGHER = (0.3, 0.7)  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
-# Of the way from the setpoint to the free amplitude: where a short contact holds the lever, and its orbit is begun at.
-LARGER_AMPLITUDES = (0.2, 0.5, 0.8)
 
 
 class CurveWorkspace(NamedTuple):
@@ -83,9 +79,9 @@ def detected_amplitude_wanted(oscillator: Oscillator, seen: float) -> Wanted:
 
 
 @kernel
-def rough_tip_amplitude(lever: np.ndarray, wanted: Wanted, side: int) -> float:
-    """Amplitude A [m] of the orbit wanted on a side of the resonance, roughly where the detected one is wanted."""
-    return wanted.value if wanted.entry == ENTRY_A else likely_amplitude(lever, wanted.value, side)
+def rough_tip_amplitude(lever: np.ndarray, wanted: Wanted) -> float:
+    """Amplitude A [m] of the attractive orbit wanted, roughly where the detected one is wanted."""
+    return wanted.value if wanted.entry == ENTRY_A else likely_amplitude(lever, wanted.value, ATTRACTIVE)
 
 
 @kernel
@@ -192,7 +188,7 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
         return False
     if not near_resonance(lever) or leaps(oscillator):
         return False
-    amplitude = rough_tip_amplitude(lever, wanted, ATTRACTIVE)
+    amplitude = rough_tip_amplitude(lever, wanted)
     harmonic, top, worst, sure = HarmonicOrbit(), Maximum(), worst_amplitude(lever, amplitude), False
     for share in HIGHER:
         higher = worst + share * (free - worst)
@@ -217,7 +213,7 @@ def engage_along_curve(path: Path, wanted: Wanted, curve: CurveWorkspace) -> int
     """
     orbit, point = curve.orbit, Point()
     if not start_on_branch(path, wanted, point, orbit):
-        status = solve_far_from_surface(path, orbit, rough_tip_amplitude(path.lever, wanted, ATTRACTIVE))
+        status = solve_far_from_surface(path, orbit, rough_tip_amplitude(path.lever, wanted))
         clear(point)
         point.tangent_u = -1.0
         if status != col.GOOD or not mark_point(path, orbit, point):
@@ -236,38 +232,10 @@ def _found_on_averaged_branch(
     return done == col.GOOD and same and near
 
 
-@kernel
-def _repulsive_orbit_from_larger_amplitude(path: Path, wanted: Wanted, curve: CurveWorkspace) -> int:
-    """Repulsive orbit at the setpoint of a lever of low Q, from one of larger amplitude that a short contact holds."""
-    oscillator, orbit = standing_at(path, 0.0), curve.orbit
-    amplitude = rough_tip_amplitude(path.lever, wanted, REPULSIVE)
-    for share in LARGER_AMPLITUDES:
-        higher = amplitude + share * (free_amplitude(path.lever) - amplitude)
-        if not begin_impact(oscillator, orbit, higher, 0):
-            continue
-        status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, MOST_STEPS_NEARBY)
-        point = Point()
-        point.tangent_v = -1.0
-        if status != col.GOOD or not (head_of(orbit).push > 0.0 and mark_point(path, orbit, point)):
-            continue
-        if point.floquet < 1.0 and point.value[wanted.entry] > wanted.value:
-            return lower_along_curve(path, wanted, point, curve)
-    return col.NOT_CONVERGED
-
-
 @kernel(shared=True)
-def orbit_along_curve(
-    oscillator: Oscillator, wanted: Wanted, repulsive: bool, curve: CurveWorkspace, row: np.ndarray
-) -> int:
-    """Exact orbit at which a tip stops that is lowered, in `curve.found` and its row; returns a status.
-
-    `repulsive`: whether it is known to be a repulsive one.
-    """
-    path, done = fixed_path(oscillator), col.NOT_CONVERGED
-    if repulsive and low_q(oscillator.lever):
-        done = _repulsive_orbit_from_larger_amplitude(path, wanted, curve)
-    if done != col.GOOD:
-        done = engage_along_curve(path, wanted, curve)
+def orbit_along_curve(oscillator: Oscillator, wanted: Wanted, curve: CurveWorkspace, row: np.ndarray) -> int:
+    """Exact orbit at which a tip stops that is lowered, in `curve.found` and its row; returns a status."""
+    done = engage_along_curve(fixed_path(oscillator), wanted, curve)
     if done == col.GOOD:
         done = refine_orbit(oscillator, curve.found, row)
     return feedback_status(row) if done == col.GOOD else done
@@ -286,8 +254,7 @@ def engaged_collocation_orbit(
         return col.NOT_CONVERGED
     if rung == BY_AVERAGING and _found_on_averaged_branch(oscillator, harmonic, curve, row):
         return col.GOOD
-    repulsive = rung == BY_AVERAGING and harmonic.push > 0.0
-    done = orbit_along_curve(oscillator, wanted, repulsive, curve, row)
+    done = orbit_along_curve(oscillator, wanted, curve, row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):
         done = col.NOT_CONVERGED
     return done

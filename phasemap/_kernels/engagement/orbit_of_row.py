@@ -85,7 +85,7 @@ def nodes_of(
     done, _ = collocation_orbit_from_harmonic(oscillator, workspace.harmonic, orbit, workspace.row)
     if done != col.GOOD or not same_orbit(workspace.row, row):
         wanted = tip_amplitude_wanted(oscillator, row[col.AMPLITUDE])
-        done = orbit_along_curve(oscillator, wanted, side == REPULSIVE, workspace.curve, workspace.row)
+        done = orbit_along_curve(oscillator, wanted, workspace.curve, workspace.row)
         orbit = workspace.curve.found
     if done != col.GOOD or not same_orbit(workspace.row, row):
         return not faint and _by_passes(oscillator, row, side, workspace)  # what holds the harmonics roughly

@@ -6,6 +6,7 @@ Each is followed from every start that leads to a new one.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,19 +15,28 @@ from phasemap._kernels.continuation.piece import (
     PIECE_CLOSED,
     PIECE_FULL,
     Asked,
+    KeptOrbits,
     Made,
     collocation_orbits_at,
     follow_piece,
+    kept_orbit,
     mark_start,
 )
 from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point, solve_far_from_surface
 from phasemap._kernels.continuation.step import copy_orbit
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, held_value, standing_at
-from phasemap._kernels.orbits.collocation.system import HOLD_AMPLITUDE, HOLD_OFFSET, head_of, new_orbit, new_orbit_like
+from phasemap._kernels.orbits.collocation.system import (
+    EQUATIONS_OTHER,
+    HOLD_AMPLITUDE,
+    HOLD_OFFSET,
+    head_of,
+    new_orbit,
+    new_orbit_like,
+)
 from phasemap._kernels.orbits.time.landing import land_free, state_in_row
 from phasemap._kernels.orbits.time.tip import Z0
 from phasemap._kernels.quadrature import TABLES
@@ -36,6 +46,7 @@ from phasemap.experiment.lever import seen, sees_tip, tip_amplitudes
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 ROOM = 6000  # rows of one piece
+MOST_KEPT = 8  # orbits of one value on one piece
 SAME = 1e-5  # of the amplitude: orbits as near are the same
 NEAR, NEAR_PUSH = 0.03, 0.1  # of the amplitude and the base amplitude: averaging may be off by so much
 MOST_PIECES = 12
@@ -58,6 +69,7 @@ class Piece:
 
     rows: np.ndarray  # shape (n, FULL); full rows of `phasemap._kernels.columns`
     traces: np.ndarray  # shape (n, 2, samples); deflection [m] and force [N] over one period
+    orbits: list[Any]  # where one value was wanted: the orbits at it
     ended: int  # how it ended, a code of `phasemap._kernels.continuation.piece`
 
 
@@ -92,6 +104,18 @@ class Curves:
         levers = np.array([self.standing(m).lever for m in at]).reshape(*rows.shape[:-1], -1)
         return seen(rows, levers)
 
+    @property
+    def wanted_rows(self) -> np.ndarray:
+        """Full rows at the values wanted, piece by piece."""
+        rows = np.concatenate([piece.rows for piece in self.pieces] or [np.zeros((0, col.FULL))])
+        wanted: np.ndarray = rows[rows[:, col.KIND] == col.WANTED]
+        return wanted
+
+    @property
+    def all_followed(self) -> bool:
+        """Whether every piece was followed to its end."""
+        return all(piece.ended != PIECE_FULL for piece in self.pieces)
+
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
         free = free_amplitude(self.standing(0.0).lever)
@@ -103,14 +127,23 @@ class Curves:
         if status == col.GOOD:
             self._follow(orbit, (-1.0,))
 
-    def from_orbit(self, row: np.ndarray, m: float, of_amplitude: bool) -> bool:
+    def from_orbit(self, row: np.ndarray, m: float) -> bool:
         """Follow the curve both ways from the orbit of a result row; whether it was found."""
         rows, at = row[None], np.array([m])
-        orbit, found = self._go(self._harmonic_orbits(rows, at, rows[:, col.TIP_OFFSET]), at, of_amplitude)
+        orbit, found = self._go(self._harmonic_orbits(rows, at, rows[:, col.TIP_OFFSET]), at, False)
         if not len(found) or self.knows(_exact(rows, found)[0], m):
             return False
         self._follow(orbit, (1.0, -1.0))
         return True
+
+    def from_fixed_path(self, orbit: Any, m: float) -> None:
+        """Follow the curve both ways from an orbit of the lever over the material at m, if it is new."""
+        head, row = head_of(orbit), np.zeros(col.COLUMNS)
+        head.parameter, head.equations = m, EQUATIONS_OTHER
+        row[col.TIP_OFFSET], row[col.AMPLITUDE] = head.tip_offset, head.amplitude
+        row[col.PHASE] = phase_of(self.standing(m).lever, head.amplitude, head.push, head.drag)
+        if not self.knows(row, m):
+            self._follow(orbit, (1.0, -1.0))
 
     def beside(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
         """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
@@ -165,7 +198,7 @@ class Curves:
                     continue
                 known = len(self.pieces)
                 if swept or not self._near(z0, row[col.AMPLITUDE], row[col.STIFFENING], lever):
-                    self.from_orbit(row, m, False)
+                    self.from_orbit(row, m)
                 waiting += self.pieces[known:]
 
     def _near(self, z0: float, amplitude: float, stiffening: float, lever: np.ndarray) -> bool:
@@ -212,21 +245,29 @@ class Curves:
         for sense in senses:
             check_stopped()
             rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
+            kept = self._room_for_orbits(orbit)
             point = Point()
             copy_orbit(start, orbit)
             if not mark_start(self.path, orbit, sense, point):
                 continue
-            ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces))
-            halves.append(Piece(rows[:count].copy(), traces[:count].copy(), ended))
+            ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
+            found = [kept_orbit(kept, i, orbit) for i in range(np.count_nonzero(kept.heads.any(axis=(1, 2))))]
+            halves.append(Piece(rows[:count].copy(), traces[:count].copy(), found, ended))
             if ended == PIECE_CLOSED:
                 break
         if len(halves) == 2:  # the first was followed the other way
             one, two = halves
             rows = np.concatenate([one.rows[:0:-1], two.rows])
-            halves = [Piece(rows, np.concatenate([one.traces[:0:-1], two.traces]), max(one.ended, two.ended))]
+            traces = np.concatenate([one.traces[:0:-1], two.traces])
+            halves = [Piece(rows, traces, one.orbits + two.orbits, max(one.ended, two.ended))]
         for piece in halves:
             if not any(self._repeats(piece, other) for other in self.pieces):
                 self.pieces.append(piece)
+
+    def _room_for_orbits(self, like) -> KeptOrbits:  # type: ignore[no-untyped-def]
+        """Room for the orbits at the value that is wanted; none where several are."""
+        room = MOST_KEPT if len(self.wanted) == 1 else 0
+        return KeptOrbits(*(np.zeros((room, *part.shape)) for part in (like.elements, like.head, like.modes)))
 
     @staticmethod
     def _repeats(piece: Piece, other: Piece) -> bool:
@@ -297,15 +338,14 @@ def _begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
     oscillator = curves.standing(m)
     value, path = held_value(curves.path, m), fixed_path(oscillator)
-    rows, _ = orbits_of_amplitude(path, value) if of_amplitude else orbits_of_offset(path, value, False)
-    for row in rows:
-        if not curves.knows(row, m):
-            curves.from_orbit(row, m, of_amplitude)
+    there = curves_to_amplitude(path, value) if of_amplitude else curves_to_offset(path, value, False)
+    for orbit in (orbit for piece in there.pieces for orbit in piece.orbits):
+        curves.from_fixed_path(orbit, m)
     if not of_amplitude:
         # Where nothing acts, or no curve leads there, the lever still swings freely.
         free = np.zeros(col.COLUMNS)
         free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(oscillator.lever)
-        curves.from_orbit(free, m, False)
+        curves.from_orbit(free, m)
 
 
 def complete(curves: Curves, lowest: float) -> None:
@@ -317,17 +357,17 @@ def complete(curves: Curves, lowest: float) -> None:
     mend(curves, free)
 
 
-def orbits_of_amplitude(path: Path, amplitude: float) -> tuple[np.ndarray, bool]:
-    """Rows of every orbit that the detector sees with this amplitude [m], and whether all curves were followed."""
+def curves_to_amplitude(path: Path, amplitude: float) -> Curves:
+    """Every curve with orbits that the detector sees with this amplitude [m]."""
     curves = held_curves(path, np.array([amplitude]), 0, HARDLY_MOVING, FINE)
     for share in AROUND:
         curves.seek(share * amplitude)
     curves.seek(AROUND[0] * amplitude, THROWN_LIFT * amplitude)
-    return _wanted(curves)
+    return curves
 
 
-def orbits_of_offset(path: Path, tip_offset: float, apart: bool = True) -> tuple[np.ndarray, bool]:
-    """Rows of every orbit at this tip offset [m], and whether all curves were followed.
+def curves_to_offset(path: Path, tip_offset: float, apart: bool = True) -> Curves:
+    """Every curve with orbits at this tip offset [m].
 
     `apart`: whether pieces apart from the curve from far are looked for, and orbits that hardly move.
     """
@@ -337,19 +377,13 @@ def orbits_of_offset(path: Path, tip_offset: float, apart: bool = True) -> tuple
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
     if apart:
         complete(curves, tip_offset)
-    return _wanted(curves)
+    return curves
 
 
 def _free_amplitudes(path: Path) -> tuple[float, float]:
     """Amplitude [m] of the free lever at the drive frequency, and the larger of that and the one at resonance."""
     free = float(free_amplitude(path.lever))
     return free, max(free, 0.5 * float(path.lever[col.DRIVE] / path.lever[col.ALPHA0]))
-
-
-def _wanted(curves: Curves) -> tuple[np.ndarray, bool]:
-    """Rows at the values wanted, and whether every curve was followed to its end."""
-    rows = np.concatenate([piece.rows for piece in curves.pieces] or [np.zeros((0, col.FULL))])
-    return rows[rows[:, col.KIND] == col.WANTED], all(piece.ended != PIECE_FULL for piece in curves.pieces)
 
 
 def mend(curves: Curves, free: float) -> None:

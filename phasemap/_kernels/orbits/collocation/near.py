@@ -9,9 +9,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, low_q, scale_of
+from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.elements import lay_again
-from phasemap._kernels.orbits.collocation.impact import begin_impact
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,
@@ -87,21 +86,12 @@ def solve_near(
     """Solve from a harmonic orbit for the exact one at a path's parameter m.
 
     `hold`: whether its z0 or its A is kept. Returns a status, and tip offset and depth [m] of where the solver began.
-    A lever of low Q that is thrown back begins with the motion after a kick. Others try finer elements, which change
-    less by a step, where they are to be `fine`, and else that motion last.
+    Where elements may be `fine`, finer ones are tried, which change less by a step.
     """
     oscillator, head, done, start, deep = standing_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
-    repelled = harmonic.push > 0.0
-    thrown, finest = low_q(oscillator.lever) and repelled, FINEST_LEVEL if fine else 0
-    for attempt in range(2 if thrown or (repelled and not fine) else finest + 1):
+    for level in range(FINEST_LEVEL + 1 if fine else 1):
         head.parameter = m
-        kicked = attempt == 0 if thrown else attempt > finest
-        level = 0 if thrown or kicked else attempt
-        if kicked:
-            begun = begin_impact(oscillator, orbit, harmonic.amplitude, level)
-        else:
-            begun = begin_harmonic(oscillator, orbit, harmonic, level)
-        if not begun:
+        if not begin_harmonic(oscillator, orbit, harmonic, level):
             continue
         start, deep = head.tip_offset, depth_at_nodes(orbit)
         held = hold_offset(harmonic.tip_offset) if hold == HOLD_OFFSET else hold_amplitude(orbit)
