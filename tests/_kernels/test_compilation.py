@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
 import os
 import shutil
@@ -17,6 +18,7 @@ import pytest
 from bits import bits
 
 import phasemap as pm
+from phasemap._kernels import loaded_sources
 from phasemap._kernels.compilation import disk_cache, kernel
 from phasemap._kernels.compilation.first_use import FirstUse
 from phasemap._kernels.law import contact_force
@@ -190,9 +192,12 @@ def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path
     kept = disk_cache.folder()
     assert kept is not None
     (tmp_path / "phasemap").mkdir()
-    for file in kept.glob("*" + disk_cache.SUFFIX):
+    sources = loaded_sources.digest()
+    assert sources is not None
+    of_these = f"{hashlib.sha256(sources).hexdigest()[:16]}{disk_cache.SUFFIX}"  # not of an older version
+    for file in kept.glob(f"*.{of_these}"):
         shutil.copy(file, tmp_path / "phasemap")
-    shared = list(tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX))
+    shared = list(tmp_path.rglob(f"*.shared-*.{of_these}"))
     assert len(shared) > 1
     gone = [file for file in shared if file.name.startswith("orbits.averaged.")]  # what is compiled soonest
     assert len(gone) > 1
@@ -200,7 +205,7 @@ def test_code_that_others_call_is_compiled_again_where_it_is_gone(tmp_path: Path
         file.unlink()
     out, err = python(IMAGE + SAYING, NUMBA_CACHE_DIR=str(tmp_path)).communicate()
     assert out == here["digest"] + "\n", err
-    found = tmp_path.rglob("*.shared-*" + disk_cache.SUFFIX)  # older versions' need not come back
+    found = tmp_path.rglob(f"*.shared-*.{of_these}")
     assert {file.name.split(".shared-")[0] for file in found} == {file.name.split(".shared-")[0] for file in shared}
 
 
