@@ -109,7 +109,6 @@ def solve_one_of_each_kind() -> None:
         (collocation_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
         (by_collocation.collocation_rows, pixels, TABLES, answers),
         (by_collocation.collocation_side_rows, pixels, TABLES, 1, answers),
-        (by_collocation.replace_by_collocation_rows, pixels, TABLES, answers.rows, np.zeros(1, bool)),
         (by_collocation.force_rows, pixels, TABLES, 0, solved, 0),
         (marched.march_rows, pixels, 1.0, 1, answers.rows, answers.status),
         (marched.remembering_rows, pixels, 1.0, 1, answers.rows, answers.status),

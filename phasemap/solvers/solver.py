@@ -67,7 +67,6 @@ class Orbit:
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
         if self.in_time:
             solve_exactly(work, limits, False, accuracy.periods, answers)
-            polish(work, answers)
         else:
             solve_on_curves(work, limits, False, answers)
 
@@ -114,21 +113,6 @@ def engage_lost(work: Work, periods: int, answers: Answers) -> None:
     if (answers.status != col.GOOD).any():
         lost = (*NO_ORBIT, col.NO_STABLE_ORBIT) if beside_resonance(work.lever) else NO_ORBIT
         InTime().engage(work, np.flatnonzero(np.isin(answers.status, lost)), answers, periods)
-
-
-def polish(work: Work, answers: Answers) -> None:
-    """Replace periodic orbits that were found in time by those of collocation beside them."""
-    out, status, solver = answers
-    marched = (solver == col.MARCH) & (status == col.GOOD)
-    chosen = np.flatnonzero(marched & ~col.irregular(out))
-    if not len(chosen) or not sees_tip(work.lever):
-        return
-    from phasemap._kernels.quadrature import TABLES
-    from phasemap._kernels.rows.by_collocation import replace_by_collocation_rows
-
-    rows, done = out[chosen], np.empty(len(chosen), np.bool_)
-    replace_by_collocation_rows(work.part(chosen).pixels, TABLES, rows, done)
-    out[chosen[done]], solver[chosen[done]] = rows[done], col.ORBIT
 
 
 class Averaging:

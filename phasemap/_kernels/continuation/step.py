@@ -38,7 +38,7 @@ from phasemap._kernels.law import has_hysteresis
 from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.elements import lay_again
-from phasemap._kernels.orbits.collocation.newton import determinant_of_return, floquet
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, determinant_of_return, floquet, solve_orbit
 from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
@@ -53,6 +53,7 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     element_of,
     head_of,
+    hold_amplitude,
     mode_count,
     motion_of_mode,
     new_orbit_like,
@@ -65,7 +66,6 @@ LARGEST_ARC_STEP = 0.8
 SMALLEST_ARC_STEP = 1e-7
 STEP_AFTER_FAILURE = 0.4  # times as long is a step after one that failed
 CORNER = 2e-3  # a step this short may turn by any angle: grazing a force that jumps is a corner; with a neck, an end
-SEEN_EXACTLY, SEEN_ENOUGH, MOST_SEEN_STEPS = 1e-13, 1e-10, 8  # of the amplitude that the detector sees
 COARSELY = 1e-3  # of the natural length of the gap, last change of an orbit on the way along the curve
 MOST_COARSE_STEPS = 8  # of Newton's method to an orbit on the way
 MOST_EXACT_STEPS = 20  # and to one that is wanted
@@ -240,24 +240,6 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
 
 
 @kernel
-def _move_along_curve_to_detected(path: Path, wanted: Wanted, here: Point, orbit: Orbit) -> bool:
-    """Move an orbit along the curve to the one that is seen with the amplitude wanted, for that is no coordinate."""
-    _, value, tolerance = wanted
-    for _ in range(MOST_SEEN_STEPS):
-        off = value - here.value[ENTRY_SEEN]
-        if abs(off) <= SEEN_EXACTLY * value:
-            break
-        move_along(head_of(orbit), off / here.rate[ENTRY_SEEN], here)
-        row = tangent_row(path, natural_length(path, orbit), here)
-        if not head_of(orbit).amplitude > 0.0 or not relay_orbit(path, orbit):
-            return False
-        status, _ = solve_in_plane(path, orbit, row, tolerance, MOST_EXACT_STEPS, False)
-        if status != col.GOOD or not mark_point(path, orbit, here):
-            return False
-    return abs(here.value[ENTRY_SEEN] - value) <= SEEN_ENOUGH * value
-
-
-@kernel
 def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point, orbit: Orbit) -> bool:
     """Whether a point crosses a value of an entry in the sense of two points, and lies between them in the other."""
     other = answer_entry(path) if index == control_entry(path) else control_entry(path)
@@ -279,18 +261,18 @@ def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
     The first point, `last`, becomes the one that is found.
     """
-    index = wanted.entry
-    row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
-    if index == ENTRY_SEEN:
-        row = tangent_row(path, natural_length(path, orbit), after)
+    index, value, tolerance = wanted
     if not _move_to_crossing(path, wanted, last, after, orbit):
         return False
-    status, _ = solve_in_plane(path, orbit, row, wanted.tolerance, MOST_EXACT_STEPS, False)
+    if index == ENTRY_SEEN:
+        limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_EXACT_STEPS, False, True, value)
+        status, _ = solve_orbit(path, orbit, hold_amplitude(orbit), limits)
+    else:
+        row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
+        status, _ = solve_in_plane(path, orbit, row, tolerance, MOST_EXACT_STEPS, False)
     here = Point()
     assign(here, after)
     if status != col.GOOD or not mark_point(path, orbit, here):
-        return False
-    if index == ENTRY_SEEN and not _move_along_curve_to_detected(path, wanted, here, orbit):
         return False
     if not _lies_between(path, index, last, here, after, orbit):
         return False

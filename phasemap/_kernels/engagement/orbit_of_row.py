@@ -20,12 +20,12 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE
 from phasemap._kernels.orbits.collocation.near import collocation_orbit_from_harmonic
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_from_row
 from phasemap._kernels.orbits.orbit_nodes import (
     FAINT_DRIVE,
     KEPT_COUNT,
     OrbitNodes,
-    fill_harmonic_nodes,
     nodes_from_collocation,
     nodes_from_response,
     read_nodes,
@@ -65,24 +65,27 @@ def nodes_of(
 ) -> bool:
     """Fill the nodes of a result row of the tip; False where its orbit is not found again.
 
-    An orbit that is `averaged` is harmonic; the nodes of another one are `kept` behind the row (shape (any,)), or it is
-    solved again.
+    An orbit that is `averaged` is harmonic about its deepest point: what the higher harmonics do to the depth within a
+    contact is left out; that they lift or lower all of it is not, for the depth is the orbit's own. Nodes of others are
+    `kept` behind the row (shape (any,)), or they are solved again.
     """
     if len(kept) > 0 and kept[KEPT_COUNT] > 0.0:
         read_nodes(kept, workspace.at)
         return True
+    harmonic, orbit = workspace.harmonic, workspace.curve.orbit
+    fill_harmonic_from_row(oscillator.lever, row, harmonic)
     if averaged:
-        fill_harmonic_nodes(oscillator.p, row[col.AMPLITUDE], row[col.INDENTATION], workspace.at)
-        return True
-    fill_harmonic_from_row(oscillator.lever, row, workspace.harmonic)
-    side = REPULSIVE if workspace.harmonic.push > 0.0 else ATTRACTIVE
+        harmonic.mean_deflection = row[col.INDENTATION] - row[col.AMPLITUDE] + row[col.TIP_OFFSET]
+        laid = begin_harmonic(oscillator, orbit, harmonic, 0)
+        nodes_from_collocation(oscillator, orbit, workspace.at)
+        return laid
+    side = REPULSIVE if harmonic.push > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
     if faint:
         if _by_passes(oscillator, row, side, workspace):
             return True
-        fill_harmonic_from_row(oscillator.lever, row, workspace.harmonic)  # which passes began elsewhere
-    orbit = workspace.curve.orbit
-    done, _ = collocation_orbit_from_harmonic(oscillator, workspace.harmonic, orbit, workspace.row)
+        fill_harmonic_from_row(oscillator.lever, row, harmonic)  # which passes began elsewhere
+    done, _ = collocation_orbit_from_harmonic(oscillator, harmonic, orbit, workspace.row)
     if done != col.GOOD or not same_orbit(workspace.row, row):
         wanted = tip_amplitude_wanted(oscillator, row[col.AMPLITUDE])
         done = orbit_along_curve(oscillator, wanted, workspace.curve, workspace.row)

@@ -28,7 +28,6 @@ from phasemap._kernels.engagement.detected_setpoint import (
 from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.estimate import estimate_errors
 from phasemap._kernels.orbits.collocation.near import (
@@ -50,7 +49,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
 )
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
 from phasemap._kernels.orbits.response.state import Along
-from phasemap._kernels.orbits.result_row import has_periodic_orbit, same_orbit
+from phasemap._kernels.orbits.result_row import has_periodic_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 
 MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how far from each other, over the amplitude
@@ -84,21 +83,6 @@ def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> No
         if out.shape[1] > col.COLUMNS:
             nodes_from_collocation(oscillator, curve.found, at)
             keep_nodes(at, out[i])
-
-
-@kernel
-def replace_by_collocation_rows(pixels: Pixels, tables: np.ndarray, out: np.ndarray, done: np.ndarray) -> None:
-    """Replace each result row of the tip by that of the exact orbit beside it; `done` says where there is one."""
-    orbit, harmonic, row = new_orbit(pixels.lever, tables), HarmonicOrbit(), np.zeros(col.COLUMNS)
-    for i in range(len(out)):
-        oscillator, near = oscillator_of(pixels, i), out[i]
-        fill_harmonic_from_row(pixels.lever, near, harmonic)
-        harmonic.amplitude = pixels.amplitudes[i]
-        status, _ = collocation_orbit_from_harmonic(oscillator, harmonic, orbit, row)
-        done[i] = status == col.GOOD and same_orbit(row, near)
-        if done[i]:
-            estimate_errors(oscillator, orbit, row)
-            copy(row, near)
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, OMEGA, ROW
+from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, ROW
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of
 from phasemap._kernels.numerics import copy_rows, eliminate
@@ -135,14 +135,14 @@ def move_modes(
     lever: np.ndarray, orbit: Orbit, e: int, states: np.ndarray, f: np.ndarray, m: float, share: float
 ) -> None:
     """Move each mode in an element by `share` of the way to its motion under a force f, from these states."""
-    one, omega = element_of(orbit, e), lever[OMEGA]
+    one = element_of(orbit, e)
     one.edge_w, one.edge_u = 0.0, 0.0
     for j in range(NODES):
-        one.w[j], one.u[j], one.bend[j] = 0.0, 0.0, 0.0
+        one.w[j], one.u[j] = 0.0, 0.0
     for i in range(modes_of(lever)):
         w0, u0 = states[2 * i], states[2 * i + 1]
-        a, nu, square, rate, yields = mode_of(lever, i)
-        own, inverse = motion_of_mode(orbit, e, i), 1.0 / nu
+        mode, own = mode_of(lever, i), motion_of_mode(orbit, e, i)
+        a, nu, inverse = mode.decay, mode.turn, 1.0 / mode.turn
         w, u, grow, cosine, sine = own.w, own.u, own.growth, own.cos, own.sin
         for j in range(PLACES):
             w[j] *= 1.0 - share
@@ -158,11 +158,8 @@ def move_modes(
                 w[j] += share * m * own.w_by_m[j]
                 u[j] += share * m * own.u_by_m[j]
         add_response(lever, orbit, e, i, share, f, w, u)
-        scale = 1.0 / (omega * omega)
-        of_f, of_u, of_w = scale * yields, 2.0 * scale * rate * omega, scale * square
         for j in range(NODES):
             one.w[j] += w[j]
             one.u[j] += u[j]
-            one.bend[j] += of_f * f[j] - of_u * u[j] - of_w * w[j]
         one.edge_w += w[NODES]
         one.edge_u += u[NODES]

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels.columns import DAMPING, OMEGA, RELEASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator, contact_slope, damping, has_hysteresis, has_longrange
+from phasemap._kernels.law import Oscillator, contact_slope, damping, has_longrange
 from phasemap._kernels.lever import fastest_turn, modes_of, reach_of
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.collocation.contacts import (
@@ -24,7 +24,6 @@ from phasemap._kernels.orbits.collocation.system import (
     IN_NECK,
     OUT_OF_CONTACT,
     PLACES,
-    Element,
     Orbit,
     close_ring,
     element_of,
@@ -48,7 +47,6 @@ from phasemap._kernels.quadrature import (
 )
 from phasemap._kernels.records import assign
 
-MOST_SLIP = 1e-3  # of half a contact: series to the second order leave less than a billionth of it
 FEWEST_IN_CONTACT = 3.0  # elements of a contact
 FEWEST_PERMANENT = 16.0  # the same of a period in contact
 LONGEST_HALF = 0.8  # [rad] of half a contact, for which there is one more
@@ -264,72 +262,4 @@ def lay_again(oscillator: Oscillator, orbit: Orbit, level: int) -> bool:
             of, to = motion_of_mode(other, e, i), motion_of_mode(orbit, e, i)
             copy(of.w, to.w)
             copy(of.u, to.u)
-    return True
-
-
-@kernel(light=True)
-def _contact_shift(one: Element, bend: float, amplitude: float, z0: float) -> float:
-    """Shift [rad] of the contact point from the start of its element; `bend` is w'' at the start."""
-    c, s = math.cos(one.edge), math.sin(one.edge)
-    depth, slope = amplitude * c + one.edge_w - z0, one.edge_u - amplitude * s
-    slip = -depth / slope
-    return slip - 0.5 * (bend - amplitude * c) * slip * slip / slope
-
-
-@kernel(shared=True, vectors=True)
-def move_elements(p: np.ndarray, orbit: Orbit) -> bool:
-    """After a step that hardly moved the contact, move its elements along with it, by series about where they were.
-
-    As `lay_elements` and `interpolate_motion` do, without looking for contacts again. False, and nothing done, where
-    the lever has several modes, there is no single contact, or it moved by more than MOST_SLIP of its half length: then
-    the series would not be exact enough.
-    """
-    head = head_of(orbit)
-    count = head.count
-    if head.contacts != 1 or has_hysteresis(p) or mode_count(orbit) > 1:
-        return False
-    inner = 0
-    while inner < count and element_of(orbit, inner).side == IN_CONTACT:
-        inner += 1
-    if inner == 0 or inner == count:
-        return False
-    amplitude, z0, begin, end = (
-        head.amplitude,
-        head.tip_offset,
-        element_of(orbit, 0).edge,
-        element_of(orbit, inner).edge,
-    )
-    entry = _contact_shift(element_of(orbit, 0), element_of(orbit, 0).bend[0], amplitude, z0)
-    exit_ = _contact_shift(element_of(orbit, inner), element_of(orbit, inner - 1).bend[NODES - 1], amplitude, z0)
-    if not max(abs(entry), abs(exit_)) < 0.5 * MOST_SLIP * (end - begin):
-        return False
-    longer = 1.0 + (entry - exit_) / (begin + TWO_PI - end)
-    for e in range(count):
-        one, own = element_of(orbit, e), motion_of_mode(orbit, e, 0)
-        place, table = one, orbit.tables[one.table]
-        origin, scale = place.origin, place.scale
-        if e < inner:
-            place.origin += 0.5 * (entry + exit_)
-            place.scale += 0.5 * (exit_ - entry)
-        else:
-            place.origin += exit_ if origin < end + 0.5 * (begin + TWO_PI - end) else entry
-            place.scale *= longer
-        origin, scale = place.origin - origin, place.scale - scale
-        for j in range(NODES):
-            t = origin + scale * table[T_S, j]
-            c, s, bend = one.cos[j], one.sin[j], one.bend[j]
-            less, sine = 0.5 * t * t * (1.0 - t * t / 12.0), t * (1.0 - t * t / 6.0 * (1.0 - t * t / 20.0))
-            one.theta[j] += t
-            one.cos[j], one.sin[j] = c - c * less - s * sine, s - s * less + c * sine
-            one.w[j] += t * (one.u[j] + 0.5 * t * bend)
-            one.u[j] += t * bend
-            own.w[j], own.u[j] = one.w[j], one.u[j]
-        t = origin + scale * table[T_NUMBERS, T_FIRST]
-        place.edge += t
-        place.edge_w += t * (place.edge_u + 0.5 * t * one.bend[0])
-        place.edge_u += t * one.bend[0]
-    last, first = element_of(orbit, count), element_of(orbit, 0)
-    last.edge, last.edge_w, last.edge_u = first.edge + TWO_PI, first.edge_w, first.edge_u
-    head.contact_start[0], head.contact_end[0] = begin + entry, end + exit_
-    head.neck_end[0], head.equations = end + exit_, EQUATIONS_OTHER
     return True

@@ -15,7 +15,7 @@ from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, s
 from phasemap._kernels.numerics import MOST_SQUARINGS, factor, spectral_radius
 from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
-from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements, move_elements
+from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.path import Path, drift_at, fixed_path, held_equation, standing_at
 from phasemap._kernels.orbits.collocation.system import (
@@ -170,7 +170,7 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
     """
     level, tolerance, most, coarse, along, seen = limits
     head, oscillator = head_of(orbit), standing_at(path, head_of(orbit).parameter)
-    still, smooth = allowed_displacement(oscillator, level), along and allowed_displacement(oscillator, 0) > 0.0
+    still = allowed_displacement(oscillator, level)
     for step in range(most):
         m = head.parameter
         oscillator, drift = standing_at(path, m), drift_at(path, m) if along else no_drift()
@@ -196,8 +196,6 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
             return status, step + 1
         if change < still * size:
             continue  # the elements fit as they lie
-        if smooth and move_elements(p, orbit):
-            continue
         if not lay_again(oscillator, orbit, level):
             return col.TOO_MANY_CONTACTS, step + 1
     return col.NOT_CONVERGED, most
@@ -287,7 +285,7 @@ def fill_observables(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> N
             v = omega * (one.u[j] - amplitude * s)
             d = z - z0
             g, _, gv = surface_force(law, p, 1.0 / stiffness, one.side, d, v)
-            between, _ = apex_between(amplitude, theta0, w0, u0, one.theta[j], one.w[j], one.u[j])
+            between = apex_between(amplitude, theta0, w0, u0, one.theta[j], one.w[j], one.u[j])
             deepest = max(deepest, d, between - z0)
             theta0, w0, u0 = one.theta[j], one.w[j], one.u[j]
             mean += weight * one.w[j]

@@ -95,7 +95,6 @@ class Element:
     sin: np.ndarray = column(NODES)
     w: np.ndarray = column(NODES)  # motion beyond the first harmonic [m]
     u: np.ndarray = column(NODES)  # w' [m]
-    bend: np.ndarray = column(NODES)  # w'' [m] after a full step
 
 
 @record

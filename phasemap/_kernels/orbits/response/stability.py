@@ -173,7 +173,7 @@ def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool
             before, after = (j, j - 1) if k < N else (j - 1, j)  # the element before contact runs backwards
             highest = max(
                 highest,
-                apex_between(amplitude, theta[before], w[before], u[before], theta[after], w[after], u[after])[0],
+                apex_between(amplitude, theta[before], w[before], u[before], theta[after], w[after], u[after]),
             )
         if highest - e > aside:
             return False
