@@ -76,6 +76,14 @@ def multiply_by(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> N
 
 
 @kernel
+def lay_out(matrix: np.ndarray, arms: Arms) -> None:
+    """Multiply what was found of an element by a matrix, for a node that is to be laid."""
+    multiply_by(matrix, arms.count, arms.value, arms.laid_value)
+    multiply_by(matrix, arms.count, arms.slope, arms.laid_slope)
+    multiply_by(matrix, arms.count, arms.curve, arms.laid_curve)
+
+
+@kernel
 def fill_arms(p: Any, arms: Arms) -> None:
     """Fill in the arms of a solid that relaxes."""
     address = int(p[col.SPECTRUM])

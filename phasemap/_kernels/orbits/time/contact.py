@@ -42,10 +42,9 @@ TURNED = -2  # the tip is deepest
 class Moved:
     """What a step moves, and integrals over it; or the slopes of all that by s."""
 
-    # of a contact that relaxes, of each arm but the first, the last one first: `dashpot_depth` and `inside`
-    arms: np.ndarray = column(2 * col.MOST_ARMS - 2)
-    dashpot_depth: float  # to which the dashpots have crept [m]
-    inside: float  # integral of what elements remember over the contact [m^(3/2)]
+    # Of each arm of a contact that relaxes, the last one first: depth to which its dashpots have crept [m], and the
+    # integral of what elements remember over the contact [m^(3/2)].
+    arms: np.ndarray = column(PLACE_OF_X)
     x: float  # depth [m], in contact the root of that above where x = 0 [m^(1/2)]
     v: float  # z' [m]
     passed: float  # time since the step began [1/omega_c]
@@ -115,22 +114,19 @@ class Push(NamedTuple):
 
 
 @Chosen
-def push_of(contact: Any, off: bool, many: bool, time: float, y: Moved) -> Push:
-    """Force of the contact in a step that began at a time, `off` the surface or not; a kind may add more numbers.
-
-    `many`: whether it may have several arms.
-    """
+def push_of(contact: Any, off: bool, time: float, y: Moved) -> Push:
+    """Force of the contact in a step that began at a time, `off` the surface or not; a kind may add more numbers."""
     raise NotImplementedError
 
 
 @Chosen
-def first_moved(contact: Any, many: bool) -> int:
+def first_moved(contact: Any) -> int:
     """Index in `Moved` of the first number that a step in contact moves: x, or one before where it has its own."""
     raise NotImplementedError
 
 
 @Chosen
-def fill_own_slopes(contact: Any, off: bool, many: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
+def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
     """Fill in the slope of x, and of what the contact has of its own, at an acceleration z''.
 
     Returns that of the energy into the surface, over stiffness and beside that of `Push.drag`.

@@ -107,7 +107,7 @@ def withdraws(contact: Any) -> bool:
 
 @push_of.of(Elastic)
 @kernel(inline=True, fastmath=ANY_ORDER)
-def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Push:
+def _push(contact: Elastic, off: bool, time: float, y: Moved) -> Push:
     """Force of an elastic surface: x is d off the surface, else the root q of the depth above `bottom`."""
     if off:
         lost = outer_loss(y.x, contact.p) if contact.law.lossy == 1 else 0.0
@@ -124,14 +124,14 @@ def _push(contact: Elastic, off: bool, many: bool, time: float, y: Moved) -> Pus
 
 @first_moved.of(Elastic)
 @kernel(inline=True)
-def _first_moved(contact: Elastic, many: bool) -> int:
+def _first_moved(contact: Elastic) -> int:
     """Place of x: an elastic surface has no motion of its own."""
     return PLACE_OF_X
 
 
 @fill_own_slopes.of(Elastic)
 @kernel(inline=True)
-def _fill_own_slopes(contact: Elastic, off: bool, many: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
+def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
     """Fill in dx/dt, which is the tip's speed; returns the power that the surface takes, but for its drag."""
     k.x = y.v
     if off or contact.now.withdrawing == 0:

@@ -110,7 +110,7 @@ def overshoot_of_event(here: Here, motion: Motion, event: int, point: MotionPoin
         return point.at.v, point.slope.v
     edge, moves = edge_of(here.contact, event, motion.time + point.at.passed)
     speed = point.at.v
-    if here.contact.now.mode != OFF_SURFACE and first_moved(here.contact, False) < PLACE_OF_X:
+    if here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) < PLACE_OF_X:
         if point.known == 0:
             find_slopes(here, motion, point)
         speed = point.slope.x
@@ -189,8 +189,8 @@ def _move_on(here: Here, motion: Motion) -> None:
     motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
     motion.time += end.passed
     motion.left -= end.passed
-    u.x, u.v, u.dashpot_depth, u.inside = end.x, end.v, end.dashpot_depth, end.inside
-    for j in range(first_moved(here.contact, True), PLACE_OF_X - 2):
+    u.x, u.v = end.x, end.v
+    for j in range(first_moved(here.contact), PLACE_OF_X):
         u.arms[j] = end.arms[j]
     for j in range(2 * beam.modes.count - 2):
         u.modes[j] = end.modes[j]

@@ -23,7 +23,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, has_longrange, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import surface_memory as on
-from phasemap._kernels.orbits.time.arms import Arms, multiply_by
+from phasemap._kernels.orbits.time.arms import Arms, lay_out, multiply_by
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
@@ -104,9 +104,15 @@ class Pressed(NamedTuple):
 
 @first_moved.of(Relaxing)
 @kernel(inline=True)
-def _first_moved(contact: Relaxing, many: bool) -> int:
+def _first_moved(contact: Relaxing) -> int:
     """Place of the first number of the arms, two each, which stand before x."""
-    return PLACE_OF_X - 2 * contact.arms.count if many else PLACE_OF_X - 2
+    return PLACE_OF_X - 2 * contact.arms.count
+
+
+@kernel(inline=True)
+def place_of_arm(a: int) -> int:
+    """Place in `Moved.arms` of the depth D [m] that an arm sees, low-passed by its relaxation time; Y follows it."""
+    return PLACE_OF_X - 2 - 2 * a
 
 
 @kernel(inline=True)
@@ -120,12 +126,6 @@ def dent_at(contact: Relaxing, t: float) -> tuple[float, float]:
         dent += part
         rise += arms.recovery[j] * part
     return dent, rise
-
-
-@kernel(inline=True)
-def filtered_depth(u: Moved, a: int) -> float:
-    """Depth D [m] that an arm sees, low-passed by its relaxation time."""
-    return u.dashpot_depth if a == 0 else u.arms[2 * (col.MOST_ARMS - 1 - a)]
 
 
 @kernel
@@ -166,7 +166,7 @@ def stored_energy(contact: Relaxing, q: float, d: float, t: float) -> float:
 
 
 @kernel(inline=True)
-def dent_at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) -> tuple[float, float, float]:
+def dent_at_edge(contact: Relaxing, u: Moved, q: float, t: float) -> tuple[float, float, float]:
     """Dent w [m] at the edge q, its slope by xi, and the rate at which it comes back; y of each arm is filled in.
 
     Not where a Kelvin-Voigt surface lets go.
@@ -174,11 +174,8 @@ def dent_at_edge(contact: Relaxing, many: bool, u: Moved, q: float, t: float) ->
     xi, arms, w, slope, rise = q * q, contact.arms, 0.0, 0.0, 0.0
     if contact.now.mode == on.SHRINKING:
         on.fill_creep_inside(contact.m, xi, t, arms)
-        arms.y[0] = u.dashpot_depth - xi - arms.value[0]
-        if many:
-            for a in range(1, arms.count):
-                arms.y[a] = filtered_depth(u, a) - xi - arms.value[a]
         for a in range(arms.count):
+            arms.y[a] = u.arms[place_of_arm(a)] - xi - arms.value[a]
             w += arms.share[a] * arms.y[a]
             slope -= arms.share[a] * (1 + arms.slope[a])
         for a in range(arms.count):
@@ -200,12 +197,12 @@ def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
         return u.x
     if contact.now.mode == on.SHRINKING and contact.t0 > 0:
         return u.x * u.x - contact.t0 * u.v
-    return u.x * u.x + dent_at_edge(contact, True, u, u.x, t)[0]
+    return u.x * u.x + dent_at_edge(contact, u, u.x, t)[0]
 
 
 @push_of.of(Relaxing)
 @kernel(inline=True)
-def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pressed:
+def _push(contact: Relaxing, off: bool, time: float, y: Moved) -> Pressed:
     """Force of a relaxing surface: x is d off the surface, else where the edge of the contact is [m^(1/2)]."""
     x, v, t, mode, t0 = y.x, y.v, time + y.passed, contact.now.mode, contact.t0
     if off and contact.now.held == 1:
@@ -219,91 +216,76 @@ def _push(contact: Relaxing, off: bool, many: bool, time: float, y: Moved) -> Pr
     if mode == on.SHRINKING and t0 > 0:
         force = stiff * x * xi * (2 / 3) + contact.pull
         return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, -t0 * v, 0.0, 1.0)
-    dent, slope, rise = dent_at_edge(contact, many, y, x, t)
+    dent, slope, rise = dent_at_edge(contact, y, x, t)
     d = xi + dent
     speed = (v + rise) / (1 + slope)
     whole, weight = on.pressed_to(contact.layer, x, d)
     if t0 > 0:
         return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, dent, whole, weight)
-    crept = arms.share[0] * y.inside
-    if many:
-        for a in range(1, arms.count):
-            crept += arms.share[a] * y.arms[2 * (col.MOST_ARMS - 1 - a) + 1]
+    crept = 0.0
+    for a in range(arms.count):
+        crept += arms.share[a] * y.arms[place_of_arm(a) + 1]
     force = stiff * (whole - crept) + contact.pull
     return Pressed(w, d, force, 0.0, speed, w * force * v, dent, whole, weight)
 
 
 @fill_own_slopes.of(Relaxing)
 @kernel(inline=True)
-def _fill_own_slopes(contact: Relaxing, off: bool, many: bool, push: Pressed, y: Moved, a: float, k: Moved) -> float:
+def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: float, k: Moved) -> float:
     """Slopes of x and of two numbers of each arm; returns the rate of the energy into the surface, over stiffness."""
     k.x = push.speed
     if off:
         return push.taken
     if contact.t0 == 0:
         arms, whole, w, edge = contact.arms, push.whole, push.w, push.weight * push.speed
-        k.dashpot_depth = w * (push.depth - y.dashpot_depth) * arms.rate[0]
-        k.inside = w * (whole - y.inside) * arms.rate[0] + arms.y[0] * edge
-        if many:
-            for i in range(1, arms.count):
-                j = 2 * (col.MOST_ARMS - 1 - i)
-                k.arms[j] = w * (push.depth - y.arms[j]) * arms.rate[i]
-                k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * edge
+        for i in range(arms.count):
+            j = place_of_arm(i)
+            k.arms[j] = w * (push.depth - y.arms[j]) * arms.rate[i]
+            k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * edge
         return push.taken
-    k.dashpot_depth = k.inside = 0.0
     if contact.now.mode == on.SHRINKING:
         k.x += contact.t0 * a
     return contact.stiff * (contact.t0 * push.w * y.x * y.v * y.v - 0.5 * push.y * push.y * k.x)
 
 
-@kernel(inline=True)
-def total(arms: Arms, of: np.ndarray) -> float:
-    """Sum over the arms."""
-    found = 0.0
+@kernel
+def turn_over(
+    arms: Arms, u: Moved, xi: float, bend: float, value: np.ndarray, slope: np.ndarray, curve: np.ndarray
+) -> None:
+    """Turn y of an element at the edge into b = D - xi - y, or the other way round; D'' by xi is -`bend` times 1/tau."""
     for a in range(arms.count):
-        found += of[a]
-    return found
+        value[a] = u.arms[place_of_arm(a)] - xi - value[a]
+        slope[a], curve[a] = -1 - slope[a], -curve[a] - bend * arms.rate[a]
 
 
 @kernel
 def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
     """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
     xi, arms, m = u.x * u.x, contact.arms, contact.m
-    if contact.now.mode == on.GROWING:
-        if contact.t0 == 0:
-            on.fill_curves(m, on.fill_dents_outside(m, xi, t, arms), xi, t, arms.recovery, arms)
-            slope = total(arms, arms.slope)
-            multiply_by(arms.to_arms, arms.count, arms.value, arms.laid_value)
-            multiply_by(arms.to_arms, arms.count, arms.slope, arms.laid_slope)
-            multiply_by(arms.to_arms, arms.count, arms.curve, arms.laid_curve)
-            for a in range(arms.count):
-                bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
-                arms.laid_value[a] = filtered_depth(u, a) - xi - arms.laid_value[a]
-                arms.laid_slope[a], arms.laid_curve[a] = -1 - arms.laid_slope[a], -arms.laid_curve[a] - bent
-            on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
-        on.drop_covered_nodes(m, xi)
-    elif contact.t0 > 0:
+    if contact.t0 > 0:
+        if contact.now.mode == on.GROWING:
+            on.drop_covered_nodes(m, xi)
+            return
         arms.laid_value[0], arms.laid_slope[0], arms.laid_curve[0] = -contact.t0 * u.v, -1.0, -arms.recovery[0] / speed
         on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
-    else:
-        on.fill_curves(m, on.fill_creep_inside(m, xi, t, arms), xi, t, arms.rate, arms)
-        slope = 0.0
-        for a in range(arms.count):
-            arms.value[a], arms.slope[a] = filtered_depth(u, a) - xi - arms.value[a], -1 - arms.slope[a]
-            slope += arms.share[a] * arms.slope[a]
-        for a in range(arms.count):
-            bent = (1 + slope) * arms.rate[a] / speed if speed != 0 else 0.0
-            arms.curve[a] = -arms.curve[a] - bent
-        multiply_by(arms.to_dents, arms.count, arms.value, arms.laid_value)
-        multiply_by(arms.to_dents, arms.count, arms.slope, arms.laid_slope)
-        multiply_by(arms.to_dents, arms.count, arms.curve, arms.laid_curve)
-        if speed == 0:  # it has a root there: what it is in the mean, from the node before
-            top = on.node_at(m, True, int(m[on.OUTER_COUNT]) - 1)
-            for j in range(arms.count):
-                before = m[top + on.NODE_ARMS + on.ARM_WIDTH * j + on.ARM_SLOPE]
-                arms.laid_curve[j] = (arms.laid_slope[j] - before) / (xi - m[top + on.NODE_XI])
-        on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
-        on.drop_released_nodes(m, xi)
+        return
+    _, slope, _ = dent_at_edge(contact, u, u.x, t)
+    bend = (1 + slope) / speed if speed != 0 else 0.0
+    if contact.now.mode == on.GROWING:
+        lay_out(arms.to_arms, arms)
+        turn_over(arms, u, xi, bend, arms.laid_value, arms.laid_slope, arms.laid_curve)
+        on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
+        on.drop_covered_nodes(m, xi)
+        return
+    turn_over(arms, u, xi, bend, arms.value, arms.slope, arms.curve)
+    lay_out(arms.to_dents, arms)
+    if speed == 0:  # it has a root there: what it is in the mean, from the node before
+        top = on.node_at(m, True, int(m[on.OUTER_COUNT]) - 1)
+        for j in range(arms.count):
+            before = m[top + on.NODE_ARMS + on.ARM_WIDTH * j + on.ARM_SLOPE]
+            arms.laid_curve[j] = (arms.laid_slope[j] - before) / (xi - m[top + on.NODE_XI])
+    on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
+    on.drop_released_nodes(m, xi)
 
 
 @kernel
@@ -319,8 +301,8 @@ def lay_between(contact: Relaxing, motion: Motion) -> None:
     q = 35 * end.passed / (32 * h) - 19 * (q0 + q1) / 32 + h * ((v1 - v0) / 16 - h * (a0 + a1) / 384)
     v = 15 * (q1 - q0) / (8 * h) - 7 * (v0 + v1) / 16 + h * (a1 - a0) / 32
     for a in range(arms.count):
-        rate, d0, b0 = arms.rate[a], filtered_depth(u, a), filtered_depth(of, a)
-        d1, b1 = filtered_depth(end, a), filtered_depth(to, a)
+        j = place_of_arm(a)
+        rate, d0, b0, d1, b1 = arms.rate[a], u.arms[j], of.arms[j], end.arms[j], to.arms[j]
         w0, w1 = 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # slopes of d - D
         c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
         e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))

@@ -11,7 +11,6 @@ import math
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.columns import MOST_ARMS
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time import surface_memory as on
@@ -54,12 +53,11 @@ from phasemap._kernels.orbits.time.relaxing import (
     Relaxing,
     dent_at,
     dent_at_edge,
-    filtered_depth,
     lay_between,
     lay_edge,
+    place_of_arm,
     stored_energy,
     tip_depth,
-    total,
 )
 from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over, strays_from_line
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
@@ -115,7 +113,7 @@ def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
         return math.sqrt(max(d + contact.t0 * u.v, 0.0))
     q = u.x if u.x > 0 else math.sqrt(max(d, 0.0))
     for _ in range(MOST_TURN_STEPS):
-        w, slope, _ = dent_at_edge(contact, True, u, q, 0.0)
+        w, slope, _ = dent_at_edge(contact, u, q, 0.0)
         off = q * q + w - d
         if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
             break
@@ -202,8 +200,7 @@ def note_expected_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Mo
 @kernel
 def rest_dashpots(contact: Relaxing, u: Moved, depth: float) -> None:
     """Put the dashpots of all arms at rest at the depth [m] at which a contact begins: creep counts from there."""
-    u.dashpot_depth, u.inside = depth, 0.0
-    for j in range(first_moved(contact, True), PLACE_OF_X - 2, 2):
+    for j in range(first_moved(contact), PLACE_OF_X, 2):
         u.arms[j], u.arms[j + 1] = depth, 0.0
 
 
@@ -295,17 +292,15 @@ def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motio
     """
     m, u, now, arms, d = contact.m, motion.here.at, contact.now, contact.arms, motion.here.at.x
     if now.mode != OFF_SURFACE:
-        u.x, u.dashpot_depth, u.inside = m[on.CONTACT_EDGE], m[on.DASHPOT_DEPTH], m[on.INNER_SUM]
-        for a in range(1, arms.count):
-            j = 2 * (MOST_ARMS - 1 - a)
-            u.arms[j], u.arms[j + 1] = m[on.DASHPOT_DEPTH + a], m[on.INNER_SUM + a]
+        u.x = m[on.CONTACT_EDGE]
+        for j in range(first_moved(contact), PLACE_OF_X):
+            u.arms[j] = m[on.ARM_NUMBERS + j]
         q = find_edge(contact, d, u)
         if contact.t0 == 0:
-            dent_at_edge(contact, True, u, q, 0.0)
+            dent_at_edge(contact, u, q, 0.0)
             more = on.pressed_to(contact.layer, q, d)[1] * (q - u.x)
-            u.inside += arms.y[0] * more
-            for a in range(1, arms.count):
-                u.arms[2 * (MOST_ARMS - 1 - a) + 1] += arms.y[a] * more
+            for a in range(arms.count):
+                u.arms[place_of_arm(a) + 1] += arms.y[a] * more
         u.x = q
     elif d > dent_at(contact, 0.0)[0]:  # all elements touched at the same time
         now.mode, u.x = on.GROWING, 0.0
@@ -334,7 +329,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
     if m[on.OUTER_COUNT] == 0:
         return 0.0
     on.fill_dents_outside(m, 0.0, 0.0, arms)
-    depth = total(arms, arms.value)
+    depth = float(arms.value[: arms.count].sum())
     if depth < DENT_FORGOTTEN * free:
         m[on.OUTER_COUNT] = 0.0
         return 0.0
@@ -376,9 +371,8 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
     depth = tip_depth(contact, u, t)
     motion.sums.loss += stored_energy(contact, u.x, depth, t)
     y[on.CONTACT_MODE], y[on.CONTACT_EDGE] = now.mode, u.x
-    for a in range(arms.count):
-        j = 2 * (MOST_ARMS - 1 - a) + 1
-        y[on.DASHPOT_DEPTH + a], y[on.INNER_SUM + a] = filtered_depth(u, a), u.inside if a == 0 else u.arms[j]
+    for j in range(first_moved(contact), PLACE_OF_X):
+        y[on.ARM_NUMBERS + j] = u.arms[j]
     on.shift_times(y, t)
     y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE or now.held == 1 else 0.0
     end_period(lever, here, motion, depth, y, acc)

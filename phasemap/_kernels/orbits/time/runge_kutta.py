@@ -124,11 +124,11 @@ def cosine_and_sine(angle: float) -> tuple[float, float]:
 
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _fill_slopes(here: Here, start: StepStart, off: bool, many: bool, y: Moved, k: Moved, integrals: bool) -> None:
-    """Fill in the slopes of the numbers moved, `many` of several modes or arms, and of the integrals if wanted."""
+    """Fill in the slopes of the numbers moved, `many` of several modes or of arms, and of the integrals if wanted."""
     beam, modes, v = here.beam, here.beam.modes, y.v
     c, s = cosine_and_sine(beam.omega * y.passed)
     c, s = start.cos * c - start.sin * s, start.sin * c + start.cos * s
-    push = push_of(here.contact, off, many, start.time, y)
+    push = push_of(here.contact, off, start.time, y)
     w, z, whole = push.w, beam.z0 + push.depth, push.force + push.drag * v
     if not many or modes.count == 1:
         a = beam.drive * c - z - push.force - (2 * beam.alpha0 + push.drag) * v
@@ -154,7 +154,7 @@ def _fill_slopes(here: Here, start: StepStart, off: bool, many: bool, y: Moved, 
         a -= modes.square[0] * first + modes.damping[0] * first_speed
         air += modes.loss[0] * first_speed * first_speed
     k.v, k.passed = w * a, w
-    taken = fill_own_slopes(here.contact, off, many, push, y, a, k)
+    taken = fill_own_slopes(here.contact, off, push, y, a, k)
     if integrals:
         k.cos, k.sin, k.mean_z = w * z * c, w * z * s, w * z
         k.loss, k.virial, k.air = taken + w * push.drag * v * v, -w * whole * z, w * air
@@ -164,9 +164,9 @@ def _fill_slopes(here: Here, start: StepStart, off: bool, many: bool, y: Moved, 
 def _step(here: Here, start: StepStart, off: bool, many: bool, point: MotionPoint, h: float, end: Moved) -> None:
     """One step of length h of Dormand and Prince's method of order 8, from `point` to `end`.
 
-    `off`: whether the tip is off the surface. `many`: whether the lever has several modes, or the contact several arms.
+    `off`: whether the tip is off the surface. `many`: whether the lever has several modes, or the contact arms.
     """
-    m, first = Stages(), PLACE_OF_X if off else first_moved(here.contact, many)
+    m, first = Stages(), PLACE_OF_X if off else first_moved(here.contact)
     count = ONE_MODE + 2 * here.beam.modes.count - 2 if many else ONE_MODE
     slope = point.slope if first < PLACE_OF_X else m.k1  # kept where it is wanted: memory would cost 3 % of a step
     if first == PLACE_OF_X or point.known == 0:
@@ -227,22 +227,22 @@ def _step_off_surface(here: Here, start: StepStart, point: MotionPoint, h: float
 
 @kernel
 def _step_in_contact(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
-    """One step of a lever of one mode in contact."""
+    """One step of a lever of one mode in contact with a surface that remembers nothing."""
     _step(here, start, False, False, point, h, end)
 
 
 @kernel(fastmath=ANY_ORDER)
 def _step_of_many(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
-    """One step of a lever of several modes, or over a surface of several arms."""
+    """One step of a lever of several modes, or in contact with a surface that relaxes."""
     _step(here, start, here.contact.now.mode == OFF_SURFACE, True, point, h, end)
 
 
 @kernel(inline=True)
 def _has_many(here: Here) -> bool:
-    """Whether the lever has several modes, or a contact that the tip is in several arms."""
+    """Whether the lever has several modes, or a contact that the tip is in arms."""
     if here.beam.modes.count > 1:
         return True
-    return here.contact.now.mode != OFF_SURFACE and first_moved(here.contact, True) < PLACE_OF_X - 2
+    return here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) < PLACE_OF_X
 
 
 @kernel(inline=True)
