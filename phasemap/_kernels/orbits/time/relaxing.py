@@ -27,7 +27,6 @@ from phasemap._kernels.orbits.time.arms import Arms, lay_out, multiply_by
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
-    Motion,
     Moved,
     attraction_at,
     fill_own_slopes,
@@ -252,7 +251,7 @@ def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: f
 def turn_over(
     arms: Arms, u: Moved, xi: float, bend: float, value: np.ndarray, slope: np.ndarray, curve: np.ndarray
 ) -> None:
-    """Turn y of an element at the edge into b = D - xi - y, or the other way round; D'' by xi is -`bend` times 1/tau."""
+    """Turn y of an element at the edge into b = D - xi - y, or back; D bends by xi with -`bend` over each time."""
     for a in range(arms.count):
         value[a] = u.arms[place_of_arm(a)] - xi - value[a]
         slope[a], curve[a] = -1 - slope[a], -curve[a] - bend * arms.rate[a]
@@ -286,27 +285,3 @@ def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
             arms.laid_curve[j] = (arms.laid_slope[j] - before) / (xi - m[top + on.NODE_XI])
     on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
     on.drop_released_nodes(m, xi)
-
-
-@kernel
-def lay_between(contact: Relaxing, motion: Motion) -> None:
-    """Lay the element half-way along a step over a surface without dents.
-
-    It lies on polynomials of degree 7 through both ends, of the time, whose slope is 2 q, and of D. Without it those of
-    degree 5 between nodes are the largest error.
-    """
-    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
-    arms, q0, v0, a0, q1, v1, a1 = contact.arms, u.x, u.v, of.v, end.x, end.v, to.v
-    time = end.passed / 2 + h * (11 * (q0 - q1) / 32 + h * (3 * (v0 + v1) / 64 + h * (a0 - a1) / 384))
-    q = 35 * end.passed / (32 * h) - 19 * (q0 + q1) / 32 + h * ((v1 - v0) / 16 - h * (a0 + a1) / 384)
-    v = 15 * (q1 - q0) / (8 * h) - 7 * (v0 + v1) / 16 + h * (a1 - a0) / 32
-    for a in range(arms.count):
-        j = place_of_arm(a)
-        rate, d0, b0, d1, b1 = arms.rate[a], u.arms[j], of.arms[j], end.arms[j], to.arms[j]
-        w0, w1 = 2 * q0 * v0 - b0, 2 * q1 * v1 - b1  # slopes of d - D
-        c0, c1 = 2 * rate * (v0 * (q0 * q0 - d0) + q0 * w0), 2 * rate * (v1 * (q1 * q1 - d1) + q1 * w1)
-        e0 = 2 * rate * (a0 * (q0 * q0 - d0) + 2 * v0 * w0 + q0 * (2 * v0 * v0 + 2 * q0 * a0 - c0))
-        e1 = 2 * rate * (a1 * (q1 * q1 - d1) + 2 * v1 * w1 + q1 * (2 * v1 * v1 + 2 * q1 * a1 - c1))
-        dashpot_depth = (d0 + d1) / 2 + h * (11 * (b0 - b1) / 64 + h * (3 * (c0 + c1) / 128 + h * (e0 - e1) / 768))
-        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = dashpot_depth - q * q, -1.0, -rate / v
-    on.lay_node(contact.m, False, q * q, motion.time + time, on.OPEN_PEAK, arms)

@@ -53,7 +53,6 @@ from phasemap._kernels.orbits.time.relaxing import (
     Relaxing,
     dent_at,
     dent_at_edge,
-    lay_between,
     lay_edge,
     place_of_arm,
     stored_energy,
@@ -174,9 +173,6 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
             end_step_at_event(here, motion, OLD_TURN)
             find_slopes(here, motion, end)
             end.at.x = (1 + JUST_PAST) * on.edge_of_old_turn(m)
-        whole = motion.event in (NO_EVENT, CONTACT_TURN) and end.at.passed < motion.left
-        if whole and contact.t0 == 0 and m[on.OUTER_COUNT] == 0:
-            lay_between(contact, motion)
     if u.v > 0 > end.at.v and m[on.OUTER_COUNT] > 0:
         _note_depth(contact, here, motion)
 
