@@ -160,11 +160,10 @@ def test_the_error_is_of_order_eight(group: str) -> None:
 
 
 @pytest.mark.parametrize("modes", [2, 3, 4])
-@pytest.mark.parametrize("decay_length", [None, 1e-10])  # exact flights, and steps
-def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int, decay_length: float | None) -> None:
+def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int) -> None:
     lever = pm.Cantilever(0.1, 20e3, 2.5, modes=modes)
-    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"), pm.Interaction("dmt", decay_length))
-    work = work_of_material(pm.Material(1e9, 0.0 if decay_length is None else 1e-12), scope, 8e-9)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"), pm.Interaction("dmt"))
+    work = work_of_material(pm.Material(1e9), scope, 8e-9)
     oscillator = work.oscillator(0)
     omega, drive = work.lever[col.OMEGA], work.lever[col.DRIVE]
     free = drive / complex(work.lever[col.DYNAMIC_STIFFNESS], work.lever[col.DYNAMIC_LOSS])
@@ -199,13 +198,10 @@ def test_a_contact_that_a_mode_makes_again_within_a_flight_is_found() -> None:
     tip = tip_on(oscillator, row)
     for _ in range(60):
         assert march.march_period(oscillator, row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
-    exact = tip.acc.cos, tip.acc.sin
-    # The same with so weak a long-range force that flights are taken in steps.
-    weak = list(oscillator.p)
-    weak[col.LONGRANGE], weak[col.INVERSE_REACH] = 1e-30, 1e10
-    for _ in range(60):
-        assert march.march_period(oscillator._replace(p=tuple(weak)), row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
-    assert (tip.acc.cos, tip.acc.sin) == pytest.approx(exact, abs=1e-9 * row[col.AMPLITUDE])
+    found = tip.acc.cos, tip.acc.sin
+    for _ in range(60):  # in steps so short that none has two contacts
+        assert march.march_period(oscillator, row[col.TIP_OFFSET], 0.2 * ETA, tip.u, tip.acc) > 0
+    assert (tip.acc.cos, tip.acc.sin) == pytest.approx(found, abs=1e-9 * row[col.AMPLITUDE])
     assert tip.u[Z] < row[col.TIP_OFFSET] or tip.u[V] != 0.0
 
 

@@ -136,7 +136,7 @@ def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: M
 
 @Chosen
 def step_length(contact: Any, beam: Beam, step_size: float, motion: Motion) -> float:
-    """Length of the next step; infinite where nothing acts on a lever with several modes, which then flies exactly."""
+    """Length of the next step."""
     raise NotImplementedError
 
 

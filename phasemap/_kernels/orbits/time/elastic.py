@@ -58,7 +58,6 @@ from phasemap._kernels.orbits.time.step_density import (
     approach_square,
     contact_rate,
     depth_reached,
-    flies_freely,
     flight_rate,
     pull_in_contact,
 )
@@ -144,8 +143,6 @@ def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float
 def _step_length(contact: Elastic, beam: Beam, step_size: float, motion: Motion) -> float:
     u, now, neck = motion.here.at, contact.now, contact.neck
     if now.mode == OFF_SURFACE:
-        if flies_freely(contact, beam):
-            return math.inf
         return step_size / flight_rate(contact, beam, u.x, u.v)
     # v / deep is the rate at which stiffness builds up; from q = 0 the local rate does not see it coming.
     rate = contact_rate(contact, beam, now.bottom, u.x)

@@ -1,7 +1,7 @@
 """A period of the drive, marched over a contact of any kind, in steps that end where something happens.
 
 A step goes to the first event in it: the cubic through both ends says where about, Newton's method on the step's length
-where exactly. Free flights of a lever with several modes are one step.
+where exactly.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from phasemap._kernels.orbits.time.contact import (
     step_length,
     stop_at_event,
 )
-from phasemap._kernels.orbits.time.free_flight import fly
 from phasemap._kernels.orbits.time.modes import Modes
 from phasemap._kernels.orbits.time.runge_kutta import cosine_and_sine, find_slopes, take_step
 from phasemap._kernels.orbits.time.step_density import HIGHER_WEIGHT
@@ -160,11 +159,6 @@ def stop_at_touch(here: Here, motion: Motion) -> None:
 def _step_to_event(here: Here, step_size: float, motion: Motion) -> None:
     """Take a step to what happens first, or to the end of the period."""
     off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, step_size, motion)
-    if h == math.inf:
-        edge = here.contact.p[col.FORMING]
-        motion.sums.deepest = max(motion.sums.deepest, fly(here.beam, edge, motion))
-        motion.event = FIRST_TOUCH if motion.end.at.x >= edge else NO_EVENT
-        return
     advance(here, motion, min(h, motion.left) if off else h)
     stop_at_event(here.contact, here, motion)
     if not off and motion.end.at.passed >= motion.left:

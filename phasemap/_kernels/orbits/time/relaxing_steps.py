@@ -27,7 +27,6 @@ from phasemap._kernels.orbits.time.step_density import (
     LEAST_GAP_IN_NECK,
     approach_square,
     contact_rate,
-    flies_freely,
     pull_in_contact,
 )
 
@@ -159,8 +158,6 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
             motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
         contact.m[on.OUTER_COUNT] = dent = 0.0
         contact.now.dented = 0
-    if dent == 0.0 and not held and flies_freely(contact, beam):
-        return math.inf
     gap = min(u.x - dent, -LEAST_GAP_IN_NECK * contact.pace.free) if held else u.x - dent
     density = math.sqrt(beam.rate + approach_square(contact, beam, gap, u.v, held))
     if dent > 0:

@@ -23,13 +23,6 @@ HIGHER_WEIGHT = 0.4
 LEAST_GAP_IN_NECK = 1e-9
 
 
-@kernel(inline=True)
-def flies_freely(contact: Any, beam: Beam) -> bool:
-    """Whether a lever with several modes and one drive feels nothing out of contact: its flight is one exact step."""
-    alone = not has_longrange(contact.p) and contact.law.lossy == 0
-    return beam.modes.count > 1 and alone and beam.modes.second == 0.0
-
-
 @kernel
 def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
