@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.materials.distinct import gather, look_up, row_digests
+from phasemap._kernels.materials.distinct import gather, look_up
 from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.threads import bounds_of, found_in
@@ -60,17 +60,7 @@ def _bits(materials: Array) -> NDArray[np.uint64]:
     return np.ascontiguousarray(materials).view(np.uint64)
 
 
-def digests_of(materials: Array) -> NDArray[np.uint64]:
-    """64 bits of each material that almost surely differ where the materials differ."""
-    out = np.empty(len(materials), np.uint64)
-    row_digests(_bits(materials), out)
-    return out
-
-
-Digests = NDArray[np.uint64]
-
 SAMPLE = 1 << 16  # pixels that are drawn from an image
-KEPT = 1 << 17  # digests from which the number of distinct materials is estimated, to 0.3 %
 
 
 class Place(NamedTuple):
@@ -108,44 +98,31 @@ class Survey:
     # shape (m, 4) or (m, 10); those of the drawn pixels that have one, each once and in order; of no interest
     # where the whole has few
     sample: Array
-    # uint64; the smallest digests of the distinct materials, in order, at most KEPT; of no interest where
-    # `materials` are known
-    smallest: Digests
+    pixels: int  # of the surface or part, with or without a material
 
     @property
     def count(self) -> int:
-        """How many distinct materials there are; above a hundred thousand to 0.3 %.
-
-        The k-th smallest of n random numbers below 1 is near k / n.
-        """
-        if self.materials is not None:
-            return len(self.materials)
-        if len(self.smallest) < KEPT:
-            return len(self.smallest)
-        return round((KEPT - 1) / (float(self.smallest[-1]) / 2.0**64))
+        """How many distinct materials there are; where that is not known, as many as pixels."""
+        return self.pixels if self.materials is None else len(self.materials)
 
     def joined(self, other: Survey, most: int) -> Survey:
         """The survey of both parts together, with at most so many distinct materials."""
-        sample = _each_once(np.concatenate([self.sample, other.sample]))
+        sample, pixels = _each_once(np.concatenate([self.sample, other.sample])), self.pixels + other.pixels
         if self.materials is not None and other.materials is not None:
             known = Distinct(most)
             both = np.concatenate([self.materials, other.materials])
             if known.add(both) == len(both):
-                return Survey(known.materials.copy(), sample, self.smallest)
-        return Survey(None, sample, _smallest(self._digests(), other._digests()))
-
-    def _digests(self) -> Digests:
-        return self.smallest if self.materials is None else digests_of(self.materials)
+                return Survey(known.materials.copy(), sample, pixels)
+        return Survey(None, sample, pixels)
 
 
 def survey(surface: Surface, most: int, place: Place | None = None, workers: int = 1) -> Survey:
     """Look at the materials of a surface, or of the part of one that lies in `place`, at all of them up to `most`."""
-    materials = _all_of_few(surface, most, workers)
-    smallest = _smallest_of(surface, workers) if materials is None else np.empty(0, np.uint64)
+    materials, pixels = _all_of_few(surface, most, workers), surface.shape[0] * surface.shape[1]
     if place is None and materials is not None:
-        return Survey(materials, np.empty((0, materials.shape[1])), smallest)
+        return Survey(materials, np.empty((0, materials.shape[1])), pixels)
     where = place or Place(0, 0, surface.shape)
-    return Survey(materials, _each_once(surface.materials(where.drawn(surface.shape))), smallest)
+    return Survey(materials, _each_once(surface.materials(where.drawn(surface.shape))), pixels)
 
 
 def _all_of_few(surface: Surface, most: int, workers: int) -> Array | None:
@@ -180,38 +157,11 @@ def _parts(first: int, last: int) -> list[slice]:
     return [slice(start, min(start + BLOCK, last)) for start in range(first, last, BLOCK)]
 
 
-def _smallest_of(surface: Surface, workers: int) -> Digests:
-    """The smallest digests of all materials."""
-
-    def smallest_in(first: int, last: int) -> Digests:
-        """Gathered until there are twice as many as are kept."""
-        kept = np.empty(0, np.uint64)
-        held: list[Digests] = []
-        for part in _parts(first, last):
-            digests = digests_of(surface.materials(part))
-            held.append(digests[digests < kept[-1]] if len(kept) == KEPT else digests)
-            if sum(map(len, held)) >= KEPT:
-                kept, held = _smallest(kept, *held), []
-        return _smallest(kept, *held)
-
-    return _smallest(*found_in(smallest_in, _ranges(surface.shape[0] * surface.shape[1], workers), workers))
-
-
-def _smallest(*digests: Digests) -> Digests:
-    ordered = np.sort(np.concatenate(digests))  # numpy.unique takes ten times as long
-    return ordered[_first(ordered[:, np.newaxis])][:KEPT]
-
-
 def _each_once(materials: Array) -> Array:
     """Rows of materials in order, each once, without those of pixels without one."""
     there = np.isfinite(materials[:, :PLAIN]).all(axis=1) & ~np.isnan(materials).any(axis=1)
     finite = materials[there] + 0.0  # -0 is 0
     ordered = finite[np.lexsort(finite.T[::-1])]
-    return ordered[_first(ordered)]
-
-
-def _first(ordered: NDArray[Any]) -> NDArray[np.bool_]:
-    """Whether a row differs from the one before."""
     differs = np.ones(len(ordered), np.bool_)
     differs[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    return differs
+    return ordered[differs]

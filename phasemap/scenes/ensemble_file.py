@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 NUMBERS = {  # long name and units, of what is a number a sample
     "failed": ("pixels without a solution", "1"),
     "irregular": ("pixels with irregular motion", "1"),
-    "distinct_materials": ("materials that were solved for", "1"),
+    "distinct_materials": ("distinct materials; pixels where they are too many to count", "1"),
     "adhesion_force": ("largest adhesion between tip and sample", "N"),
     "lever_force": ("stiffness times free amplitude", "N"),
 }

@@ -93,7 +93,7 @@ def image_again(picture: Picture, surface: Surface, threads: int | None, progres
             realism=still, variables=names, progress=progress, threads=threads,
         )  # fmt: skip
     values = {str(name): variable.values.reshape(-1) for name, variable in image.data_vars.items()}
-    return Again(picture, np.arange(int(np.prod(picture.shape))), values, int(image.attrs["distinct_materials"]))
+    return Again(picture, np.arange(int(np.prod(picture.shape))), values, len(surface.unique()[0]))
 
 
 def solve_again(

@@ -276,8 +276,7 @@ def test_a_large_image_takes_little_memory_beside_what_is_returned() -> None:
     image = pm.simulate(surface, AIR, 0.7, variables=("height", "phase"))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    # Two float maps and the status are returned. The rest is blocks of 2^15 pixels, the same for an image of any size,
-    # but for the digests that are sorted to count the materials, 8 bytes a pixel up to 2^22 of them.
+    # Two float maps and the status are returned. The rest is blocks of 2^15 pixels, the same for an image of any size.
     assert peak - image.nbytes < 64 * 2**20
 
 

@@ -258,7 +258,7 @@ def test_an_image_of_too_many_materials_is_worked_in_blocks_of_lines(
         surface, SCOPE, SETPOINT, "orbit", pm.Raster(engage), progress=lambda *done: seen.append(done), threads=1
     )
     assert all(np.array_equal(image[name], expected[name]) for name in ("phase", "height", "branch", "status"))
-    assert image.attrs["distinct_materials"] == expected.attrs["distinct_materials"]
+    assert image.attrs["distinct_materials"] == 54  # too many to count: as many as pixels
     assert len(seen) > 1 and seen[-1] == (54, 54) and seen == sorted(seen)
 
 

@@ -22,13 +22,6 @@ def row_digest(row: np.ndarray) -> np.uint64:
 
 
 @kernel
-def row_digests(rows: np.ndarray, out: np.ndarray) -> None:
-    """Fill in the digest of every row."""
-    for i in range(len(rows)):
-        out[i] = row_digest(rows[i])
-
-
-@kernel
 def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
     """Place in the table where this row is, or would be; the table's length is a power of 2."""
     at = np.int64(row_digest(row) & np.uint64(len(table) - 1))
