@@ -15,16 +15,17 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
 from phasemap._kernels.engagement.by_collocation import (
     CurveWorkspace,
-    detected_amplitude_wanted,
-    engaged_collocation_orbit,
     new_curve_workspace,
 )
-from phasemap._kernels.engagement.detected_setpoint import move_to_detected_amplitude
+from phasemap._kernels.engagement.detected_setpoint import (
+    collocation_orbit_at_detected_amplitude,
+    move_to_detected_amplitude,
+)
 from phasemap._kernels.excitation import detected_rates, detected_signal, likely_amplitude
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.branch import MEASURED_OFFSET, MEASURED_PHASE
-from phasemap._kernels.orbits.averaged.sides import Maximum
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
@@ -87,11 +88,9 @@ def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, r
 def collocation_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
     """Exact orbit seen with the amplitude held [m] to which curves lead a tip from far; False where a tip leaps."""
     top, harmonic = Maximum(), HarmonicOrbit()
-    rung = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, 1), harmonic, top)
-    done = engaged_collocation_orbit(
-        oscillator, detected_amplitude_wanted(oscillator, held), rung, harmonic, curve, row
-    )
-    return done == col.GOOD and solve_at_held_amplitude(oscillator, held, curve.found, row)
+    rung = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, ATTRACTIVE), harmonic, top)
+    done, _ = collocation_orbit_at_detected_amplitude(oscillator, held, rung, harmonic, top, curve, row)
+    return done == col.GOOD
 
 
 @kernel
