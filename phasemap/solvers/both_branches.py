@@ -25,7 +25,7 @@ SIDES = {ATTRACTING: -1, REPELLING: 1}  # of the resonance, on which the orbits 
 
 
 class Branches(NamedTuple):
-    """What holds the setpoint, for n materials."""
+    """Orbits of n materials at the setpoint: attractive, repulsive, and the one that engagement from far finds."""
 
     # shape (3, n, COLUMNS); result rows of the attractive orbit, of the repulsive one, and of the one that
     # engagement from far finds (which is one of the other two); NaN where there is none

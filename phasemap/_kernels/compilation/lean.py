@@ -261,10 +261,10 @@ class _Pipeline:
     pipeline_name = "lean"
 
     def __init__(self) -> None:
-        self.exec_times: dict[str, Any] = {}
+        self.exec_times: dict[str, Any] = {}  # which numba reads
 
     def run(self, state: Any) -> None:
-        """Run all."""
+        """Run numba's passes in turn."""
         for one in _PASSES:
             one.run_pass(state)
 

@@ -59,7 +59,7 @@ def control_entry(path: Path) -> int:
 
 @kernel
 def answer_entry(path: Path) -> int:
-    """The other entry that moves: the amplitude, or the tip offset where the amplitude is held."""
+    """Entry that answers the control: the amplitude, or the tip offset where the amplitude is held."""
     return ENTRY_Z0 if path.kind == HELD_AMPLITUDE else ENTRY_A
 
 

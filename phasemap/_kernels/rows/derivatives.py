@@ -35,7 +35,8 @@ class Setpoints(NamedTuple):
     levers: np.ndarray  # as `phasemap._kernels.columns` has them, each in a row
     amplitudes: np.ndarray  # shape (m,); as the detector sees them [m]
     sides: np.ndarray  # int8, shape (n, m); -1 attractive, 1 repulsive, 0 where there is nothing to compare with
-    # shape (n, m): c of averaged orbits, a guess, and what was found; (n, m, PLACE) of exact ones, as of `beside`
+    # shape (n, m): c of averaged orbits, a guess, and what was found; (n, m, PLACE) of exact ones, as
+    # `store_collocation_orbit` leaves them
     places: np.ndarray
 
 

@@ -158,18 +158,18 @@ def _permanent_count(rate: float, level: int) -> int:
 @kernel
 def _index_of_count(wanted: float) -> int:
     """Index of the first of CONTACT_COUNTS that is at least `wanted`, or of the last."""
-    pick = 0
-    while pick < len(CONTACT_COUNTS) - 1 and CONTACT_COUNTS[pick] < wanted:
-        pick += 1
-    return pick
+    count_index = 0
+    while count_index < len(CONTACT_COUNTS) - 1 and CONTACT_COUNTS[count_index] < wanted:
+        count_index += 1
+    return count_index
 
 
 @kernel
-def _append_contact(orbit: Orbit, side: int, start: float, end: float, pick: int) -> bool:
-    """Append the elements of a contact, between two ends at which the force may start like a root."""
-    ok = True
-    for e in range(CONTACT_COUNTS[pick]):
-        ok = append_element(orbit, CONTACT_START[pick] + e, side, 0.5 * (start + end), 0.5 * (end - start)) and ok
+def _append_contact(orbit: Orbit, side: int, start: float, end: float, count_index: int) -> bool:
+    """Append CONTACT_COUNTS[count_index] elements of a contact, at whose two ends the force may start like a root."""
+    ok, first = True, CONTACT_START[count_index]
+    for e in range(CONTACT_COUNTS[count_index]):
+        ok = append_element(orbit, first + e, side, 0.5 * (start + end), 0.5 * (end - start)) and ok
     return ok
 
 
@@ -188,8 +188,8 @@ def lay_elements(oscillator: Oscillator, orbit: Orbit, source: Orbit, level: int
         side = OUT_OF_CONTACT if contacts != PERMANENT else IN_CONTACT if nearest > 0.0 else IN_NECK
         if side == IN_CONTACT:
             rate = _rate_at_depth(oscillator, nearest + 2.0 * amplitude) / oscillator.lever[OMEGA]
-            pick = _permanent_count(rate, level)
-            return _append_contact(orbit, IN_CONTACT, theta, theta + TWO_PI, pick)
+            count_index = _permanent_count(rate, level)
+            return _append_contact(orbit, IN_CONTACT, theta, theta + TWO_PI, count_index)
         scale = math.sqrt(2.0 * (abs(nearest) + (reach if side == OUT_OF_CONTACT else 0.0)) / amplitude)
         if side == OUT_OF_CONTACT and not has_longrange(p):
             scale = 0.0

@@ -42,13 +42,11 @@ from phasemap._kernels.orbits.collocation.system import (
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 from phasemap._kernels.records import assign
 
-HALVING_SAFETY = (
-    2.0  # over the change in the step; of 7,000 orbits drawn at random none was farther off than 1.4 times that
-)
+# Over the change in the step; of 7,000 orbits drawn at random none was farther off than 1.4 times that.
+HALVING_SAFETY = 2.0
 LEAST_PHASE_ERROR, LEAST_OFFSET_ERROR = 4e-11, 1e-19  # [rad, m], least error to be expected
-OFFSET_ROUNDING = (
-    2e-13  # of the tip offset, in the amplitude: what is rounded where a lever is pressed deep into the surface
-)
+# Of the tip offset, in the amplitude: what is rounded where a lever is pressed deep into the surface.
+OFFSET_ROUNDING = 2e-13
 BESIDE_CONTACTS = 1e-3  # [rad] by which elements may lie beside the contacts and still be the same ones
 
 

@@ -105,7 +105,7 @@ def solve_near(
 def collocation_orbit_from_harmonic(
     oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray
 ) -> tuple[int, float]:
-    """Exact orbit from a harmonic one: its row, and how far it is from it [m].
+    """Exact orbit from a harmonic one: fills its row; returns a status, and how far apart the two are [m].
 
     The status is that under feedback; which orbit it is, is for the caller to see. It is as near as tip offset or depth
     are: harmonics that lift the tip do not bring it to another branch.
@@ -115,10 +115,11 @@ def collocation_orbit_from_harmonic(
     )
     if done == col.GOOD:
         done = refine_orbit(oscillator, orbit, row)
+    if done != col.GOOD:
+        return done, math.inf
     depth = harmonic.amplitude - harmonic.tip_offset + harmonic.mean_deflection
     deeper = min(abs(row[col.INDENTATION] - deep), abs(row[col.INDENTATION] - depth))
-    away = min(abs(row[col.TIP_OFFSET] - start), deeper)
-    return feedback_status(row) if done == col.GOOD else done, away
+    return feedback_status(row), min(abs(row[col.TIP_OFFSET] - start), deeper)
 
 
 @kernel

@@ -44,14 +44,14 @@ from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.quadrature import NODES, T_END1
 
 MOST_NEWTON_STEPS = 30
-MOST_HELD_STEPS = 15  # of one step each, for the amplitude that the detector sees
+MOST_HELD_STEPS = 15  # of Newton's method, where the amplitude that the detector sees is held
 HELD_EXACTLY = 1e-12  # of that amplitude
-COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 STILL_ON_THE_WAY = 1e-2  # of the last change allowed on the way: the tangent is off by as little of it
 TANGENT_ERROR = 1e-6  # of the contact; so much tangent and multipliers of an exact orbit may be off
 NO_JUMP = 1e-9  # of the drive's force: a smaller step of the force at contact is none
 HARMLESS_DISPLACEMENT = 2e-6  # of the contact's depth, by which a root of the depth at its edge costs no digit
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
+COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 
 
 class NewtonLimits(NamedTuple):
