@@ -85,7 +85,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time import march
-    from phasemap._kernels.orbits.time.landing import land_free, land_on
+    from phasemap._kernels.orbits.time.many_periods import land_free, land_on
     from phasemap._kernels.quadrature import TABLES
     from phasemap._kernels.rows import by_collocation, by_response, marched
     from phasemap._kernels.rows.answers import Answers

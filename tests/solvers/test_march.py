@@ -16,7 +16,8 @@ from cases import Case, hold_in_time, label, load
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time import linear_map, march, period, runge_kutta
+from phasemap._kernels.orbits.time import march, period, runge_kutta
+from phasemap._kernels.orbits.time import tip as of_tip
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.lever import one_mode
@@ -122,10 +123,10 @@ def test_a_measured_decay_is_summed_and_its_multipliers_found(count: int, size: 
     linear, way = PeriodMap(), np.zeros(count)
     linear.count = count
     linear.motion[: count * count] = change.T.reshape(-1)
-    linear_map.fill_way_of_decay.py_func(linear, now, way)
+    of_tip.fill_way_of_decay.py_func(linear, now, way)
     assert way == pytest.approx(np.linalg.solve(-change, now))
     largest = np.abs(np.linalg.eigvals(np.eye(count) + change)).max()
-    assert linear_map.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)
+    assert of_tip.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)
 
 
 # One period.

@@ -25,7 +25,6 @@ from phasemap._kernels.law import Oscillator, has_hysteresis, has_longrange, lon
 from phasemap._kernels.lever import free_amplitude, near_resonance, reach_of
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import FARTHEST_AT_ALL
-from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import (
@@ -35,10 +34,12 @@ from phasemap._kernels.orbits.time.tip import (
     Way,
     Z,
     amplitude_of,
+    amplitude_slope,
     copy_state,
     motion_size,
     move_state,
     ring_down_periods,
+    slopes_of_orbit,
 )
 from phasemap._kernels.records import record
 

@@ -21,7 +21,6 @@ from phasemap._kernels.excitation import likely_amplitude
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis, has_longrange
 from phasemap._kernels.lever import bend_by_adhesion
 from phasemap._kernels.numerics import copy, newton_in_bracket
-from phasemap._kernels.orbits.time.linear_map import amplitude_slope, slopes_of_orbit
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
@@ -29,10 +28,12 @@ from phasemap._kernels.orbits.time.tip import (
     Tip,
     Way,
     amplitude_of,
+    amplitude_slope,
     copy_state,
     motion_size,
     move_state,
     ring_down_periods,
+    slopes_of_orbit,
     swing_state,
 )
 

@@ -15,6 +15,7 @@ dissipation): in equilibrium <z^2> = k_B T/k.
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import NamedTuple
 
@@ -200,13 +201,7 @@ def move_scanner(loop: Loop, y: np.ndarray, to: float, time: float) -> None:
         return
     half = 0.5 * loop.loss
     x, v = y[SCANNER] - to, y[SCANNER_SPEED]
-    square = loop.spring - half * half
-    decay = math.exp(-half * time)
-    if square > 0.0:
-        w = math.sqrt(square)
-        c, s = math.cos(w * time), math.sin(w * time) / w
-    else:
-        w = math.sqrt(-square)
-        c, s = math.cosh(w * time), math.sinh(w * time) / w if w > 0.0 else time
+    w, decay = cmath.sqrt(complex(loop.spring - half * half, 0.0)), math.exp(-half * time)
+    c, s = cmath.cos(w * time).real, (cmath.sin(w * time) / w).real if w != 0.0 else time
     y[SCANNER] = to + decay * (x * c + (v + half * x) * s)
     y[SCANNER_SPEED] = decay * (v * c - (half * v + loop.spring * x) * s)

@@ -37,7 +37,7 @@ from phasemap._kernels.orbits.collocation.system import (
     new_orbit,
     new_orbit_like,
 )
-from phasemap._kernels.orbits.time.landing import land_free, state_in_row
+from phasemap._kernels.orbits.time.many_periods import land_free, state_in_row
 from phasemap._kernels.orbits.time.tip import Z0
 from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped

@@ -14,7 +14,7 @@ from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.collocation.path import HELD_AMPLITUDE, held_value
-from phasemap._kernels.orbits.time.landing import land_on, state_in_row
+from phasemap._kernels.orbits.time.many_periods import land_on, state_in_row
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.lever import detected_signal
 from phasemap.results.status import Status

@@ -1,4 +1,4 @@
-"""Many periods of the drive at once: several in a step, dents that come to rest.
+"""Many periods of the drive: several in a step, dents that come to rest, a tip that has lost its orbit.
 
 * Where the motion changes little from one period to the next: a period takes (z, z') to itself and a little more, k. So
   N periods are a sum of N such changes along a smooth way, as an ordinary differential equation is an integral, and are
@@ -6,6 +6,7 @@
   mode has no motion faster than that, for its harmonics follow the force at once.
 * Dents that last form under a tip that taps at its amplitude. They may become deeper than the taps that form them, and
   take ten times as long as they last until they change no more.
+* A tip that has lost its orbit lands on another one: the full equation in time says on which.
 """
 
 from __future__ import annotations
@@ -19,15 +20,33 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.arms import lingering
-from phasemap._kernels.orbits.time.linear_map import fill_way_to_rest, length_of
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
     Tolerance,
+    come_to_rest,
     fill_change_by_period,
+    fill_row_at_rest,
     linearise_period,
     march_period_from,
 )
-from phasemap._kernels.orbits.time.tip import Z0, Change, Tip, V, Way, Z, copy_memory, move_state
+from phasemap._kernels.orbits.time.tip import (
+    TOUCHES,
+    Z0,
+    Change,
+    PeriodMap,
+    PeriodResult,
+    Periods,
+    Tip,
+    V,
+    Way,
+    Z,
+    copy_memory,
+    fill_higher_modes,
+    fill_way_to_rest,
+    length_of,
+    motion_size,
+    move_state,
+)
 from phasemap._kernels.records import record
 
 FEWEST_IN_STEP = 6  # periods in a step: fewer are marched one by one
@@ -37,6 +56,8 @@ LEAST_GROWTH = 0.2  # the same, at least
 FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitude come to rest, to 1e-8 of it
 FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
 FORMING_STEP = 0.1  # of the amplitude: a longer step leads elsewhere
+LANDING_ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
+LANDED_PERIODS = 3  # periods so close
 
 
 @record
@@ -137,3 +158,51 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
         if max(length_of(ahead) / y_limit, abs(ahead.z0) / z0_limit) <= 1 - share * share:
             return True
     return False
+
+
+@kernel(light=True)
+def state_in_row(lever: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """State at drive phase 0 of a full row's orbit, whose higher modes are those of its first harmonic."""
+    u = np.zeros(motion_size(lever))
+    u[Z], u[V], u[TOUCHES], u[Z0] = row[col.START_Z], row[col.START_V], row[col.START_HELD], row[col.TIP_OFFSET]
+    fill_higher_modes(lever, row[col.MEAN], u)
+    return u
+
+
+@kernel
+def land_on(
+    oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most_periods: int
+) -> int:
+    """Index of the orbit that a tip settles on, -1 if none within `most_periods` periods.
+
+    `targets` (shape (n, 2)): in-phase and quadrature amplitude [m] of the stable orbits at this tip offset; one counts
+    as reached as `close` [m] in this plane. `y`: state at drive phase 0, advanced in place.
+    """
+    acc = PeriodResult()
+    streak, last = 0, -1
+    for _ in range(most_periods):
+        if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
+            return -1
+        near, best = -1, math.inf
+        for i in range(len(targets)):
+            apart = math.hypot(acc.cos - targets[i, 0], acc.sin - targets[i, 1])
+            if apart < best:
+                near, best = i, apart
+        streak = streak + 1 if best < close and near == last else 0
+        last = near
+        if streak >= LANDED_PERIODS:
+            return near
+    return -1
+
+
+@kernel
+def land_free(oscillator: Oscillator, u: np.ndarray, close: float, most_periods: int, row: np.ndarray) -> bool:
+    """Fill a result row with the orbit on which a tip comes to rest, to `close` [m], that is let go in state u.
+
+    False if it comes to none within so many periods.
+    """
+    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    if not come_to_rest(oscillator, Tolerance(LANDING_ETA, close, close), most_periods, tip):
+        return False
+    fill_row_at_rest(oscillator.lever, tip, row)
+    return True

@@ -15,14 +15,6 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.arms import lingering
-from phasemap._kernels.orbits.time.linear_map import (
-    amplitude_slope,
-    differentiate,
-    fill_way_to_rest,
-    length_of,
-    multiplier_of,
-    slopes_of_orbit,
-)
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.modes import air_beside_first_harmonic
 from phasemap._kernels.orbits.time.surface_memory import OUTER_COUNT
@@ -36,14 +28,20 @@ from phasemap._kernels.orbits.time.tip import (
     Way,
     Z,
     amplitude_of,
+    amplitude_slope,
     coordinate_count,
     copy_memory,
     copy_state,
+    differentiate,
     entry_of,
+    fill_way_to_rest,
+    length_of,
     motion_scale,
     motion_size,
     move_state,
+    multiplier_of,
     ring_down_periods,
+    slopes_of_orbit,
 )
 
 SETTLING_TIME = 40.0  # ring-down times in which a motion has to settle, if it does
