@@ -158,7 +158,7 @@ def engage_in_time(setup: Setup, row: np.ndarray, ground: float, orbit: np.ndarr
     half = loop.highest
     loop.lowest, loop.highest = -math.inf, math.inf
     y[INTEGRAL] = -y[SCANNER] - loop.proportional * (amplitude_shown(loop, y) - goal)
-    span = 2.0 / slowest_decay(lever) + 3.0 / loop.rate
+    span = 2.0 / slowest_decay(lever) + 3.0 / loop.rate + (2.0 / loop.loss if loop.spring > 0.0 else 0.0)
     tally = Tally()
     calm = 0
     for _ in range(MOST_SETTLING_SPANS):
