@@ -1,8 +1,8 @@
 """Which orbit holds the setpoint: the one on which a tip ends that comes from far. Three rungs answer.
 
-`branch_by_averaging`, where its decision has a margin; `side_from_far` says which side of the resonance a tip from far
-is on, `beside_resonance` where a lever is carried over it or a tip rebounds. What it leaves open the end of the
-attractive branch may decide, sought among orbits of the lever's response (`by_response`).
+`branch_by_averaging`, where its decision has a margin, with `beside_resonance` where a lever is carried over its
+resonance or a tip rebounds. What it leaves open the end of the attractive branch may decide, sought among orbits of the
+lever's response (`by_response`).
 
 `by_collocation`: the curve of exact orbits, with its folds.
 

@@ -1,4 +1,34 @@
-"""Which averaged orbit the controller finds when it engages from far, where averaging is sure of it."""
+"""Which averaged orbit holds the setpoint after engaging from far, where averaging is sure of it.
+
+That is asked without following the curve of averaged orbits.
+
+Below, (1) is X^2 + Y^2 = u0^2, and (2) and (3) are theory, Eqs. (engagement-3) and (engagement-4).
+
+With r = A/A_free, s = 1 - omega^2, and the free lever's (x, y) = (s, 2 alpha0 omega) A_free/u0, x^2 + y^2 = 1, an orbit
+of the averaged equations has
+
+    X^2 + Y^2 = u0^2,    X = P + A s,    Y = 2 alpha0 omega A - S.                                                   (1)
+
+The sign of X says on which side the lever is driven: above the resonance that attraction has moved down (X < 0), or
+below that which repulsion has moved up (X > 0). Without dissipation, q = (1 - r^2 y^2)^(1/2), (1) is X = -u0 q or
+X = u0 q: holding r < 1 takes the attraction -P = u0 w or the repulsion P = u0 (q - r x), where
+
+    w = q + r x.                                                                                                     (2)
+
+So at any frequency and fixed r the tip that comes near meets the same three things: attraction raises -X to a maximum;
+X passes zero; repulsion brings it to u0 q. Each side has one crossing. As the tip offset falls r comes from one, first
+over the resonance at r = 1/y if x > 0, then down the attractive branch X < 0 as long as the largest attraction, which
+falls as r^(-1/2), is more than (2). It is least so where r^(1/2) w has its maximum, 1 - 3 r^2 y^2 = -3 r x q, or
+
+    r^2 = (2 + x^2 + x (8 + x^2)^(1/2)) / (6 y^2)                                                                    (3)
+
+which is 1/3 at resonance, 1/9 far above, and one where x = 3^(-1/2). At (3), or at the setpoint if that is above, the
+maximum of the mismatch of (1), counted negative while X > 0, decides. Well above zero, the tip stays attractive down to
+the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
+that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
+held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
+follow the curve: it jumps, and where to is in `beside_resonance`.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +44,7 @@ from phasemap._kernels.engagement.beside_resonance import (
     lands_attractive,
     rebounds,
 )
-from phasemap._kernels.engagement.side_from_far import (
-    DETUNED,
-    attraction_is_too_weak,
-    decide,
-    decisive_mismatch,
-    forces_are_plain,
-    leaps,
-    low_q_margin_factor,
-    narrowest_amplitude_ratio,
-    side_reached_from_far,
-)
-from phasemap._kernels.law import Oscillator, has_longrange
+from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange
 from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.sides import (
@@ -40,6 +59,13 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
+from phasemap._kernels.records import clear
+
+CLEAR_MISMATCH = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
+DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
+# Of the attraction (2), so much of it averaged at low Q, or less, leaves no doubt: one that bends the lever much draws
+# the tip in faster than in a harmonic orbit, and acts for a shorter time.
+WEAK = 2 / 3
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
 # What decides on which orbit a tip from far holds the setpoint.
@@ -47,6 +73,95 @@ BY_AVERAGING = 0
 BY_FOLD = 1  # the end of the attractive branch, sought among exact orbits
 BY_CURVE = 2  # the curve of exact orbits
 BY_TIME = 3  # the tip is carried over its resonance, or rebounds
+
+
+@kernel(light=True)
+def detuning(lever: np.ndarray) -> tuple[float, float]:
+    """(x, y): drive that stiffness and damping of the free lever take, over the whole."""
+    stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
+    whole = math.hypot(stiff, damped)
+    return stiff / whole, damped / whole
+
+
+@kernel(light=True)
+def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
+    """Amplitude over the free amplitude at which the attractive branch is nearest to its end, Eq. (3)."""
+    x, y = detuning(lever)
+    return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
+
+
+@kernel(light=True)
+def forces_are_plain(oscillator: Oscillator) -> bool:
+    """Whether averaging can decide the branch: no neck, and before contact attraction alone, the more the nearer."""
+    return bool(not has_hysteresis(oscillator.p) and oscillator.law.attracts == 1)
+
+
+@kernel
+def leaps(oscillator: Oscillator) -> bool:
+    """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
+    lever = oscillator.lever
+    x, y = detuning(lever)
+    return x > 0.0 and (1.0 / y - 1.0) * free_amplitude(lever) > reach_of(oscillator.p)
+
+
+@kernel
+def low_q_margin_factor(lever: np.ndarray) -> float:
+    """Factor by which damping widens decision margins: averaging neglects terms of order 1/Q."""
+    return 1.0 + 120.0 * lever[col.ALPHA0]
+
+
+@kernel
+def decisive_mismatch(lever: np.ndarray, amplitude: float) -> float:
+    """Size of the maximum mismatch from which averaging decides the branch without doubt, at resonance."""
+    x, y = detuning(lever)
+    r = amplitude / free_amplitude(lever)
+    q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
+    return (CLEAR_MISMATCH * q * (q + r * x) + 0.03) * low_q_margin_factor(lever)
+
+
+@kernel
+def plain_mismatch(lever: np.ndarray, amplitude: float) -> float:
+    """The same at any frequency."""
+    return decisive_mismatch(lever, amplitude) * (1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS]))
+
+
+@kernel
+def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: float) -> float:
+    """Mismatch where attraction is this share of what an orbit of this amplitude without losses needs."""
+    x, y = detuning(lever)
+    r = amplitude / free_amplitude(lever)
+    q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
+    return (r * x - share * (q + r * x)) ** 2 - q * q
+
+
+@kernel
+def decide(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
+    """Side on which the tip passes this amplitude, by averaging; UNCLEAR too near to the jump."""
+    law, p, lever = oscillator
+    clear(top)
+    if not has_longrange(p):
+        # Without attraction there is one branch; with adhesion alone its onset jumps.
+        top.behind = -1e-3 * amplitude
+        return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
+    least, plain = decisive_mismatch(lever, amplitude), plain_mismatch(lever, amplitude)
+    find_mismatch_maximum(oscillator, amplitude, plain, top)
+    if top.mismatch >= plain:
+        return ATTRACTIVE
+    # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
+    half = -mismatch_at_attraction_share(lever, amplitude, 0.5)
+    return REPULSIVE if top.mismatch <= -min(plain, max(least, half)) else UNCLEAR
+
+
+@kernel
+def side_reached_from_far(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
+    """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
+    p, lever = oscillator.p, oscillator.lever
+    free = free_amplitude(lever)
+    worst = narrowest_amplitude_ratio(lever) * free
+    side = decide(oscillator, max(amplitude, min(worst, free)), top)
+    if side == REPULSIVE or worst <= free or not has_longrange(p):
+        return side
+    return ATTRACTIVE if decide(oscillator, worst, top) == ATTRACTIVE else UNCLEAR
 
 
 @kernel(shared=True)
@@ -97,9 +212,9 @@ def fill_orbit_at_low_q(
     worst = worst_amplitude(lever, amplitude)
     if has_longrange(p):
         find_mismatch_maximum(oscillator, worst, math.inf, top)
-        if rises or not attraction_is_too_weak(lever, worst, top.mismatch):
+        if rises or top.mismatch > mismatch_at_attraction_share(lever, worst, WEAK):
             return False
-    elif decide(oscillator, amplitude, 1.0, top) == UNCLEAR:
+    elif decide(oscillator, amplitude, top) == UNCLEAR:
         return False
     return fill_setpoint_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic)
 
@@ -112,10 +227,7 @@ def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, harmonic:
     than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
     and never falls again.
     """
-    lever, reach = oscillator.lever, reach_of(oscillator.p)
-    plain = decisive_mismatch(lever, amplitude, low_q_margin_factor(lever)) * (
-        1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS])
-    )
+    reach, plain = reach_of(oscillator.p), plain_mismatch(oscillator.lever, amplitude)
     gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:
         h, _ = mismatch_at_gap(oscillator, amplitude, gap)

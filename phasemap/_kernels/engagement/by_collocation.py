@@ -31,7 +31,7 @@ from phasemap._kernels.engagement.branch_by_averaging import (
     BY_AVERAGING,
     BY_TIME,
 )
-from phasemap._kernels.excitation import likely_amplitude
+from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, lowest_tip_offset
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL
@@ -70,7 +70,7 @@ def tip_amplitude_wanted(oscillator: Oscillator, amplitude: float) -> Wanted:
 @kernel
 def detected_amplitude_wanted(oscillator: Oscillator, seen: float) -> Wanted:
     """Target on a curve: the orbit that the detector sees with an amplitude [m]."""
-    return Wanted(ENTRY_SEEN, seen, tolerance_of(oscillator))
+    return Wanted(ENTRY_A if sees_tip(oscillator.lever) else ENTRY_SEEN, seen, tolerance_of(oscillator))
 
 
 @kernel

@@ -9,6 +9,7 @@ the curve of exact orbits.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,14 +21,14 @@ from phasemap._kernels.engagement.branch_by_averaging import (
     BY_AVERAGING,
     BY_FOLD,
     fill_setpoint_orbit_on_side,
+    narrowest_amplitude_ratio,
     worst_amplitude,
 )
-from phasemap._kernels.engagement.side_from_far import narrowest_amplitude_ratio
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import beside_resonance, free_amplitude, phase_of, reach_of
 from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, attractive_mismatch
-from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_from_harmonic
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, slope_is_clear
 from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
@@ -44,6 +45,17 @@ CLOSEST = 1e-4  # nearer to zero only the curve of exact orbits tells
 END_PHASE = 0.1 * CLOSEST  # phase [rad] to which orbits are known of which this is the maximum
 SURE_OF_IT = 0.3  # of the mismatch at the maximum, by which a parabola may miss it
 SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
+MOST_STEPS_TO_END = 6  # to the orbit beside the end
+END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
+
+
+class Peak(NamedTuple):
+    """The maximum over the gap of the exact mismatch at one amplitude."""
+
+    mismatch: float  # NaN where it is not found
+    gap: float  # [m]
+    step: float  # between points of a parabola about it [m]
+    curvature: float  # [1/m2]
 
 
 @kernel
@@ -62,17 +74,17 @@ def response_mismatch(oscillator: Oscillator, amplitude: float, gap: float, work
 @kernel
 def response_maximum(
     oscillator: Oscillator, amplitude: float, near: float, step: float, workspace: ResponseWorkspace
-) -> tuple[float, float, float]:
-    """Maximum over the gap of the exact mismatch, with its gap and a step there [m]; NaN if there is none near a gap.
+) -> Peak:
+    """Maximum over the gap of the exact mismatch near a gap [m].
 
     By parabolas through three points, the first of which are a `step` [m] apart, until one meets the mismatch at its
     vertex, or a point lies far enough above zero, or below.
     """
-    nodes = workspace.nodes
+    nodes, bend = workspace.nodes, math.nan
     for _ in range(MOST_PARABOLAS):
         h0 = response_mismatch(oscillator, amplitude, near, workspace)
         if h0 < FAR_BELOW and workspace.top.mismatch < FAR_BELOW:
-            return h0, near, step
+            return Peak(h0, near, step, bend)
         h1 = response_mismatch(oscillator, amplitude, near + step, workspace)
         h2 = response_mismatch(oscillator, amplitude, near - step, workspace)
         for _ in range(MOST_SHIFTS):
@@ -91,14 +103,12 @@ def response_maximum(
         if not (step > 0.0 and math.isfinite(h)):
             break
         if highest > TIGHT or abs(h - vertex) < SURE_OF_IT * abs(h) + END_PHASE:
-            return highest, near, step
-    return math.nan, near, step
+            return Peak(highest, near, step, bend)
+    return Peak(math.nan, near, step, bend)
 
 
 @kernel
-def highest_response_mismatch(
-    oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace
-) -> tuple[float, float, float]:
+def highest_response_mismatch(oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace) -> Peak:
     """`response_maximum` from the averaged one in `workspace.top`."""
     top, nodes = workspace.top, workspace.nodes
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
@@ -117,21 +127,47 @@ def side_of(highest: float) -> int:
 
 
 @kernel
-def decide_by_response(oscillator: Oscillator, setpoint: float, amplitude: float, workspace: ResponseWorkspace) -> int:
-    """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end; or UNCLEAR.
+def decide_by_response(
+    oscillator: Oscillator, setpoint: float, amplitude: float, workspace: ResponseWorkspace
+) -> tuple[int, Peak]:
+    """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end, and the maximum.
 
     Where that is is known for harmonic orbits. Of the maxima around it, not below the setpoint, the least counts.
     """
     lever = oscillator.lever
-    highest, gap, step = highest_response_mismatch(oscillator, amplitude, workspace)
+    peak = highest_response_mismatch(oscillator, amplitude, workspace)
+    highest = peak.mismatch
     if abs(highest) < TIGHT and amplitude < (1.0 + SPREAD) * narrowest_amplitude_ratio(lever) * free_amplitude(lever):
-        above, _, _ = response_maximum(oscillator, (1.0 + SPREAD) * amplitude, gap, step, workspace)
-        below, _, _ = response_maximum(oscillator, (1.0 - SPREAD) * amplitude, gap, step, workspace)
+        above = response_maximum(oscillator, (1.0 + SPREAD) * amplitude, peak.gap, peak.step, workspace).mismatch
+        below = response_maximum(oscillator, (1.0 - SPREAD) * amplitude, peak.gap, peak.step, workspace).mismatch
         at, least, bend = parabola((-1.0, below), (0.0, highest), (1.0, above))
         if not (bend > 0.0 and abs(at) < 2.0):
-            return UNCLEAR
+            return UNCLEAR, peak
         highest = least + 0.5 * bend * max((setpoint / amplitude - 1.0) / SPREAD - at, 0.0) ** 2
-    return side_of(highest)
+    return side_of(highest), peak
+
+
+@kernel
+def fill_orbit_outside_maximum(
+    oscillator: Oscillator, amplitude: float, peak: Peak, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
+) -> bool:
+    """Fill `harmonic` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
+
+    The mismatch goes with the square of the distance from its maximum.
+    """
+    state, fall = workspace.state, 0.5 * peak.curvature
+    for _ in range(MOST_STEPS_TO_END):
+        if not (peak.mismatch > 0.0 and fall < 0.0):
+            return False
+        x = math.sqrt(-peak.mismatch / fall)
+        h = response_mismatch(oscillator, amplitude, peak.gap + x, workspace)
+        fall = (h - peak.mismatch) / (x * x)
+        if abs(h) < END_MISMATCH * peak.mismatch and state.push < 0.0:
+            c, mean = state.centre / amplitude, -state.mean_force
+            fill_harmonic_orbit(harmonic, amplitude, c, state.push, state.drag, mean)
+            harmonic.mismatch_slope = 2.0 * fall * x
+            return True
+    return False
 
 
 @kernel(shared=True)
@@ -148,12 +184,20 @@ def orbit_by_response(
     if rung != BY_FOLD:
         return False
     worst = worst_amplitude(oscillator.lever, amplitude)
-    side = decide_by_response(oscillator, amplitude, worst, workspace)
-    if side == UNCLEAR or not fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic):
+    side, peak = decide_by_response(oscillator, amplitude, worst, workspace)
+    if side == UNCLEAR:
         return False
-    if rebounds(oscillator, harmonic.push) or not refine(oscillator, harmonic, limits, workspace):
-        return False
-    return side == REPULSIVE or slope_is_clear(oscillator, limits, workspace)
+    known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
+    if side == REPULSIVE:
+        return known and not rebounds(oscillator, harmonic.push) and refine(oscillator, harmonic, limits, workspace)
+    if known and refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace):
+        return True
+    if worst != amplitude:
+        peak = response_maximum(oscillator, amplitude, peak.gap, peak.step, workspace)
+    found = fill_orbit_outside_maximum(oscillator, amplitude, peak, harmonic, workspace)
+    found = found and refine(oscillator, harmonic, limits, workspace)
+    harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
+    return found and slope_is_clear(oscillator, limits, workspace)
 
 
 @kernel

@@ -78,6 +78,8 @@ def engaged_orbit_by_response(
 @kernel
 def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.ndarray) -> None:
     """Make errors and slope of the feedback of an orbit, which are those at its A, those at the amplitude seen [m]."""
+    if sees_tip(lever):
+        return
     a, phase, error = row[col.AMPLITUDE], row[col.PHASE], row[col.ERROR_PHASE]
     offset, factor = offset_and_factor(lever)
     # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
@@ -131,6 +133,8 @@ def collocation_orbit_at_detected_amplitude(
     From the averaged orbit if averaging is as sure of the branch at the amplitude that the tip then has.
     """
     wanted, found, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
+    if sees_tip(oscillator.lever):
+        return engaged_collocation_orbit(oscillator, wanted, rung, harmonic, curve, row), along
     done = col.NOT_CONVERGED
     for decides in (rung, BY_CURVE):
         done = engaged_collocation_orbit(oscillator, wanted, decides, harmonic, curve, row)

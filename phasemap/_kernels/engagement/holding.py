@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import BY_AVERAGING, engage_by_averaging
 from phasemap._kernels.engagement.goal import Goal, fine_tolerance
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, hold_mean
-from phasemap._kernels.law import Law, Oscillator
+from phasemap._kernels.law import Law, Oscillator, has_longrange
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_from_harmonic
@@ -82,16 +82,19 @@ def hold_over_remembering_surface(
 
     Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
     """
-    lever = oscillator.lever
+    p, lever = oscillator.p, oscillator.lever
     if engage_by_averaging(oscillator, goal.amplitude, harmonic, top) != BY_AVERAGING:
         return col.PENDING
-    near = min(goal.most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
-    for finer in (1.0, SECOND_TRY):
+    attracted = p[col.PULL] != 0.0 or has_longrange(p) or p[col.BIAS] != 0.0
+    if not attracted and lever[col.OMEGA] <= 1.0:  # repulsion moves the resonance away from the drive: one orbit
         fill_row_from_harmonic(lever, harmonic, row)
-        if hold_orbit_near_row(oscillator, Goal(goal.amplitude, finer * goal.step_size, near), False, row):
+        return hold_from_row(oscillator, goal, row)
+    near = min(goal.most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
+    for finer, forms, most in ((1.0, False, near), (SECOND_TRY, False, near), (1.0, True, goal.most_periods)):
+        fill_row_from_harmonic(lever, harmonic, row)
+        if hold_orbit_near_row(oscillator, Goal(goal.amplitude, finer * goal.step_size, most), forms, row):
             return col.GOOD
-    fill_row_from_harmonic(lever, harmonic, row)
-    return col.GOOD if hold_orbit_near_row(oscillator, goal, True, row) else col.PENDING
+    return col.PENDING
 
 
 @kernel

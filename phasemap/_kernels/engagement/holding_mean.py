@@ -59,13 +59,6 @@ HOPE = 4.0  # times the periods allowed, that a mean would take by its first sta
 WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 
 
-# What groups of averages say.
-TOO_FEW = 0  # go on
-PRECISE = 1
-HOPELESS = 2  # too many more are needed
-HUNTING = 3  # the amplitude jumps across the setpoint
-
-
 class Controller(NamedTuple):
     """A controller that holds a mean amplitude, and how averages are taken meanwhile."""
 
@@ -174,22 +167,25 @@ def scatters_little(errors: Errors) -> bool:
 
 @kernel
 def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most_periods: int, of: Groups) -> int:
-    """Say by their scatter whether groups are precise, or will be within `most_periods` periods."""
+    """GOOD where groups are precise by their scatter, NOT_SETTLED where they will not be within so many periods.
+
+    NO_STABLE_ORBIT where the feedback hunts for the amplitude, else PENDING.
+    """
     amplitude, groups, fewest, size = controller.amplitude, of.groups, controller.fewest, controller.size
     if groups >= fewest:
         z_error = math.sqrt(of.offset_square / (groups - 1) / groups)
         a_error = math.sqrt(of.lag_square / (groups - 1) / groups)
         if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray(amplitude, of):
             if scatters_little(errors_of_mean(lever, series, of.first, of.count, amplitude)):
-                return PRECISE
+                return col.GOOD
         needed = size * controller.block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
         if groups >= 4 * fewest and needed > HOPE * most_periods:
-            return HOPELESS
+            return col.NOT_SETTLED
     if groups == fewest:
         of.missed = 0.0  # a feedback comes to the amplitude before it holds it
     elif amplitude > 0.0 and groups % fewest == 0 and of.missed > (groups - fewest) * (HUNTED * amplitude) ** 2:
-        return HUNTING
-    return TOO_FEW
+        return col.NO_STABLE_ORBIT  # the amplitude jumps across the setpoint
+    return col.PENDING
 
 
 @kernel
@@ -243,17 +239,17 @@ def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: Tip, row: np
     if tip.periods.marched + 3 * GROUP * block > most_periods:
         return col.NOT_SETTLED
     at_first = Controller(amplitude, slow.gain if sticky else gain, sticky, rough, block, slow.size, slow.fewest)
-    lock_in, of, series, says = LockIn(), Groups(), new_series(SERIES_START), TOO_FEW
+    lock_in, of, series, says = LockIn(), Groups(), new_series(SERIES_START), col.PENDING
     of.total.period.deepest = -math.inf  # of a tip that reaches liquid only
     begin_lock_in(lever, tip.acc, lock_in)
     good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, of)
-    while good and says == TOO_FEW and tip.periods.marched + slow.size * block <= most_periods:
+    while good and says == col.PENDING and tip.periods.marched + slow.size * block <= most_periods:
         good, series = take_group(oscillator, slow, tip, lock_in, series, of)
         still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
         if still and lever[col.SECOND_FORCE] == 0.0 and skip_transient(oscillator, tolerance, amplitude, tip):
             fill_row_at_rest(lever, tip, row)  # it repeats itself by now
             return col.GOOD
         says = judge_groups(lever, slow, series, most_periods, of)
-    if says == HUNTING:
-        return col.NO_STABLE_ORBIT
-    return fill_mean(oscillator, slow, tip, series, of, row) if good and says != HOPELESS else col.NOT_SETTLED
+    if says == col.NO_STABLE_ORBIT:
+        return says
+    return fill_mean(oscillator, slow, tip, series, of, row) if good and says != col.NOT_SETTLED else col.NOT_SETTLED

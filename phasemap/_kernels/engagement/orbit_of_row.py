@@ -9,13 +9,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.branch_by_averaging import forces_are_plain
 from phasemap._kernels.engagement.by_collocation import (
     CurveWorkspace,
     new_curve_workspace,
     orbit_along_curve,
     tip_amplitude_wanted,
 )
-from phasemap._kernels.engagement.side_from_far import forces_are_plain
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE

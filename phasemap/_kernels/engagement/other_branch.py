@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.by_response import highest_response_mismatch, response_mismatch, side_of
-from phasemap._kernels.engagement.side_from_far import decide, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.branch_by_averaging import decide, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.by_response import highest_response_mismatch, side_of
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
@@ -35,10 +33,6 @@ from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, s
 from phasemap._kernels.records import assign, clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
-EXACTLY_DAMPED = 2e-3  # the same of exact orbits
-NO_FORCE = 0.02  # net force over the drive that counts as none
-FIRST_GAP_SHIFT = 0.02  # of the gap or the reach: between the first two gaps of secants to where there is none
-MOST_FORCE_SECANTS = 6
 DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
 STEP_OUTSIDE = 0.5  # of depth and reach of the strongest pull, out of it
 
@@ -61,9 +55,9 @@ def averaged_orbit_on_branch(
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
     top = workspace.top
     if side == ATTRACTIVE:
-        decided = decide(oscillator, amplitude, low_q_margin_factor(lever), top)
+        decided = decide(oscillator, amplitude, top)
         if decided == UNCLEAR:
-            decided = side_of(highest_response_mismatch(oscillator, amplitude, workspace)[0])
+            decided = side_of(highest_response_mismatch(oscillator, amplitude, workspace).mismatch)
         if decided == REPULSIVE:
             return col.NO_STABLE_ORBIT
         if decided == UNCLEAR or not top.mismatch > 0.0:
@@ -76,11 +70,8 @@ def averaged_orbit_on_branch(
     if side == ATTRACTIVE:
         start_outside_maximum(oscillator, amplitude, top, harmonic)
         return col.PENDING
-    drag, gap = drag_at_balance(oscillator, amplitude, top)
-    if abs(drag) < DAMPED * low_q_margin_factor(lever):
-        drag = response_drag(oscillator, amplitude, gap, workspace)
-        return col.NO_STABLE_ORBIT if drag > EXACTLY_DAMPED else col.PENDING
-    return col.NO_STABLE_ORBIT if drag > 0.0 else col.PENDING
+    drag = drag_at_balance(oscillator, amplitude, top)
+    return col.NO_STABLE_ORBIT if drag >= DAMPED * low_q_margin_factor(lever) else col.PENDING
 
 
 @kernel
@@ -92,8 +83,8 @@ def start_outside_maximum(oscillator: Oscillator, amplitude: float, top: Maximum
 
 
 @kernel
-def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> tuple[float, float]:
-    """Mismatch where repulsion just makes up for attraction, and the gap there; deeper the surface takes up more.
+def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
+    """Mismatch where repulsion just makes up for attraction, P = 0; deeper the surface takes up more.
 
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
     for attraction, even in permanent contact.
@@ -104,34 +95,10 @@ def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> t
         before, gap = (gap, push), 2.0 * gap
         _, push = mismatch_at_gap(oscillator, amplitude, gap)
     if not push > 0.0:
-        return math.inf if push <= 0.0 else math.nan, gap
-    gap = gap_of_push(oscillator, amplitude, 0.0, before, (gap, push))
-    return mismatch_without_net_force(oscillator.lever, amplitude, mismatch_at_gap(oscillator, amplitude, gap)[0]), gap
-
-
-@kernel
-def mismatch_without_net_force(lever: np.ndarray, amplitude: float, h: float) -> float:
-    """Mismatch at P = 0; above resonance less the square of the detuning, which repulsion makes up for first."""
-    detuning = amplitude * lever[col.DYNAMIC_STIFFNESS] / lever[col.DRIVE]
-    return h if detuning >= 0.0 else h - detuning * detuning
-
-
-@kernel
-def response_drag(oscillator: Oscillator, amplitude: float, gap: float, workspace: ResponseWorkspace) -> float:
-    """The mismatch of `drag_at_balance` by exact orbits, from its gap; NaN if they are not found."""
-    lever = oscillator.lever
-    before = gap + FIRST_GAP_SHIFT * min(gap, -reach_of(oscillator.p))
-    response_mismatch(oscillator, amplitude, before, workspace)
-    push_before = workspace.state.push
-    for _ in range(MOST_FORCE_SECANTS):
-        h = response_mismatch(oscillator, amplitude, gap, workspace)
-        push = workspace.state.push
-        if not math.isfinite(h):
-            return math.nan
-        if abs(push) < NO_FORCE * lever[col.DRIVE]:
-            return mismatch_without_net_force(lever, amplitude, h)
-        before, push_before, gap = gap, push, gap - push * (gap - before) / (push - push_before)
-    return math.nan
+        return math.inf if push <= 0.0 else math.nan
+    h, _ = mismatch_at_gap(oscillator, amplitude, gap_of_push(oscillator, amplitude, 0.0, before, (gap, push)))
+    detuning = min(amplitude * oscillator.lever[col.DYNAMIC_STIFFNESS] / oscillator.lever[col.DRIVE], 0.0)
+    return h - detuning * detuning  # which repulsion makes up for first above resonance
 
 
 @kernel

@@ -15,11 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
-from phasemap._kernels.engagement.by_collocation import (
-    engaged_collocation_orbit,
-    new_curve_workspace,
-    tip_amplitude_wanted,
-)
+from phasemap._kernels.engagement.by_collocation import new_curve_workspace
 from phasemap._kernels.engagement.detected_setpoint import (
     collocation_orbit_at_detected_amplitude,
     fill_errors_as_seen,
@@ -59,27 +55,21 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
     """Orbit by collocation of every row whose status is PENDING."""
     (out, status, solver), lever = answers, pixels.lever
-    curve, along = new_curve_workspace(lever, tables), Along(1.0, 0.0, 0.0)
-    harmonic, top, at = HarmonicOrbit(), Maximum(), OrbitNodes()
+    curve, harmonic, top, at = new_curve_workspace(lever, tables), HarmonicOrbit(), Maximum(), OrbitNodes()
     for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS]
         rung = engage_by_averaging(oscillator, likely_amplitude(lever, amplitude, ATTRACTIVE), harmonic, top)
         row[:], solver[i] = math.nan, col.ORBIT
-        if sees_tip(lever):
-            wanted = tip_amplitude_wanted(oscillator, amplitude)
-            status[i] = engaged_collocation_orbit(oscillator, wanted, rung, harmonic, curve, row)
-        else:
-            status[i], along = collocation_orbit_at_detected_amplitude(
-                oscillator, amplitude, rung, harmonic, top, curve, row
-            )
+        status[i], along = collocation_orbit_at_detected_amplitude(
+            oscillator, amplitude, rung, harmonic, top, curve, row
+        )
         if status[i] != col.GOOD:
             row[:] = math.nan
             continue
         estimate_errors(oscillator, curve.found, row)
-        if not sees_tip(lever):
-            fill_errors_as_seen(lever, amplitude, along, row)
+        fill_errors_as_seen(lever, amplitude, along, row)
         if out.shape[1] > col.COLUMNS:
             nodes_from_collocation(oscillator, curve.found, at)
             keep_nodes(at, out[i])
@@ -138,8 +128,7 @@ def collocation_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers
             if done == col.GOOD and (row[col.STIFFENING] > 0.0) == (side > 0):
                 status[i], solver[i] = col.GOOD, col.ORBIT
                 estimate_errors(oscillator, orbit, row)
-                if not sees_tip(lever):
-                    fill_errors_as_seen(lever, pixels.amplitudes[i], along, row)
+                fill_errors_as_seen(lever, pixels.amplitudes[i], along, row)
                 break
             harmonic.tip_offset += FARTHER_START * harmonic.amplitude
         if status[i] == col.PENDING:

@@ -46,8 +46,7 @@ def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: A
         status[i], waiting = (col.GOOD, waiting) if found else (col.PENDING, waiting + 1)
         if found:
             solver[i] = choose(lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row)
-            if workspace.seen > 0.0:
-                fill_errors_as_seen(lever, amplitude, slopes_of(workspace.state), row)
+            fill_errors_as_seen(lever, amplitude, slopes_of(workspace.state), row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
                     f = nodes_of_solution(workspace)
@@ -112,8 +111,7 @@ def side_rows(pixels: Pixels, side: int, limits: ErrorLimits, allowed: ErrorLimi
             if status[i] == col.GOOD:
                 f = nodes_of_solution(workspace)
                 solver[i] = choose(lever, harmonic, f, workspace.state, sees_tip(lever), allowed, out[i])
-                if workspace.seen > 0.0:
-                    fill_errors_as_seen(lever, held, slopes_of(workspace.state), out[i])
+                fill_errors_as_seen(lever, held, slopes_of(workspace.state), out[i])
                 continue
             out[i] = math.nan
             if status[i] == col.PENDING:
