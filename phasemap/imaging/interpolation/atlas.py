@@ -23,7 +23,7 @@ from phasemap._kernels.materials.interpolate import (
 )
 from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
-from phasemap.imaging.interpolation.cells import Cell, Piece, best_of, fit
+from phasemap.imaging.interpolation.cells import Cell, Piece, fit
 from phasemap.imaging.interpolation.chebyshev import unscaled
 from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
@@ -233,10 +233,7 @@ class _Builder:
         low = lower.height(x0, x1) if isinstance(lower, Border) else lower
         high = upper.height(x0, x1) if isinstance(upper, Border) else upper
         share = min(max(MARGIN, LEFT / (self.weight * len(materials))), WIDEST)
-        whole = Cell((*box[:4], 0.0, 1.0), lower, upper)
-        grazes = self.exact is not self.exact.bare
-        cells = [cell.without_margins(float(np.min(high - low)), share, grazes) for cell in whole.forms()]
-        cell = best_of(self.exact, cells, self.tolerances)
+        cell = Cell.between(box[:4], lower, upper, float(np.min(high - low)), share, self.exact is not self.exact.bare)
         outside = (abs(cell.inside(materials)) > 1).any(axis=1)
         return self.cell(cell, materials[~outside], depth)
 

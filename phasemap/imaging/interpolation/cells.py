@@ -36,8 +36,7 @@ class Cell:
     # lower, upper: ends of the layer in x2
     lower: End
     upper: End
-    # How u goes with the relative place (`phasemap._kernels.materials.interpolate`): evenly, or with roots at
-    # borders, where orbits change with the root of the distance
+    # How u goes with the relative place (`phasemap._kernels.materials.interpolate`): evenly, or with roots at borders
     form: int = EVEN_PLACE
 
     def side(self, axis: int) -> tuple[float, float]:
@@ -56,27 +55,28 @@ class Cell:
         places = (points[:, 0], points[:, 1], _place((points[:, 2] - low) / thickness, self.form))
         return np.column_stack([scaled(place, *self.side(axis)) for axis, place in enumerate(places)])
 
-    def forms(self) -> list[Cell]:
-        """The layer with each form of u that its ends allow."""
-        lower, upper = isinstance(self.lower, Border), isinstance(self.upper, Border)
-        forms = [EVEN_PLACE] + [ROOT_LOW] * lower + [ROOT_HIGH] * upper + [ROOT_BOTH] * (lower and upper)
-        return [replace(self, form=form) for form in forms]
+    @classmethod
+    def between(
+        cls,
+        box: tuple[float, float, float, float],
+        lower: End,
+        upper: End,
+        thickness: float,
+        least: float,
+        grazes: bool,
+    ) -> Cell:
+        """A layer without margins at its borders, as wide as their error: at a jump at least `least` of the layer.
 
-    def without_margins(self, thickness: float, least: float, grazes: bool) -> Cell:
-        """The cell without margins at its borders, as wide as their error: at a jump at least `least` of the layer.
-
-        Where the tip grazes only if `grazes`: integrals over contacts go with the root of the distance.
+        There orbits change with the root of the distance, and where the tip grazes integrals over contacts do, which
+        are among the functions if `grazes`.
         """
-
-        def margin(end: End) -> float:
-            if not isinstance(end, Border) or not (end.sudden or grazes):
-                return 0.0
-            return max(least if end.sudden else 0.0, 4 * end.error / thickness)
-
-        low, high = (
-            float(_place(np.array(share), self.form)) for share in (margin(self.lower), 1 - margin(self.upper))
-        )
-        return replace(self, box=(*self.box[:4], low, high))
+        margins, roots = [0.0, 0.0], [False, False]
+        for i, end in enumerate((lower, upper)):
+            if isinstance(end, Border) and (end.sudden or grazes):
+                roots[i], margins[i] = True, max(least if end.sudden else 0.0, 4 * end.error / thickness)
+        form = ((EVEN_PLACE, ROOT_HIGH), (ROOT_LOW, ROOT_BOTH))[roots[0]][roots[1]]
+        low, high = (float(_place(np.array(share), form)) for share in (margins[0], 1 - margins[1]))
+        return cls((*box, low, high), lower, upper, form)
 
     def level(self, u: float) -> End:
         """The surface of one u in x2."""
@@ -265,16 +265,3 @@ class _Trial:
             return None
         least = FLOOR * self.tolerances[[HEIGHT, PHASE]]
         return Piece(self.cell, coefs, estimates[[HEIGHT, PHASE]] + np.maximum(least, self.exact.errors))
-
-
-def best_of(exact: ExactOrbits, cells: list[Cell], tolerances: Array) -> Cell:
-    """The cell, of the same layer with several forms of u, along whose middle orbits change most evenly."""
-    if len(cells) == 1:
-        return cells[0]
-    rough = []
-    for cell in cells:
-        middle = [0.5 * sum(cell.side(axis)) for axis in (0, 1)]
-        line = (middle[0], middle[0], middle[1], middle[1], *cell.side(2))
-        tails = Fit(exact, replace(cell, box=line), 17).tails(tolerances)
-        rough.append(float(np.nan_to_num(tails, nan=np.inf).max()))
-    return cells[int(np.argmin(rough))]
