@@ -338,7 +338,7 @@ class TestParts:
         adhesion = np.linspace(0.1, 0.14, 5)
         points = np.column_stack([np.full(5, np.log(5e8)), np.full(5, 0.01), adhesion])
         engaged_there = exact(points)
-        near = exact.near(points, engaged_there, np.full(5, 1e-10))
+        near = exact.near(points, engaged_there, np.full(5, 1e-10), exact.amplitude, 1)
         assert (engaged_there[:, DEPTH] < 0).all()
         # The solvers agree on the height to 1e-14 m; the depth is that of the orbit between two nodes.
         assert np.allclose(near[:, DEPTH], engaged_there[:, DEPTH], rtol=0, atol=3e-14)

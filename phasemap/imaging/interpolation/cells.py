@@ -12,7 +12,7 @@ from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
 from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
-from phasemap.imaging.interpolation.exact_orbits import HEIGHT, MEAN, PHASE, ExactOrbits
+from phasemap.imaging.interpolation.exact_orbits import HEIGHT, PHASE, ExactOrbits
 
 End = float | Border
 
@@ -21,7 +21,6 @@ MOST = 17  # before a cell is split
 SHARE = 0.3  # of the tolerance that the last coefficients along one coordinate may have
 STUCK = 20.0  # last coefficients over the tolerance above which more nodes must help at once
 NEGLIGIBLE = 0.005  # of the tolerance: coefficients left out
-NEAR, NEAREST = 5.0, 2e-11  # how far from an interpolant an orbit may be: over its last coefficients, and [m]
 SAFETY = 3.0  # of the largest error found by trial, in the estimate
 FLOOR = 0.01  # of the tolerance, in the estimate: the error of the orbits themselves
 TRIALS = (24, 192)  # least and most materials of the image on which a cell is tried
@@ -150,26 +149,16 @@ def evaluate(coefs: Array, inside: Array) -> Array:
 class Fit:
     """An interpolant in the making: exact orbits on a grid that grows along the coordinate that needs it."""
 
-    def __init__(self, exact: ExactOrbits, cell: Cell, first: int = FIRST) -> None:
+    def __init__(self, exact: ExactOrbits, cell: Cell) -> None:
         self.exact, self.cell = exact, cell
-        sizes = [first if high > low else 1 for low, high in map(cell.side, range(3))]
+        sizes = [FIRST if high > low else 1 for low, high in map(cell.side, range(3))]
         self.values = self._solve([chebyshev.nodes(size) for size in sizes])
 
-    def _solve(self, nodes: list[Array], known: Array | None = None) -> Array:
-        """Exact orbits on a grid, near those of an interpolant if one is known."""
+    def _solve(self, nodes: list[Array]) -> Array:
+        """Exact orbits on a grid."""
         grid = np.meshgrid(*nodes, indexing="ij")
-        inside = np.column_stack([t.reshape(-1) for t in grid])
-        points = self.cell.points(*(unscaled(inside[:, axis], *self.cell.side(axis)) for axis in range(3)))
-        if known is None:
-            values = self.exact(points)
-        else:
-            guesses = evaluate(known[..., : MEAN + 1], inside)  # `near` takes no others
-            off = sum(chebyshev.tail(known, axis, 3)[HEIGHT] for axis in range(3))
-            values = self.exact.near(points, guesses, np.full(len(points), NEAR * off + NEAREST))
-            lost = np.isnan(values).any(axis=1)
-            if lost.any():
-                values[lost] = self.exact(points[lost])
-        return values.reshape(*grid[0].shape, -1)
+        points = self.cell.points(*(unscaled(t.reshape(-1), *self.cell.side(axis)) for axis, t in enumerate(grid)))
+        return self.exact(points).reshape(*grid[0].shape, -1)
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -192,7 +181,7 @@ class Fit:
         at[axis] = slice(None, None, 2)
         values[tuple(at)] = self.values
         at[axis] = slice(1, None, 2)
-        values[tuple(at)] = self._solve(nodes, self.coefficients())
+        values[tuple(at)] = self._solve(nodes)
         self.values = values
 
     def coefficients(self) -> Array:

@@ -122,14 +122,14 @@ class ExactOrbits:
         rows, status, used = run(solver, work, self._accuracy, threads=self._workers)
         return self._functions(work, points, rows, status, used)
 
-    def near(self, points: Array, guesses: Array, away: Array, amplitude: float | None = None, group: int = 1) -> Array:
+    def near(self, points: Array, guesses: Array, away: Array, amplitude: float, group: int) -> Array:
         """Functions of the orbits next to guesses, NaN without one: without engagement, which is cheaper near a jump.
 
         Of guesses as from exact orbits tip offset, phase and mean deflection are used; the tip offset may be so far
         `away` [m]. `group`: so many points, one after another, are close to each other.
         """
         # On a driven base the amplitude of the tip that is held is not known before its phase.
-        if self.scope.drive.excitation == "base" or self.marched:
+        if self.scope.drive.excitation == "base":
             return self(points, amplitude)
         work, count = self._work(points, amplitude), len(points)
         rows, status = np.full((count, col.COLUMNS), np.nan), np.full(count, col.NOT_CONVERGED, np.int8)
@@ -151,8 +151,6 @@ class ExactOrbits:
         def bare() -> Array:
             return bare_rows(self.axes.materials(points.T)[0], self.scope, _repeated(self.film, len(points)))
 
-        # From the row, though the solver may know its nodes: orbits of `near` have none, and what differs between the
-        # two, 1e-4, would be a step in the interpolant.
         values: Array = widened(rows, work, used, self.scope, bare, self._names)[:, self.functions]
         values[(status != col.GOOD) | col.irregular(rows)] = np.nan
         return values
