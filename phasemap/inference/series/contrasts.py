@@ -18,7 +18,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.comparison.registration import register
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
-from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase
+from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase, separation_of
 
 Labels = NDArray[np.int64]
 
@@ -148,14 +148,8 @@ def _segment(image: xr.Dataset, way: str, count: int) -> Labels:
 
 
 def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
-    """Distance of the populations over their spread."""
-    values = _feature(image, way)
-    parts = [values[labels == k] for k in np.unique(labels[labels >= 0])]
-    if len(parts) < 2:
-        return 0.0
-    levels = np.array([np.median(one) for one in parts])
-    spread = float(np.median(np.concatenate([np.abs(one - level) for one, level in zip(parts, levels, strict=True)])))
-    return float(np.diff(np.sort(levels)).min(initial=np.inf)) / max(SPREAD * spread, 1e-12)
+    """Distance of the populations over their spread; 0 of a single one."""
+    return separation_of(_feature(image, way), labels)[1] if labels.any() else 0.0
 
 
 def _height_serves(images: Sequence[xr.Dataset], found: dict[str, list[Labels]], sharp: dict[str, list[float]]) -> bool:
