@@ -24,15 +24,13 @@ from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
     Tolerance,
     come_to_rest,
-    fill_change_by_period,
     fill_row_at_rest,
     linearise_period,
-    march_period_from,
+    pass_along,
 )
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
-    Change,
     PeriodMap,
     PeriodResult,
     Periods,
@@ -40,12 +38,10 @@ from phasemap._kernels.orbits.time.tip import (
     V,
     Way,
     Z,
-    copy_memory,
     fill_higher_modes,
     fill_way_to_rest,
     length_of,
     motion_size,
-    move_state,
 )
 from phasemap._kernels.records import record
 
@@ -130,33 +126,22 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
 
     The tip goes on ahead as the map of one period says, whose derivatives are taken anew now and then.
     """
-    lever = oscillator.lever
-    step_size, y_limit, z0_limit = tolerance
-    u, linear, y, share = tip.u, tip.linear, np.empty(len(tip.u)), lingering(oscillator)
-    now, ahead = Change(), Way()
+    ahead, y, share = Way(), np.empty(len(tip.u)), lingering(oscillator)
     if share == 0 or FORMING_TIME > -math.log(share) * most_periods:
         return False
-    tip.periods.formed = 1
-    way = math.inf
+    tip.periods.formed, way = 1, math.inf
     while tip.periods.marched < most_periods:
         if way > FORMING_WAY * target:
-            if not linearise_period(oscillator, step_size, tip):
+            if not linearise_period(oscillator, tolerance.step_size, tip):
                 return False
-            fill_way_to_rest(linear, linear.now, target, ahead)
+            fill_way_to_rest(tip.linear, tip.linear.now, target, ahead)
             way = 0.0
         step = length_of(ahead) + abs(ahead.z0)
-        if not step < math.inf:
-            return False
         part = min(FORMING_STEP * target / step, 1.0)
         way += part * step
-        move_state(lever, ahead, part, u)
-        if not march_period_from(oscillator, step_size, tip, u, u[Z0], y):
-            return False
-        copy_memory(y, u)
-        fill_change_by_period(lever, u, y, tip.acc, now)
-        fill_way_to_rest(linear, now, target, ahead)
-        if max(length_of(ahead) / y_limit, abs(ahead.z0) / z0_limit) <= 1 - share * share:
-            return True
+        left = pass_along(oscillator, tolerance, target, part, tip, ahead, y)
+        if not left < math.inf or left <= 1 - share * share:
+            return left < math.inf
     return False
 
 

@@ -43,6 +43,7 @@ from phasemap._kernels.orbits.time.tip import (
     ring_down_periods,
     slopes_of_orbit,
 )
+from phasemap._kernels.records import assign
 
 SETTLING_TIME = 40.0  # ring-down times in which a motion has to settle, if it does
 FEEDBACK_STRIDE = 0.1  # steps of a feedback, of the amplitude
@@ -80,13 +81,11 @@ def march_tip(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
 
 
 @kernel
-def march_period_from(
-    oscillator: Oscillator, step_size: float, tip: Tip, start: np.ndarray, z0: float, y: np.ndarray
-) -> bool:
-    """March a period in y from a start at z0, and say whether it ends, as it began, in contact or out of it.
+def march_beside(oscillator: Oscillator, step_size: float, tip: Tip, way: Way, y: np.ndarray, to: Change) -> bool:
+    """March a period in y that begins a way beside tip.u, and fill in what it changes.
 
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
-    period owes to this one counts in its derivatives.
+    period owes to this one counts in its derivatives. False if it does not end, as it began, in contact or out of it.
     """
     u, lever = tip.u, oscillator.lever
     copy_memory(u, y)
@@ -95,53 +94,62 @@ def march_period_from(
         if again and not (lasts and y[OUTER_COUNT] > 0):
             break
         for i in range(motion_size(lever)):
-            y[i] = start[i]
-        y[TOUCHES] = u[TOUCHES]
+            y[i] = u[i]
+        move_state(lever, way, 1.0, y)
         tip.periods.marched += 1
-        if march_period(oscillator, z0, step_size, y, tip.acc) < 0 or y[TOUCHES] != u[TOUCHES]:
+        if march_period(oscillator, y[Z0], step_size, y, tip.acc) < 0 or y[TOUCHES] != u[TOUCHES]:
             return False
-    return True
-
-
-@kernel
-def neighbour_distance(lever: np.ndarray, tip: Tip) -> float:
-    """Displacement [m] of the neighbours that are marched for the derivatives of a motion."""
-    return (DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP) * motion_scale(lever, tip.u)
-
-
-@kernel
-def fill_change_by_period(lever: np.ndarray, start: np.ndarray, y: np.ndarray, acc: PeriodResult, to: Change) -> None:
-    """Fill in what a period changed, that ended in y."""
     for i in range(coordinate_count(lever)):
-        to.motion[i] = y[entry_of(i)] - start[entry_of(i)]
-    to.amplitude = amplitude_of(lever, acc)
+        to.motion[i] = y[entry_of(i)] - (u[entry_of(i)] + way.motion[i])
+    to.amplitude = amplitude_of(lever, tip.acc)
+    return True
 
 
 @kernel
 def linearise_period(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
     """Fill tip.linear from a period and those beside it; says whether all stay in contact or out of it."""
-    lever = oscillator.lever
-    u, acc, linear, count = tip.u, tip.acc, tip.linear, coordinate_count(lever)
-    size, y, start, beside = neighbour_distance(lever, tip), np.empty(len(u)), np.empty(motion_size(lever)), Change()
-    linear.count = count
-    if not march_period_from(oscillator, step_size, tip, u, u[Z0], y):
+    linear, count, y = tip.linear, coordinate_count(oscillator.lever), np.empty(len(tip.u))
+    size = (DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP) * motion_scale(oscillator.lever, tip.u)
+    way, beside, linear.count = Way(), Change(), count
+    if not march_beside(oscillator, step_size, tip, way, y, linear.now):
         return False
-    fill_change_by_period(lever, u, y, acc, linear.now)
     for i in range(count):
-        copy_state(u, start)
-        start[entry_of(i)] += size
-        if not march_period_from(oscillator, step_size, tip, start, u[Z0], y):
+        way.motion[i] = size
+        if not march_beside(oscillator, step_size, tip, way, y, beside):
             return False
-        fill_change_by_period(lever, start, y, acc, beside)
+        way.motion[i] = 0.0
         differentiate(beside, linear.now, size)
         linear.amplitude[i] = beside.amplitude
         for j in range(count):
             linear.motion[count * i + j] = beside.motion[j]
-    if not march_period_from(oscillator, step_size, tip, u, u[Z0] + size, y):
+    way.z0 = size
+    if not march_beside(oscillator, step_size, tip, way, y, linear.by_z0):
         return False
-    fill_change_by_period(lever, u, y, acc, linear.by_z0)
     differentiate(linear.by_z0, linear.now, size)
     return True
+
+
+@kernel
+def way_left(way: Way, tolerance: Tolerance) -> float:
+    """Length of a way, over the tolerance."""
+    return max(length_of(way) / tolerance.state, abs(way.z0) / tolerance.offset)
+
+
+@kernel
+def pass_along(
+    oscillator: Oscillator, tolerance: Tolerance, target: float, part: float, tip: Tip, way: Way, y: np.ndarray
+) -> float:
+    """Go a part of a way, let a period pass there, and fill in the way from where it begins by the same derivatives.
+
+    Returns that over the tolerance; infinite where there is none.
+    """
+    now = Change()
+    move_state(oscillator.lever, way, part, tip.u)
+    if not march_beside(oscillator, tolerance.step_size, tip, Way(), y, now):
+        return math.inf
+    copy_memory(y, tip.u)
+    fill_way_to_rest(tip.linear, now, target, way)
+    return way_left(way, tolerance)
 
 
 @kernel
@@ -151,21 +159,12 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
     Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
     is that over the share of them that a pass of two periods takes.
     """
-    lever = oscillator.lever
-    step_size, y_limit, z0_limit = tolerance
-    u, share, now = tip.u, lingering(oscillator), Change()
+    share, left = lingering(oscillator), math.inf
     most = 2 + int(min(-0.5 * math.log(DENT_GONE) / -math.log(share), MOST_CREEP)) if share > 0 else 2
-    farthest = max(CREEP_STEP * motion_scale(lever, u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
-    left = math.inf
+    farthest = max(CREEP_STEP * motion_scale(oscillator.lever, tip.u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
     for i in range(most):
-        move_state(lever, way, 1.0, u)
-        if not march_period_from(oscillator, step_size, tip, u, u[Z0], y):
-            return math.inf
-        copy_memory(y, u)
-        fill_change_by_period(lever, u, y, tip.acc, now)
-        fill_way_to_rest(tip.linear, now, target, way)
-        left = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
-        if share > 0 and not max(length_of(way), abs(way.z0)) <= farthest:
+        left = pass_along(oscillator, tolerance, target, 1.0, tip, way, y)
+        if not left < math.inf or (share > 0 and not max(length_of(way), abs(way.z0)) <= farthest):
             return math.inf
         if i > 0 and (share == 0 or y[OUTER_COUNT] == 0 or left <= 1 - share * share):
             break
@@ -182,31 +181,27 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
 
     Returns whether the tip is at rest.
     """
-    lever = oscillator.lever
-    step_size, y_limit, z0_limit = tolerance
-    u, linear, now, way = tip.u, tip.linear, Change(), Way()
-    trial, y = np.empty(motion_size(lever)), np.empty(len(u))
+    lever, u, linear, y = oscillator.lever, tip.u, tip.linear, np.empty(len(tip.u))
+    now, way, ahead = Change(), Way(), Way()
     for _ in range(MOST_SKIPS):
-        if not linearise_period(oscillator, step_size, tip):
+        if not linearise_period(oscillator, tolerance.step_size, tip):
             return False
         if not multiplier_of(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
             return False
         fill_way_to_rest(linear, linear.now, target, way)
-        before = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
-        near = before * y_limit <= NEAR_ORBIT * motion_scale(lever, u)
+        before = way_left(way, tolerance)
+        near = before * tolerance.state <= NEAR_ORBIT * motion_scale(lever, u)
         moved, left = False, before
         while before > 1 or not moved:
-            copy_state(u, trial)
-            move_state(lever, way, 1.0, trial)
-            if not march_period_from(oscillator, step_size, tip, trial, trial[Z0], y):
+            if not march_beside(oscillator, tolerance.step_size, tip, way, y, now):
                 return False
-            fill_change_by_period(lever, trial, y, tip.acc, now)
-            fill_way_to_rest(linear, now, target, way)
-            left = max(length_of(way) / y_limit, abs(way.z0) / z0_limit)
+            fill_way_to_rest(linear, now, target, ahead)
+            left = way_left(ahead, tolerance)
             if not (left <= 1 or left <= 0.25 * before):
                 break
-            copy(trial, u)
+            move_state(lever, way, 1.0, u)
             copy_memory(y, u)
+            assign(way, ahead)
             before, moved = left, True
         if moved and before <= 1 and near:  # so near that the derivatives are those at the end
             left = _creep(oscillator, tolerance, target, tip, way, y)
@@ -217,7 +212,6 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
         if not (left <= before and lingering(oscillator) > 0):
             return False
         where = u.copy()
-        fill_way_to_rest(linear, linear.now, target, way)
         left = _creep(oscillator, tolerance, target, tip, way, y)
         if not (left <= 1 or left <= 0.25 * before):
             copy(where, u)

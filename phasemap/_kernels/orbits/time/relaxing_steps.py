@@ -11,12 +11,8 @@ from typing import Any
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import (
-    Law,
-    contact_force,
-    contact_slope,
     has_longrange,
     longrange_force,
-    longrange_slope,
 )
 from phasemap._kernels.orbits.time import surface_memory as on
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, MotionPoint, step_length
@@ -72,14 +68,6 @@ def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
         elif slows < 0:
             density += RATE_BEFORE_TURN * fast * math.exp(2 * q * max(v, 0.0) * rate / slows)
     return density
-
-
-@kernel(inline=True)
-def dented_share(law: Law, p: Any, held: bool, gap: float, dent: float) -> float:
-    """Share of the force off the surface that a dent under the tip takes away, at most 1."""
-    force = abs(contact_force(law, gap, p) if held else longrange_force(law, gap, p))
-    less = dent * abs(contact_slope(law, gap, p) if held else longrange_slope(law, gap, p))
-    return less / (force + less) if less > 0 else 0.0
 
 
 @kernel
@@ -160,9 +148,8 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
         contact.now.dented = 0
     gap = min(u.x - dent, -LEAST_GAP_IN_NECK * contact.pace.free) if held else u.x - dent
     density = math.sqrt(beam.rate + approach_square(contact, beam, gap, u.v, held))
-    if dent > 0:
-        share = dented_share(law, p, held, gap, dent)
-        density = math.hypot(density, RECOVERY_WEIGHT * rise / dent * share**0.125)
+    if dent > 0 and (held or has_longrange(p)):
+        density = math.hypot(density, RECOVERY_WEIGHT * rise / dent)
     return contact.pace.flight / density
 
 
