@@ -40,9 +40,7 @@ class Arms:
     value: np.ndarray = column(col.MOST_ARMS)  # of an element: numbers, and derivatives by xi
     slope: np.ndarray = column(col.MOST_ARMS)
     curve: np.ndarray = column(col.MOST_ARMS)
-    laid_value: np.ndarray = column(col.MOST_ARMS)  # of a node that is to be laid
-    laid_slope: np.ndarray = column(col.MOST_ARMS)
-    laid_curve: np.ndarray = column(col.MOST_ARMS)
+    converted: np.ndarray = column(col.MOST_ARMS)  # space of `convert`
 
 
 @intrinsic
@@ -76,11 +74,11 @@ def multiply_by(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> N
 
 
 @kernel
-def lay_out(matrix: np.ndarray, arms: Arms) -> None:
-    """Multiply what was found of an element by a matrix, for a node that is to be laid."""
-    multiply_by(matrix, arms.count, arms.value, arms.laid_value)
-    multiply_by(matrix, arms.count, arms.slope, arms.laid_slope)
-    multiply_by(matrix, arms.count, arms.curve, arms.laid_curve)
+def convert(matrix: np.ndarray, arms: Arms) -> None:
+    """Multiply what was found of an element by a matrix."""
+    for of in (arms.value, arms.slope, arms.curve):
+        multiply_by(matrix, arms.count, of, arms.converted)
+        of[: arms.count] = arms.converted[: arms.count]
 
 
 @kernel

@@ -23,7 +23,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, has_longrange, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import surface_memory as on
-from phasemap._kernels.orbits.time.arms import Arms, lay_out, multiply_by
+from phasemap._kernels.orbits.time.arms import Arms, convert, multiply_by
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
@@ -44,15 +44,10 @@ FAR_WEIGHTS = _W / (1 - _X) ** 2
 class Pace(NamedTuple):
     """Numbers that set the lengths of steps in a period."""
 
-    kelvin: bool  # whether the surface is a Kelvin-Voigt one
     free: float  # free amplitude [m]
-    flight: float  # step out of contact, over its density [1/omega_c]
-    contact: float  # step size, eta in the theory
-    relaxation: float  # longest step of a solid that relaxes [1/omega_c]
-    past_turn: float  # of q
-    finer: float  # see `sizes_over`
-    growth: float
-    layers: float
+    finer: float  # steps in contact, over others
+    growth: float  # the same of a contact that grows
+    layers: float  # weight in the density of steps of the layers about a turn
 
 
 @record
@@ -248,13 +243,11 @@ def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: f
 
 
 @kernel
-def turn_over(
-    arms: Arms, u: Moved, xi: float, bend: float, value: np.ndarray, slope: np.ndarray, curve: np.ndarray
-) -> None:
+def turn_over(arms: Arms, u: Moved, xi: float, bend: float) -> None:
     """Turn y of an element at the edge into b = D - xi - y, or back; D bends by xi with -`bend` over each time."""
     for a in range(arms.count):
-        value[a] = u.arms[place_of_arm(a)] - xi - value[a]
-        slope[a], curve[a] = -1 - slope[a], -curve[a] - bend * arms.rate[a]
+        arms.value[a] = u.arms[place_of_arm(a)] - xi - arms.value[a]
+        arms.slope[a], arms.curve[a] = -1 - arms.slope[a], -arms.curve[a] - bend * arms.rate[a]
 
 
 @kernel
@@ -265,23 +258,23 @@ def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
         if contact.now.mode == on.GROWING:
             on.drop_covered_nodes(m, xi)
             return
-        arms.laid_value[0], arms.laid_slope[0], arms.laid_curve[0] = -contact.t0 * u.v, -1.0, -arms.recovery[0] / speed
+        arms.value[0], arms.slope[0], arms.curve[0] = -contact.t0 * u.v, -1.0, -arms.recovery[0] / speed
         on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
         return
     _, slope, _ = dent_at_edge(contact, u, u.x, t)
     bend = (1 + slope) / speed if speed != 0 else 0.0
     if contact.now.mode == on.GROWING:
-        lay_out(arms.to_arms, arms)
-        turn_over(arms, u, xi, bend, arms.laid_value, arms.laid_slope, arms.laid_curve)
+        convert(arms.to_arms, arms)
+        turn_over(arms, u, xi, bend)
         on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
         on.drop_covered_nodes(m, xi)
         return
-    turn_over(arms, u, xi, bend, arms.value, arms.slope, arms.curve)
-    lay_out(arms.to_dents, arms)
+    turn_over(arms, u, xi, bend)
+    convert(arms.to_dents, arms)
     if speed == 0:  # it has a root there: what it is in the mean, from the node before
         top = on.node_at(m, True, int(m[on.OUTER_COUNT]) - 1)
         for j in range(arms.count):
             before = m[top + on.NODE_ARMS + on.ARM_WIDTH * j + on.ARM_SLOPE]
-            arms.laid_curve[j] = (arms.laid_slope[j] - before) / (xi - m[top + on.NODE_XI])
+            arms.curve[j] = (arms.slope[j] - before) / (xi - m[top + on.NODE_XI])
     on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
     on.drop_released_nodes(m, xi)

@@ -14,7 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time import surface_memory as on
-from phasemap._kernels.orbits.time.arms import Arms, fill_arms, fill_kelvin, multiply_by, recovery_of
+from phasemap._kernels.orbits.time.arms import Arms, convert, fill_arms, fill_kelvin, recovery_of
 from phasemap._kernels.orbits.time.contact import (
     CONTACT_TURN,
     FIRST_TOUCH,
@@ -58,7 +58,14 @@ from phasemap._kernels.orbits.time.relaxing import (
     stored_energy,
     tip_depth,
 )
-from phasemap._kernels.orbits.time.relaxing_steps import DENT_FORGOTTEN, STEP_AFTER_TURN, pace_over, strays_from_line
+from phasemap._kernels.orbits.time.relaxing_steps import (
+    DENT_FORGOTTEN,
+    PAST_KINK,
+    PAST_TURN,
+    STEP_AFTER_TURN,
+    pace_over,
+    strays_from_line,
+)
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes, take_step
 from phasemap._kernels.orbits.time.step_density import depth_reached, pull_in_contact
 from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult
@@ -169,7 +176,7 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
     elif (end.slope.x < 0) == (now.mode == on.GROWING):
         shorten_to_turn(here, motion)
     if now.mode == on.GROWING:
-        if u.x < on.edge_of_old_turn(m) < (1 - contact.pace.past_turn) * end.at.x:
+        if u.x < on.edge_of_old_turn(m) < (1 - (PAST_KINK if contact.t0 > 0 else PAST_TURN)) * end.at.x:
             end_step_at_event(here, motion, OLD_TURN)
             find_slopes(here, motion, end)
             end.at.x = (1 + JUST_PAST) * on.edge_of_old_turn(m)
@@ -305,9 +312,9 @@ def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motio
         m[on.INNER_COUNT] = 0.0
         if contact.t0 == 0:
             on.fill_dents_outside(m, 0.0, 0.0, arms)
-            multiply_by(arms.to_arms, arms.count, arms.value, arms.laid_value)
+            convert(arms.to_arms, arms)
             for a in range(arms.count):
-                arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = d - arms.laid_value[a], -1.0, 0.0
+                arms.value[a], arms.slope[a], arms.curve[a] = d - arms.value[a], -1.0, 0.0
             on.lay_node(m, False, 0.0, 0.0, on.OPEN_PEAK, arms)
         find_slopes(here, motion, motion.here)
         lay_edge(contact, u, 0.0, motion.here.slope.x)
@@ -358,7 +365,7 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
         met = find_dent(y, now, arms, free)
     stiff, pull = 1.5 * p[col.CONTACT] * compliance, contact_force(law, 0.0, p) * compliance
     edge_force, edge_slope = attraction_at_contact(law, p, compliance)
-    pace = pace_over(p, free, step_size, arms.rate[0], met)
+    pace = pace_over(met, free, t0 > 0)
     layer = on.layer_of(p)
     contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, layer, arms, t0, pace, now)
     here = Here(contact, beam)

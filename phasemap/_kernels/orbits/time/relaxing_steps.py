@@ -6,7 +6,6 @@ As over others, and shorter where a solid relaxes fast, next to a turn of the co
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
@@ -39,10 +38,9 @@ RATE_OF_STIFFNESS = 0.5  # where little stays stiff
 LEAST_FADING = 0.3  # of 1/tau, at which that ends after a turn: with 1/tau_c a stiff solid takes twice the steps
 RATE_OVER_DENT = 3.0  # times the former, where the next tap meets what this one leaves
 STEP_AFTER_TURN = 0.1  # over others
-FLIGHT_STEPS = 2.0  # steps out of contact, over those of `march`, where nothing attracts
-ATTRACTED_STEPS = 1.0  # the same where a force does
+FLIGHT_STEPS = 2.0  # steps out of contact where nothing attracts, over others
+LONGEST_FLIGHT = 0.5  # step there [1/omega_c]
 RECOVERY_WEIGHT = 0.25  # of the rate at which a dent under an attracted tip recovers, in the density of steps
-LONGEST_FLIGHT = 0.5  # step [1/omega_c]
 STRAY_SHARE = 0.3  # of a step: how far it may be off a line's
 MOST_NODES_PASSED = 5  # of a dent, in a step
 PAST_TURN = 3e-3  # of q: how far past an old turn an edge has to come to stop there
@@ -71,29 +69,17 @@ def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
 
 
 @kernel
-def sizes_over(dent: float, kelvin: bool) -> tuple[float, float, float]:
-    """Steps of a contact, those while it grows, both over others, and weight of its layers about a turn.
+def pace_over(dent: float, free: float, kelvin: bool) -> Pace:
+    """Return what steps depend on over a dent [m], of a lever with this free amplitude [m].
 
     They go with the dent met, over the free amplitude: the error that a dent adds is of order 6 in them.
     """
     if kelvin:
-        return KELVIN_STEPS, 1.0, RATE_OVER_DENT
-    share = min(max(math.log(dent / FAINT_DENT), 0.0) / math.log(DEEP_DENT / FAINT_DENT), 1.0) if dent > 0 else 0.0
-    return (
-        FAINT_STEPS ** (1 - share),
-        GROWING_STEPS * (GROWING_OVER_DENT / GROWING_STEPS) ** share,
-        RATE_OVER_DENT**share,
-    )
-
-
-@kernel
-def pace_over(p: Any, free: float, step_size: float, rate: float, dent: float) -> Pace:
-    """Return what steps depend on over a dent [m], of a lever with this free amplitude [m]."""
-    kelvin = rate == 0.0
-    flight = min((ATTRACTED_STEPS if has_longrange(p) else FLIGHT_STEPS) * step_size, max(step_size, LONGEST_FLIGHT))
-    relaxation, past = (0.0, PAST_KINK) if kelvin else (MOST_RELAXATION / rate, PAST_TURN)
-    finer, growth, layers = sizes_over(dent / free, kelvin)
-    return Pace(kelvin, free, flight, step_size, relaxation, past, finer, growth, layers)
+        return Pace(free, KELVIN_STEPS, 1.0, RATE_OVER_DENT)
+    least, most = FAINT_DENT * free, DEEP_DENT * free
+    share = min(max(math.log(dent / least), 0.0) / math.log(most / least), 1.0) if dent > 0 else 0.0
+    growth = GROWING_STEPS * (GROWING_OVER_DENT / GROWING_STEPS) ** share
+    return Pace(free, FAINT_STEPS ** (1 - share), growth, RATE_OVER_DENT**share)
 
 
 @kernel
@@ -118,7 +104,7 @@ def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
 
 
 @kernel(inline=True)
-def _contact_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
+def _contact_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
     """Length of a step in contact [s]: by stiffness, the rate of sinking in, and relaxation."""
     u, now, pace = motion.here.at, contact.now, contact.pace
     if motion.here.known == 0:
@@ -126,18 +112,18 @@ def _contact_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
     fast = max(abs(u.v), abs(motion.here.slope.x))
     density = contact_rate(contact, beam, 0.0, u.x) + pull_in_contact(contact, beam, beam.z0 + u.x * u.x, u)
     density += (CONTACT_WEIGHT * (fast / now.deep)) ** 2
-    if not pace.kelvin:
+    if contact.t0 == 0:
         density += relaxation_rate(contact, motion.here, motion.time)
-    size = pace.finer * (pace.growth if now.mode == on.GROWING else 1.0) / math.sqrt(density)
-    h = now.share * pace.contact * size
+    h = now.share * step_size * pace.finer * (pace.growth if now.mode == on.GROWING else 1.0) / math.sqrt(density)
     now.share = min(2 * now.share, 1.0)
-    if not pace.kelvin:
-        h = min(h, pace.relaxation / (u.x + math.sqrt(u.x * u.x + pace.relaxation * fast)))  # 2 q h + q' h^2
+    if contact.t0 == 0:
+        longest = MOST_RELAXATION / contact.arms.rate[0]
+        h = min(h, longest / (u.x + math.sqrt(u.x * u.x + longest * fast)))  # 2 q h + q' h^2
     return h
 
 
 @kernel(inline=True)
-def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
+def _flight_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
     """Length of a step out of contact [1/omega_c]; what is next to nothing of a dent comes back at once."""
     law, p, u, held = contact.law, contact.p, motion.here.at, contact.now.held == 1
     dent, rise = dent_at(contact, motion.time)
@@ -148,9 +134,11 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
         contact.now.dented = 0
     gap = min(u.x - dent, -LEAST_GAP_IN_NECK * contact.pace.free) if held else u.x - dent
     density = math.sqrt(beam.rate + approach_square(contact, beam, gap, u.v, held))
-    if dent > 0 and (held or has_longrange(p)):
+    if not held and not has_longrange(p):
+        return min(FLIGHT_STEPS * step_size, max(step_size, LONGEST_FLIGHT)) / density
+    if dent > 0:
         density = math.hypot(density, RECOVERY_WEIGHT * rise / dent)
-    return contact.pace.flight / density
+    return step_size / density
 
 
 @step_length.of(Relaxing)
@@ -158,5 +146,5 @@ def _flight_step(contact: Relaxing, beam: Beam, motion: Motion) -> float:
 def _step_length(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
     """Length of the next step over a relaxing surface [tau]."""
     if contact.now.mode == OFF_SURFACE:
-        return _flight_step(contact, beam, motion)
-    return _contact_step(contact, beam, motion)
+        return _flight_step(contact, beam, step_size, motion)
+    return _contact_step(contact, beam, step_size, motion)

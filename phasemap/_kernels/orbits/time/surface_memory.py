@@ -175,7 +175,7 @@ def fill_creep_inside(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
 
 @kernel
 def lay_node(m: np.ndarray, out: bool, xi: float, t: float, peak: float, arms: Arms) -> None:
-    """Lay a node on a stack, with what is to be laid of each arm; where it is full, thin out the older half."""
+    """Lay a node on a stack, with what was found of each arm; where it is full, thin out the older half."""
     which = OUTER_COUNT if out else INNER_COUNT
     count = int(m[which])
     width = node_at(m, out, 1) - node_at(m, out, 0)
@@ -191,22 +191,10 @@ def lay_node(m: np.ndarray, out: bool, xi: float, t: float, peak: float, arms: A
     m[here + NODE_XI], m[here + NODE_TIME], m[here + NODE_PEAK] = xi, t, peak
     for a in range(arms.count):
         i = here + NODE_ARMS + ARM_WIDTH * a
-        m[i + ARM_VALUE], m[i + ARM_SLOPE], m[i + ARM_CURVE] = (
-            arms.laid_value[a],
-            arms.laid_slope[a],
-            arms.laid_curve[a],
-        )
+        m[i + ARM_VALUE], m[i + ARM_SLOPE], m[i + ARM_CURVE] = arms.value[a], arms.slope[a], arms.curve[a]
     for i in range(here + NODE_ARMS + ARM_WIDTH * arms.count, here + width):
         m[i] = 0.0  # for a material of more arms
     m[which] = count + 1
-
-
-@kernel
-def lay_as_found(m: np.ndarray, out: bool, xi: float, t: float, peak: float, arms: Arms) -> None:
-    """Lay a node with what was found of an element on the same stack."""
-    for a in range(arms.count):
-        arms.laid_value[a], arms.laid_slope[a], arms.laid_curve[a] = arms.value[a], arms.slope[a], arms.curve[a]
-    lay_node(m, out, xi, t, peak, arms)
 
 
 @kernel
@@ -247,10 +235,10 @@ def end_growth(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> 
         peak = m[top + NODE_PEAK]
         if m[top + NODE_XI] < xi:
             m[OUTER_COUNT] = count - 1
-    lay_as_found(m, True, xi, t, peak, arms)
+    lay_node(m, True, xi, t, peak, arms)
     if kelvin:  # of y = d - xi in the contact, which is next
         arms.slope[0] = -1.0
-        lay_as_found(m, True, xi, t, peak, arms)
+        lay_node(m, True, xi, t, peak, arms)
     j = int(m[INNER_COUNT]) - 1
     while j >= 0 and m[node_at(m, False, j) + NODE_PEAK] == OPEN_PEAK:
         m[node_at(m, False, j) + NODE_PEAK] = xi
@@ -265,7 +253,7 @@ def resume_growth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
     top = int(m[INNER_COUNT]) - 1
     peak = m[node_at(m, False, top) + NODE_PEAK]
     m[INNER_COUNT] = top
-    lay_as_found(m, False, xi, t, peak, arms)
+    lay_node(m, False, xi, t, peak, arms)
 
 
 @kernel
