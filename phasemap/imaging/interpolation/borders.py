@@ -195,22 +195,23 @@ class _Located:
         known = folds.start(self.exact, bases, brackets.high)
         if known is None:
             return None
-        sizes = self._sizes(3)
-        nodes = self._nodes(sizes)
-        guess, off = folds.plane(bases, known, nodes, self.box)
-        ends = folds.follow_all(self.exact, nodes, guess, off)
-        while ends is not None:
-            heights = folds.adhesion_at_end_of_branch(ends)
-            if heights is None:
+        sizes, finer = self._sizes(2), self._sizes(3)
+        corners = slice(-sizes[0] * sizes[1], None)
+        ends = [folds.Ends.of(one.table[corners]) for one in known]
+        middle, _ = folds.interpolated(ends, sizes, bases[:1], self.box)
+        off = max(abs(float(one.adhesion[0] / true.adhesion[0] - 1)) for one, true in zip(middle, known, strict=True))
+        while max(finer) <= FINEST:
+            nodes = self._nodes(finer)
+            guess, tail = folds.interpolated(ends, sizes, nodes, self.box)
+            found, sizes = folds.follow_all(self.exact, nodes, guess, min(off, tail)), finer
+            heights = None if found is None else folds.adhesion_at_end_of_branch(found)
+            if found is None or heights is None:
                 return None
+            ends = found
             border = self._border(heights.reshape(sizes), True, 0.0)
             finer = self._finer(border, ROUGH * float(heights.max()))
             if finer == sizes:
                 return self._measured(border, ends, sizes)
-            if max(finer) > FINEST:
-                return None
-            ends = folds.refined(self.exact, ends, sizes, self._nodes(finer), finer, self.box)
-            sizes = finer
         return None
 
     def _measured(self, border: Border, ends: list[folds.Ends], sizes: tuple[int, int]) -> Border | None:

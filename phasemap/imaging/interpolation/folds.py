@@ -20,7 +20,7 @@ from phasemap._kernels.engagement.branch_by_averaging import narrowest_amplitude
 from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.interpolation import chebyshev
-from phasemap.imaging.interpolation.chebyshev import clipped, scaled
+from phasemap.imaging.interpolation.chebyshev import clipped
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
 
 Box = tuple[float, float, float, float]
@@ -128,27 +128,6 @@ def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float
     return found if len(found) == len(every) else None
 
 
-def refined(
-    exact: ExactOrbits, known: list[Ends], sizes: tuple[int, int], nodes: Array, finer: tuple[int, int], box: Box
-) -> list[Ends] | None:
-    """Ends above the nodes of a finer grid, every second of which is known along a side that has more of them."""
-    guess, off = interpolated(known, sizes, nodes, box)
-    fresh = np.ones(finer, np.bool_)
-    old = tuple(
-        slice(None, None, (more - 1) // (few - 1) if few > 1 else 1) for few, more in zip(sizes, finer, strict=True)
-    )
-    fresh[old] = False
-    new = follow_all(exact, nodes[fresh.ravel()], [Ends.of(ends.table[fresh.ravel()]) for ends in guess], off)
-    if new is None:
-        return None
-    joined = []
-    for before, added in zip(known, new, strict=True):
-        table = np.empty((fresh.size, added.table.shape[1]))
-        table[fresh.ravel()], table[~fresh.ravel()] = added.table, before.table
-        joined.append(Ends.of(table))
-    return joined
-
-
 def adhesion_at_end_of_branch(every: list[Ends]) -> Array | None:
     """Adhesion below which the branch is lost on the way to the setpoint: the largest of all amplitudes."""
     if len(every) == 1:
@@ -189,28 +168,8 @@ def _discriminant(b: Array) -> Array:
     return np.asarray(b[:, 2] ** 2 - 3 * b[:, 3] * b[:, 1])
 
 
-def basis(at: Array, box: Box) -> Array:
-    """Columns 1, t0, t1, t0 t1; less where the box is flat."""
-    ones = np.ones(len(at))
-    along = [scaled(at[:, i], *box[2 * i : 2 * i + 2]) for i in (0, 1) if box[2 * i + 1] > box[2 * i]]
-    columns = [ones, *along]
-    if len(along) == 2:
-        columns.append(along[0] * along[1])
-    return np.column_stack(columns)
-
-
-def plane(bases: Array, known: list[Ends], nodes: Array, box: Box) -> tuple[list[Ends], float]:
-    """Ends of the branch above nodes, from those at centre and corners, and how far off they may be, relatively."""
-    every = np.column_stack([ends.table for ends in known])
-    scale = abs(every).max(axis=0) + 1e-300
-    matrix = basis(bases, box)
-    fitted = np.linalg.lstsq(matrix, every / scale, rcond=None)[0]
-    off = abs(matrix @ fitted - every / scale)[:, 0].max()
-    return _apart((basis(nodes, box) @ fitted) * scale, len(known)), float(off)
-
-
 def interpolated(known: list[Ends], sizes: tuple[int, int], nodes: Array, box: Box) -> tuple[list[Ends], float]:
-    """The same from the ends on a coarser grid."""
+    """Ends of the branch above nodes, from those on a coarser grid, and how far off they may be, relatively."""
     every = np.column_stack([ends.table for ends in known])
     coefs = chebyshev.coefficients(every.reshape(*sizes, -1), [0, 1])
     off = sum(float(abs(np.take(coefs[..., 0], -1, axis=axis)).max()) for axis in (0, 1) if sizes[axis] > 1)
