@@ -137,9 +137,16 @@ def test_a_lever_rests_where_its_spring_and_contact_balance() -> None:
 
 def test_adhesion_holds_a_lever_up_to_its_force_over_the_stiffness() -> None:
     oscillator = over(lever_at(), pull=PULL)
-    highest = PULL / STIFFNESS
+    highest = plain(stuck.pull_off_tip_offset)(oscillator)
+    assert highest == pytest.approx(PULL / STIFFNESS)
     assert plain(stuck.static_depth)(oscillator, 0.999 * highest) > 0.0
     assert math.isnan(plain(stuck.static_depth)(oscillator, 1.001 * highest))
+
+
+def test_an_oscillation_that_just_stays_in_contact_is_pushed_by_eight_fifths_over_pi_of_its_peak_force() -> None:
+    # The integral of (1 + cos)^(3/2) cos over a period is 2^(3/2) 8/5; constant adhesion adds nothing to P.
+    push = plain(stuck.least_in_phase_force)(over(lever_at(), pull=PULL), 1e-9)
+    assert push == pytest.approx(8 / (5 * math.pi) * HERTZ * 2e-9**1.5 / STIFFNESS, rel=1e-4)
 
 
 def test_a_tip_falls_at_the_fold_where_its_orbits_from_far_are_lowest() -> None:

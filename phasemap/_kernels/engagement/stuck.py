@@ -2,7 +2,10 @@
 
 It is raised until adhesion lets go, at the latest where the lever no longer rests in contact. If that is so far up that
 a free tip touches nothing, the lever swings freely from then on, is lowered again as it was before, and falls where it
-fell: a feedback hunts for ever. Unless, on the way, it swings by the setpoint while it touches.
+fell: a feedback hunts for ever. Unless, on the way, it swings by the setpoint while it touches. In contact all the time
+the depth is d_r or more, and the in-phase force P of a swing A = d cos least where d_r is just reached, for a contact
+gets stiffer with depth; and by X = P + A (1 - omega^2) <= u0 an orbit has no more than u0 - A (1 - omega^2) of it.
+Where that decides nothing, a softening neck or an attraction that reaches beyond contact, the tip is raised in time.
 """
 
 from __future__ import annotations
@@ -14,7 +17,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
-from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis
+from phasemap._kernels.excitation import likely_amplitude
+from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis, has_longrange
 from phasemap._kernels.lever import bend_by_adhesion
 from phasemap._kernels.numerics import copy, newton_in_bracket
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip
@@ -35,7 +39,9 @@ from phasemap._kernels.orbits.time.tip import (
 
 FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
 SWING = 1.5  # least depth that a tip comes to: so many amplitudes of the first harmonic above its mean
-FEWEST_TO_REST = 32  # periods in which a tip that is raised comes to rest, or so many ring-down times more
+PUSH_MARGIN = 2.0  # of the least in-phase force P of an orbit in contact, over the largest that the drive balances
+BEYOND_FREE = 2.0  # over the largest amplitude of the free lever
+ANGLES = 32  # at depths along the neck, and at angles of a swing
 RAISING_STRIDE = 0.1  # of the amplitude, the first step of a tip that is raised
 LAST_STRIDE = 0.0125  # of the amplitude, the last one: as closely is its end known
 RAISING_MISS = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
@@ -63,6 +69,44 @@ def in_contact_throughout(p: np.ndarray, tip: Tip) -> bool:
 def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
     """True if the oscillation collapsed to less than FALLEN times this amplitude [m] and the tip stays in contact."""
     return amplitude_of(lever, tip.acc) < FALLEN * amplitude and in_contact_throughout(p, tip)
+
+
+@kernel
+def pull_off_tip_offset(oscillator: Oscillator) -> float:
+    """Tip offset [m] of pull-off: the highest one at which the lever rests in contact or neck."""
+    law, p, lever = oscillator
+    highest = -math.inf
+    for i in range(ANGLES + 1):
+        d = p[col.RELEASE] * i / ANGLES
+        highest = max(highest, -contact_force(law, d, p) / lever[col.STIFFNESS] - d)
+    return highest
+
+
+@kernel
+def least_in_phase_force(oscillator: Oscillator, amplitude: float) -> float:
+    """Least in-phase force P [m] of an oscillation in permanent contact: of one that just reaches release."""
+    law, p, lever = oscillator
+    total = 0.0
+    for i in range(ANGLES):
+        cosine = math.cos(math.pi * (i + 0.5) / ANGLES)
+        total += contact_force(law, p[col.RELEASE] + amplitude * (1.0 + cosine), p) * cosine
+    return 2.0 * total / ANGLES / lever[col.STIFFNESS]
+
+
+@kernel
+def contact_too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
+    """True if the drive cannot force this amplitude [m] in permanent contact, and a lever pulled off swings freely.
+
+    False where that is not known: without a neck, a long-range attraction lets the tip leave contact in each period.
+    """
+    p, lever = oscillator.p, oscillator.lever
+    if not has_hysteresis(p) and has_longrange(p):
+        return False
+    of_tip, drive = likely_amplitude(lever, amplitude, 1), lever[col.DRIVE]
+    if not of_tip > 0.0 or pull_off_tip_offset(oscillator) < BEYOND_FREE * drive / lever[col.DYNAMIC_LOSS]:
+        return False
+    needed = drive + of_tip * abs(lever[col.DYNAMIC_STIFFNESS])
+    return least_in_phase_force(oscillator, of_tip) > PUSH_MARGIN * needed
 
 
 @kernel
@@ -133,7 +177,7 @@ def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: Tip) -> 
         rest_at = z0 + static_depth(oscillator, z0)
         u[TOUCHES], u[Z0] = 1.0, z0
         swing_state(lever, rest_at, rest_at, 0.0, u)
-    patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + FEWEST_TO_REST, LAST_STRIDE * amplitude
+    patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + ANGLES, LAST_STRIDE * amplitude
     stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
     slope = low = 0.0
     while tip.periods.marched + patience < goal.most_periods:
@@ -173,9 +217,11 @@ def raise_stuck_tip(oscillator: Oscillator, goal: Goal, periodic: bool, slow: bo
     REACHES_AMPLITUDE, or NOT_KNOWN with the tip as it was: a feedback may lower it faster than it was lowered.
     """
     p, lever, u, amplitude = oscillator.p, oscillator.lever, tip.u, goal.amplitude
+    if (periodic or has_hysteresis(p)) and contact_too_stiff(oscillator, amplitude):
+        return JUMPS_FREE
     fell = u.copy()
     comes = raise_along_contact_orbits(oscillator, goal, tip)
-    if comes == REACHES_AMPLITUDE or (comes == JUMPS_FREE and (periodic or has_hysteresis(p))):
+    if comes == REACHES_AMPLITUDE or (comes == JUMPS_FREE and periodic):
         return comes
     if comes == NOT_KNOWN or not (periodic or slow):
         copy(fell, u)
