@@ -30,26 +30,33 @@ from phasemap._kernels.engagement.beside_resonance import rebounds
 from phasemap._kernels.engagement.branch_by_averaging import (
     BY_AVERAGING,
     BY_TIME,
+    fill_setpoint_orbit_on_side,
+    leaps,
+    side_reached_from_far,
+    worst_amplitude,
 )
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude, lowest_tip_offset
-from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL
+from phasemap._kernels.law import Oscillator, has_longrange
+from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.near import (
+    MOST_STEPS_NEARBY,
     collocation_orbit_from_harmonic,
     refine_orbit,
     tolerance_of,
 )
+from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
 from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, new_orbit_like
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit import largest_branch_distance
 from phasemap._kernels.orbits.result_row import feedback_status
-from phasemap._kernels.records import assign, record
+from phasemap._kernels.records import assign, clear, record
 
 MOST_APPROACH_POINTS = 1500
 MAY_REACH = 0.5  # of a slope's change over a step, times its length: farther beyond both ends no parabola turns
+HIGHER = 0.5  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 
 
@@ -174,6 +181,35 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWork
 
 
 @kernel
+def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> bool:
+    """Begin the curve at an amplitude at which the tip is surely on the attractive branch; False if none is known."""
+    oscillator, harmonic, top = standing_at(path, 0.0), HarmonicOrbit(), Maximum()
+    law, p, lever = oscillator
+    if not has_longrange(p) or law.attracts == 0 or low_q(lever) or not near_resonance(lever) or leaps(oscillator):
+        return False
+    worst = worst_amplitude(lever, rough_tip_amplitude(lever, wanted))
+    higher = worst + HIGHER * (free_amplitude(lever) - worst)
+    side = side_reached_from_far(oscillator, higher, top)
+    if side != ATTRACTIVE or not fill_setpoint_orbit_on_side(oscillator, higher, side, top, harmonic):
+        return False
+    if not begin_harmonic(oscillator, orbit, harmonic, 0):
+        return False
+    status = solve_at_amplitude(oscillator, orbit, 0, wanted.tolerance, MOST_STEPS_NEARBY)
+    point.tangent_v = -1.0
+    good = status == col.GOOD and mark_point(path, orbit, point) and point.value[wanted.entry] > wanted.value
+    return good and point.floquet < 1.0 and point.rate[ENTRY_Z0] < 0.0 and head_of(orbit).push < 0.0
+
+
+@kernel
+def start_far_from_surface(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> bool:
+    """Begin the curve where the surface hardly acts; False where no orbit is found."""
+    clear(point)
+    point.tangent_u = -1.0
+    status = solve_far_from_surface(path, orbit, rough_tip_amplitude(path.lever, wanted))
+    return status == col.GOOD and mark_point(path, orbit, point)
+
+
+@kernel
 def _found_on_averaged_branch(
     oscillator: Oscillator, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
 ) -> bool:
@@ -191,9 +227,7 @@ def orbit_along_curve(oscillator: Oscillator, wanted: Wanted, curve: CurveWorksp
     NOT_CONVERGED where only time tells.
     """
     path, orbit, point = fixed_path(oscillator), curve.orbit, Point()
-    done = solve_far_from_surface(path, orbit, rough_tip_amplitude(path.lever, wanted))
-    point.tangent_u = -1.0
-    if done != col.GOOD or not mark_point(path, orbit, point):
+    if not (start_on_branch(path, wanted, point, orbit) or start_far_from_surface(path, wanted, point, orbit)):
         return col.NOT_CONVERGED
     done = lower_along_curve(path, wanted, point, curve)
     if done == col.GOOD:
