@@ -209,7 +209,7 @@ def test_a_tip_comes_to_the_motion_that_time_finds_where_no_curve_of_orbits_lead
     alone = pm.solve_pixel(restless, scope, 0.7, "orbit")
     surface = pm.Surface.from_labels(np.array([[0, 1, 0]]), {0: restless, 1: smooth}, pixel_size=2e-9)
     image = pm.simulate(surface, scope, 0.7, "orbit", pm.Raster(), threads=1)
-    assert (alone.status, alone.solver, alone.branch) == (pm.Status.good, "orbit", "repulsive")
+    assert (alone.status, alone.solver, alone.branch) == (pm.Status.good, "march", "repulsive")
     assert branches_of(image) == [[[1, 1, 1]]] * 2
     assert (image.status == 0).all()
     assert (image.phase[:, 0, 0] == alone.phase).all()

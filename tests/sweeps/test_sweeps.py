@@ -43,6 +43,26 @@ def named(cases: list[dict]) -> dict:
     return {"argvalues": cases, "ids": [f"{case['name']}, {case.get('sweep', '')}" for case in cases]}
 
 
+@pytest.mark.parametrize(
+    ("lever", "radius", "reach", "free", "material"),
+    [
+        (
+            (20.087300371156367, HERTZ, 685.3024636031978), 1.9182455728269202e-8, 4.5109771287021747e-10,
+            4.380436394996476e-8, (134399817833.47101, 0.06065411147938513, 0.008555351682633026),
+        ),
+        (
+            (27.116382211472015, HERTZ, 690.7596167365973), 9.734318817602819e-9, 3.0728219992903036e-10,
+            4.7389214801815884e-8, (153425676228.3138, 0.11973407874500823, 0.05465727205602936),
+        ),
+    ],
+)  # fmt: skip
+def test_a_distance_curve_reaches_the_last_value_asked_for(lever, radius, reach, free, material):
+    # Which its orbit has to rounding only, so that a curve that ends there may end a bit beside it.
+    scope = pm.Microscope(pm.Cantilever(*lever), pm.Tip(radius), pm.Drive(free), pm.Interaction("dmt", reach))
+    curve = pm.sweep_distance(pm.Material(*material, poisson_ratio=0.35), scope, free * np.linspace(1.3, 0.3, 41))
+    assert (curve.status == 0).all()
+
+
 DMT_FOLDS = [case for case in FOLDS if case["law"] == "dmt" and not case["bias"] and case["folds"]]
 
 

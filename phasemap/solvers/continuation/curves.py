@@ -61,6 +61,7 @@ AROUND = (1.000001, 0.97, 1.03, 0.88, 1.12)  # shares of it, at which averaged o
 THROWN_LIFT = 0.08  # of it: a strong pull throws the tip out of its harmonic orbit, whose contact is too deep to start
 BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
 DEEP = 300.0  # free amplitudes by which the lever may be pressed down
+COLUMN_OF = {ENTRY_Z0: col.TIP_OFFSET, ENTRY_A: col.AMPLITUDE, ENTRY_M: col.PARAMETER, ENTRY_SEEN: col.SEEN}
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +253,8 @@ class Curves:
                 continue
             ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
             found = [kept_orbit(kept, i, orbit) for i in range(np.count_nonzero(kept.heads.any(axis=(1, 2))))]
+            marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
+            rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
             halves.append(Piece(rows[:count].copy(), traces[:count].copy(), found, ended))
             if ended == PIECE_CLOSED:
                 break
