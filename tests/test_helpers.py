@@ -30,7 +30,7 @@ from phasemap.experiment.presets import combined
 from phasemap.experiment.seen_by_tip import tip_profile
 from phasemap.imaging.feedback.lines import mean_ground, program_of
 from phasemap.imaging.interpolation import chebyshev
-from phasemap.imaging.materials import Distinct, digests_of
+from phasemap.imaging.materials import Distinct
 from phasemap.inference.curves.result import shown
 from phasemap.io import measured
 from phasemap.io.curves import is_curve
@@ -139,7 +139,6 @@ GIVES: list[tuple[Any, Any]] = [
     (complex(np.round(hydrodynamic_function(10.0), 3)), 1.918 + 0.982j),
     (tip_profile(np.array([0.0, 6.0, 30.0]), 10.0, np.pi / 4).round(6).tolist(), [0.0, 2.0, 25.857864]),
     (Distinct(10).add(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]])), 3),
-    (len(set(digests_of(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0], [1.0, 0, 0, 0]])).tolist())), 2),
     # images and files
     (share_explained(np.array([1.0, 3.0, 5.0]), [np.array([0.0, 1.0, 2.0])]), 1.0),
     (is_varied(np.full(1001, 0.3)), False),
