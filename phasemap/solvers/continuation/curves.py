@@ -252,7 +252,7 @@ class Curves:
             if not mark_start(self.path, orbit, sense, point):
                 continue
             ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
-            found = [kept_orbit(kept, i, orbit) for i in range(np.count_nonzero(kept.heads.any(axis=(1, 2))))]
+            found = [kept_orbit(kept, i, orbit) for i in range(len(kept.heads)) if kept.heads[i].any()]
             marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
             rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
             halves.append(Piece(rows[:count].copy(), traces[:count].copy(), found, ended))
