@@ -19,7 +19,6 @@ from phasemap._kernels.continuation.piece import (
     Made,
     collocation_orbits_at,
     follow_piece,
-    kept_orbit,
     mark_start,
 )
 from phasemap._kernels.continuation.point import ENTRY_A, ENTRY_M, ENTRY_SEEN, ENTRY_Z0, Point, solve_far_from_surface
@@ -252,7 +251,10 @@ class Curves:
             if not mark_start(self.path, orbit, sense, point):
                 continue
             ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
-            found = [kept_orbit(kept, i, orbit) for i in range(len(kept.heads)) if kept.heads[i].any()]
+            found = [
+                orbit._replace(elements=kept.elements[i], head=kept.heads[i], modes=kept.modes[i])
+                for i in range(len(kept.heads)) if kept.heads[i].any()
+            ]  # fmt: skip
             marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
             rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
             halves.append(Piece(rows[:count].copy(), traces[:count].copy(), found, ended))
