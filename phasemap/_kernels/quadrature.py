@@ -78,12 +78,12 @@ def _map_of_contact(first: float, width: float) -> Map:
 
 
 def _outgoing(e: int, width: float) -> Map:
-    """Map of [0, 1] to S = sinh on element number e behind the contact, finest beside it, and its derivative."""
+    """Map of [0, 1] to S = sinh(x) on graded element e after the contact, where x = 0, and its derivative."""
     return lambda y: (np.sinh(width * (e + y)), width * np.cosh(width * (e + y)))
 
 
 def _incoming(e: int, width: float) -> Map:
-    """Map of [0, 1] to S = -sinh on element number e before the contact, finest beside it, and its derivative."""
+    """Map of [0, 1] to S = -sinh(x) on graded element e before the contact, where x = 0, and its derivative."""
     return lambda y: (-np.sinh(width * (e + 1 - y)), width * np.cosh(width * (e + 1 - y)))
 
 

@@ -92,10 +92,10 @@ class _Target(CPUContext):
     whole = False  # arguments of the function that is made
 
     def refresh(self) -> None:
-        """Register new extensions, once a function."""
+        """Register new numba extensions, but only once for each function that is compiled."""
         if self.looks:
             super().refresh()
-            self.looks = False  # once a function
+            self.looks = False  # until the next function
 
     def mangler(self, name: str, types: Any, *, abi_tags: Any = (), uid: Any = None) -> str:
         """The name of a function in LLVM code."""

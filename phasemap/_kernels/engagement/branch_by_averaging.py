@@ -127,7 +127,10 @@ def plain_mismatch(lever: np.ndarray, amplitude: float) -> float:
 
 @kernel
 def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: float) -> float:
-    """Mismatch where attraction is this share of what an orbit of this amplitude without losses needs."""
+    """Mismatch where attraction is this share of what an orbit of this amplitude without losses needs.
+
+    It is (X^2 + Y^2)/u0^2 - 1 of (1), with X/u0 = r x - share (q + r x) and (Y/u0)^2 = 1 - q^2.
+    """
     x, y = detuning(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
@@ -176,7 +179,10 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: Harm
 
 @kernel
 def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
-    """`engage_by_averaging` of a tip that does not rebound."""
+    """What decides which orbit of this amplitude a tip from far comes to, if it does not rebound.
+
+    BY_AVERAGING: that orbit is in `harmonic`. BY_FOLD: the maximum of the mismatch is in `top`.
+    """
     p, lever = oscillator.p, oscillator.lever
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
         return BY_CURVE  # where a contact lasts longer than its depth says, curves of orbits end

@@ -171,7 +171,7 @@ def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     row[:] = math.nan
     step, least = 0.1 * scale_of(oscillator) + 1e-3 * free, NEXT_TRY * free
     pace, loose = pace_of_leap(oscillator), False
-    # Too short for more than to see that the surface catches the tip
+    # Too few periods are allowed to follow a fall to its end: only whether the tip sticks can be told.
     short = WHOLE_FALL * ring_down_periods(lever) > goal.most_periods
     while True:
         if loose and pace > 0.0:

@@ -78,7 +78,7 @@ WHOLE_FALL = 64.0  # ring-down times that a fall takes with what comes before an
 
 @kernel(light=True)
 def deepest_offset(lever: np.ndarray) -> float:
-    """Tip offset [m] down to which a tip is lowered: -30 free amplitudes, near resonance of those at it."""
+    """Lowest tip offset [m] of an approach: -30 free amplitudes, near resonance -30 of those at the resonance."""
     if not near_resonance(lever):
         return -30.0 * free_amplitude(lever)
     return -15.0 * lever[col.DRIVE] / lever[col.ALPHA0]

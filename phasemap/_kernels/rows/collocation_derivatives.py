@@ -86,7 +86,10 @@ def solve_at_held_amplitude(oscillator: Oscillator, held: float, orbit: Orbit, r
 
 @kernel
 def collocation_orbit_from_far(oscillator: Oscillator, held: float, curve: CurveWorkspace, row: np.ndarray) -> bool:
-    """Exact orbit seen with the amplitude held [m] to which curves lead a tip from far; False where a tip leaps."""
+    """Fill `row` with the exact orbit that a tip from far comes to; False where it leaps, or none is found.
+
+    `held`: amplitude [m] that the detector sees.
+    """
     top, harmonic = Maximum(), HarmonicOrbit()
     rung = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, ATTRACTIVE), harmonic, top)
     done, _ = collocation_orbit_at_detected_amplitude(oscillator, held, rung, harmonic, top, curve, row)

@@ -88,7 +88,7 @@ def tip_shift(oscillator: Oscillator, amplitude: float, c: float, push: float, s
 def share_rows(
     law: Law, rows: np.ndarray, lever: np.ndarray, amplitudes: np.ndarray, limits: ErrorLimits, out: np.ndarray
 ) -> None:
-    """Fill out, shape (n, 2), with the shares of the attraction and of the push in `tip_shift`."""
+    """Fill `out`, shape (n, 2), with the `Shares` of each row, from its exact orbits at the setpoint amplitude."""
     workspace, harmonic = ResponseWorkspace(), HarmonicOrbit()
     attractive, repulsive = Shift(), Shift()
     for i in range(len(rows)):

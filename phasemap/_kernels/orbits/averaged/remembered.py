@@ -47,7 +47,10 @@ def _tap_sums_with(sums: TapSums, force: float, cosine: float, sine: float) -> T
 
 @kernel(inline=True)
 def _dashpot_depth(time: float, c: float, start: float, theta: float, cosine: float, sine: float) -> float:
-    """D over A of an arm with omega tau = `time` at an angle, after a first touch at `start`."""
+    """Depth D over A that the dashpot of an arm sees at the angle `theta` of a tap d = A (cos(theta) - c).
+
+    It solves D + T dD/d(theta) = d with D = 0 at the first touch, at `start`; T = omega tau is `time`.
+    """
     rest = c - (c + time * math.sin(start)) / (1 + time * time)
     return (cosine + time * sine) / (1 + time * time) - c + rest * math.exp((start - theta) / time)
 

@@ -106,7 +106,11 @@ def _append_from_contact(
 
 @kernel
 def _append_graded(orbit: Orbit, side: int, start: float, length: float, scale: float, incoming: int) -> bool:
-    """Append elements over `length` [rad] whose size grows away from `start`, from about `scale` at it."""
+    """Append elements over `length` [rad] whose size grows away from `start`; False if there is no room.
+
+    `scale`: size [rad] of the smallest, which is at `start`; 0 where no force acts.
+    `incoming`: 1 before a contact that begins at `start`, 0 after one that ends there.
+    """
     level = head_of(orbit).level
     width = GRADED_WIDTHS[level]
     most = int(GRADED_REACH / width)

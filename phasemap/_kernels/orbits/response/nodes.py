@@ -331,7 +331,7 @@ def cut_contact(nodes: Nodes, finer: Nodes) -> None:
 
 @kernel
 def _carry_over(row: np.ndarray, parts: int, finer: np.ndarray) -> None:
-    """Carry the values at nodes over to those that cut each part of the contact in two."""
+    """Interpolate the values in `row` to the nodes of `finer`, which has two parts for each part of the contact."""
     for j in range(ALL):
         finer[j] = row[j]
     for j in range(2 * N * parts):

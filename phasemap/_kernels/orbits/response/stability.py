@@ -132,7 +132,7 @@ def orbit_is_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> boo
 
 @kernel
 def _several_modes_are_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
-    """Whether an orbit of a lever of several modes is kept: it touches once, is stable, and its energy closes."""
+    """Whether an orbit of several modes is accepted: contact as assumed, no fold near, energy balanced, stable."""
     lever = oscillator.lever
     if nodes.touches == 1:
         if not touches_once(oscillator, nodes, state):
@@ -141,7 +141,8 @@ def _several_modes_are_kept(oscillator: Oscillator, nodes: Nodes, state: PassSta
         before = depth_at_node(nodes, state.amplitude, state.centre, IN)
         if max(before, depth_at_node(nodes, state.amplitude, state.centre, OUT)) > 0.0:
             return False
-    # Of a lever of low Q a stiff sample throws several modes back from far less than what the drive is balanced over.
+    # At low Q the length is the amplitude: a stiff sample turns several modes back within far less than the length
+    # over which the drive is balanced.
     length = state.amplitude if low_q(lever) else force_length(oscillator.p, state)
     return _is_sound(lever, state, length) and is_held(oscillator, nodes, state)
 

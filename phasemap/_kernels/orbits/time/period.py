@@ -120,7 +120,7 @@ def overshoot_of_event(here: Here, motion: Motion, event: int, point: MotionPoin
 def end_step_at_event(here: Here, motion: Motion, event: int) -> None:
     """Shorten a step across an event to end at the event, by Newton's method within a bracket.
 
-    The last of Newton's steps is so small that the tangent of all that a step gives takes the place of another one.
+    The last correction of the time is so small that the state is moved along its slope instead of stepped again.
     """
     end, low, high, whole = motion.end, 0.0, motion.h, motion.h
     past, slope = overshoot_of_event(here, motion, event, end)

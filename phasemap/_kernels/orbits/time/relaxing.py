@@ -244,7 +244,10 @@ def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: f
 
 @kernel
 def turn_over(arms: Arms, u: Moved, xi: float, bend: float) -> None:
-    """Turn y of an element at the edge into b = D - xi - y, or back; D bends by xi with -`bend` over each time."""
+    """Turn y of the element at the edge into b = D - xi - y, or b into y, with both derivatives by xi, in each arm.
+
+    There D has the first derivative 0 by xi, and the second one -`bend` times the rate of the arm.
+    """
     for a in range(arms.count):
         arms.value[a] = u.arms[place_of_arm(a)] - xi - arms.value[a]
         arms.slope[a], arms.curve[a] = -1 - arms.slope[a], -arms.curve[a] - bend * arms.rate[a]

@@ -48,7 +48,8 @@ def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool)
             least = (2.0 * APPROACH_WEIGHT * v / length) ** 2
     else:
         return least
-    # Where a force changes sign, a hundredth of the distance keeps the rate finite, and u0 does so at contact.
+    # A force that passes zero would change infinitely fast relative to its size: its slope times a hundredth of the
+    # distance bounds the rate, and times a hundredth of u0 where the distance is zero too.
     beside = 0.01 * slope * (abs(d) + beam.drive)
     changes = (APPROACH_WEIGHT * v * slope) ** 2 / (force**2 + beside**2)
     return abs(slope) * beam.share + max(changes, least)

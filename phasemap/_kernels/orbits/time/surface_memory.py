@@ -226,7 +226,7 @@ def drop_released_nodes(m: np.ndarray, xi: float) -> None:
 
 @kernel
 def end_growth(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> None:
-    """End the growth of a contact at its edge xi: it shrinks from here on."""
+    """Turn a contact from growing to shrinking at its edge xi [m], at time t: lay the edge on the outer stack."""
     fill_dents_outside(m, xi, t, arms)
     count = int(m[OUTER_COUNT])
     peak = xi
@@ -236,9 +236,10 @@ def end_growth(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> 
         if m[top + NODE_XI] < xi:
             m[OUTER_COUNT] = count - 1
     lay_node(m, True, xi, t, peak, arms)
-    if kelvin:  # of y = d - xi in the contact, which is next
+    if kelvin:  # a second node at the edge, with the slope that y = d - xi has inside the contact
         arms.slope[0] = -1.0
         lay_node(m, True, xi, t, peak, arms)
+    # The inner nodes that were laid during this growth get the xi at which it ended.
     j = int(m[INNER_COUNT]) - 1
     while j >= 0 and m[node_at(m, False, j) + NODE_PEAK] == OPEN_PEAK:
         m[node_at(m, False, j) + NODE_PEAK] = xi
