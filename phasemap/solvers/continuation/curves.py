@@ -127,16 +127,14 @@ class Curves:
         if status == col.GOOD:
             self._follow(orbit, (-1.0,))
 
-    def from_orbit(self, row: np.ndarray, m: float) -> bool:
-        """Follow the curve both ways from the orbit of a result row; whether it was found."""
-        rows, at = row[None], np.array([m])
-        orbit, found = self._go(self._harmonic_orbits(rows, at, rows[:, col.TIP_OFFSET]), at, False)
-        if not len(found) or self.knows(_exact(rows, found)[0], m):
-            return False
-        self._follow(orbit, (1.0, -1.0))
-        return True
+    def from_row(self, row: np.ndarray, m: float) -> None:
+        """Follow the curve both ways from the orbit of a result row at m, if it is found, and new."""
+        at = np.array([m])
+        orbit, found = self._go(self._harmonic_orbits(row[None], at, row[None, col.TIP_OFFSET]), at, False)
+        if len(found):
+            self.from_orbit(orbit, m)
 
-    def from_fixed_path(self, orbit: Any, m: float) -> None:
+    def from_orbit(self, orbit: Any, m: float) -> None:
         """Follow the curve both ways from an orbit of the lever over the material at m, if it is new."""
         head, row = head_of(orbit), np.zeros(col.COLUMNS)
         head.parameter, head.equations = m, EQUATIONS_OTHER
@@ -198,7 +196,7 @@ class Curves:
                     continue
                 known = len(self.pieces)
                 if swept or not self._near(z0, row[col.AMPLITUDE], row[col.STIFFENING], lever):
-                    self.from_orbit(row, m)
+                    self.from_row(row, m)
                 waiting += self.pieces[known:]
 
     def _near(self, z0: float, amplitude: float, stiffening: float, lever: np.ndarray) -> bool:
@@ -255,9 +253,10 @@ class Curves:
                 orbit._replace(elements=kept.elements[i], head=kept.heads[i], modes=kept.modes[i])
                 for i in range(len(kept.heads)) if kept.heads[i].any()
             ]  # fmt: skip
+            rows = rows[:count].copy()
             marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
             rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
-            halves.append(Piece(rows[:count].copy(), traces[:count].copy(), found, ended))
+            halves.append(Piece(rows, traces[:count].copy(), found, ended))
             if ended == PIECE_CLOSED:
                 break
         if len(halves) == 2:  # the first was followed the other way
@@ -345,12 +344,12 @@ def _begin(curves: Curves, m: float, of_amplitude: bool) -> None:
     value, path = held_value(curves.path, m), fixed_path(oscillator)
     there = curves_to_amplitude(path, value) if of_amplitude else curves_to_offset(path, value, False)
     for orbit in (orbit for piece in there.pieces for orbit in piece.orbits):
-        curves.from_fixed_path(orbit, m)
+        curves.from_orbit(orbit, m)
     if not of_amplitude:
         # Where nothing acts, or no curve leads there, the lever still swings freely.
         free = np.zeros(col.COLUMNS)
         free[col.TIP_OFFSET], free[col.AMPLITUDE] = value, free_amplitude(oscillator.lever)
-        curves.from_orbit(free, m)
+        curves.from_row(free, m)
 
 
 def complete(curves: Curves, lowest: float) -> None:
