@@ -1,4 +1,4 @@
-"""What is known of materials beforehand, what data determine of them, and the words for it."""
+"""Prior of the materials, which properties the data determine, and the words for it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DETERMINED, COMBINED, OPEN, GIVEN = range(len(CODES))
 
 
 def check_prior(prior: object, factor: object) -> float:
-    """The factor, after a look at both."""
+    """Check the prior material and its factor, and return the factor."""
     if not isinstance(prior, Material):
         raise InputError("prior", prior, "a Material")
     remember = "contacts that remember"
@@ -65,7 +65,7 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int], pr
 def put(
     ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, said: str, units: str = "1", **more: Any
 ) -> None:
-    """Add a variable to a Dataset, with what it is and its units."""
+    """Add a variable to a Dataset, with its long name and units."""
     ds[name] = (dims, values, {"long_name": said, "units": units, **more})
 
 
@@ -75,7 +75,7 @@ def chance(chi2: Any, degrees: Any) -> Any:
 
 
 def codes_of(covariance: Array, information: Array | None = None) -> NDArray[np.int8]:
-    """How well each logarithm is known: by itself, only with the others, or not at all.
+    """Code of each logarithm by its error: determined by itself, only in combination with others, or not at all.
 
     `information`: inverse of the covariance, if it is known better than by inverting.
     """
@@ -109,7 +109,7 @@ def say_regions(
 
 
 def say_what_helps(zero_unknown: bool, zero_free: bool) -> list[str]:
-    """What to measure where properties stay open."""
+    """Advice on what to measure where properties stay open."""
     record = "Record the phase of the free lever with every image (phase_zero)"
     return [
         *[record + (', or keep one zero for all (phase_zero="shared").' if zero_free else ".")] * zero_unknown,
@@ -120,7 +120,7 @@ def say_what_helps(zero_unknown: bool, zero_free: bool) -> list[str]:
 def say_codes(
     names: Sequence[str], codes: NDArray[np.int8], correlation: NDArray[Any], own: Sequence[int] | None = None
 ) -> str:
-    """How well unknowns, or those of these numbers, are known, in a sentence."""
+    """Sentence on how well unknowns, or those at the indices `own`, are determined."""
     partners = np.abs(correlation)
     np.fill_diagonal(partners, 0.0)
     if (codes == COMBINED).sum() > 1:

@@ -60,7 +60,7 @@ class Colours:
 
 
 CHOSEN = Colours()
-"""Nothing was asked for."""
+"""Colours where a user asks for none."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Scale:
 
     @property
     def norm(self) -> Normalize:
-        """From values that are shown to colours."""
+        """Normalization from shown values to colours."""
         return Normalize(self.low, self.high)
 
     def shown(self, values: np.ndarray) -> np.ndarray:
@@ -143,7 +143,7 @@ def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
 
 
 def _in_thousands(largest: float, unit: Unit) -> Unit:
-    """The unit with a power of a thousand where numbers would have more digits than there is room for beside a bar."""
+    """Unit with a power of a thousand, where numbers would not fit beside a colour bar."""
     shown = largest / unit.size
     if not 0 < shown < math.inf or FEWEST <= shown < MOST:
         return unit

@@ -1,4 +1,4 @@
-"""One map of the contrast between two materials, with its lines, hatches, words and star."""
+"""Drawing of one contrast map between two materials, with its lines, hatches, words and star."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def keys_of(ds: xr.Dataset, names: list[str]) -> list[Any]:
 
 
 def _turns(regime: np.ndarray) -> np.ndarray:
-    """Whether a material is repulsive at a point, and attractive at one beside it."""
+    """True where a material is repulsive and a neighbouring point of the map is attractive."""
     turns = np.zeros(regime.shape, bool)
     for axis in range(1, regime.ndim):
         beside = np.sort(np.stack([regime, np.roll(regime, 1, axis)]), axis=0)
@@ -125,7 +125,7 @@ def _turns(regime: np.ndarray) -> np.ndarray:
 
 
 def _draw_turns(axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray) -> None:
-    """Where a material turns from repulsive to attractive: where its phase passes 0."""
+    """Draw the line on which a material changes from repulsive to attractive: its phase passes 0 there."""
     for phase, regime in zip(ds["phase"].values, ds["regime"].values, strict=True):
         known = np.where(np.isin(regime, (1, 2)), phase, np.nan)
         if min(known.shape) > 1 and _turns(regime[None]).any():

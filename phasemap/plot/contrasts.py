@@ -86,7 +86,7 @@ def contrast(
 
 
 def is_contrast(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of a contrast."""
+    """True if a Dataset is of a contrast."""
     return "contrast" in ds and "regime" in ds and "inversion_setpoint" in ds
 
 
@@ -156,7 +156,7 @@ def _draw_lines(ds: xr.Dataset) -> Page:
 
 
 def _draw_quantity(axes: Axes, ds: xr.Dataset, name: str) -> None:
-    """Both phases or the contrast, with inversions, jumps and what is missing."""
+    """Draw both phases or the contrast, with inversions, jumps and gaps."""
     x, zeros = ds["setpoint"].values, ds["inversion_setpoint"].values
     for i, colour in enumerate(COLOURS if name == "phase" else ("0.1",)):
         y = ds[name].values[i] if name == "phase" else ds[name].values

@@ -82,7 +82,7 @@ def _style(direction: int) -> dict[str, Any]:
 
 
 def is_force_curve(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is the force against the depth."""
+    """True if a Dataset is a force curve, force against depth."""
     return "force" in ds and ds["force"].dims == ("direction", "depth")
 
 
@@ -161,17 +161,17 @@ def fit(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite: b
 
 
 def is_measured_curve(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is a measured curve, or a fit to one."""
+    """True if a Dataset is a measured curve, or a fit to one."""
     return is_fit(ds) or {"distance", "amplitude"} <= set(ds.data_vars)
 
 
 def is_fit(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is a fit."""
+    """True if a Dataset is a fit of a curve."""
     return "parameter_value" in ds
 
 
 def _draw_curve(axes: Axes, _: Axes, ds: xr.Dataset, name: str) -> None:
-    """Everything that was recorded."""
+    """Draw every recorded quantity of a measured curve."""
     unit = ds[name].attrs.get("units", "1")
     factor, word = (1.0, "°" if unit == "degree" else unit) if unit != "m" else (1e9, "nm")
     for colour, way in zip(PALETTE, ds["direction"].values, strict=False):
@@ -181,7 +181,7 @@ def _draw_curve(axes: Axes, _: Axes, ds: xr.Dataset, name: str) -> None:
 
 
 def _draw_fit(axes: Axes, below: Axes, ds: xr.Dataset, name: str) -> None:
-    """One quantity with its residuals."""
+    """Draw amplitude or phase of a fit, and its residuals below."""
     axis = next(one for one in ("tip_offset", "frequency") if one in ds.dims)
     along, of = readable(float(np.abs(ds[axis]).max()), str(ds[axis].attrs["units"])), 1e9 if name == "amplitude" else 1
     x = ds[axis].values / along.size

@@ -145,7 +145,7 @@ def plot(
 
 
 def _unused(colours: dict[str, Any], what: str) -> dict[str, Any]:
-    """Nothing, for there are no colours of a map that could be asked for."""
+    """Refuse colours where the picture has no colour map; returns no arguments."""
     for name, value in colours.items():
         if value is not None:
             raise InputError(name, str(value), f"nothing where {what} is drawn")
@@ -166,7 +166,7 @@ def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes]) -> F
 
 
 def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Page:
-    """All maps of an image."""
+    """Page with all maps of an image."""
     rows = list(_rows(ds))
     length = side_lengths(ds)
     tall = WIDE * min(max(length[1] / length[0], 0.2), 2.0)
@@ -210,7 +210,7 @@ def _rows(ds: xr.Dataset) -> Iterator[tuple[list[str], xr.Dataset]]:
 
 
 def _levelled(ds: xr.Dataset) -> xr.Dataset:
-    """A measured image without its tilt; any other as it is."""
+    """Measured image without its tilt; any other image as it is."""
     if "channels" not in ds.attrs or "height" not in ds:
         return ds
     maps = ds["height"].values.reshape(-1, ds.sizes["y"], ds.sizes["x"])
@@ -244,7 +244,7 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
 
 
 def _draw_image(axes: Axes, ds: xr.Dataset, name: str, scale: Scale) -> Any:
-    """One channel with its scale bar and the pixels that failed."""
+    """Draw one channel with its scale bar and the pixels that failed."""
     from scipy.ndimage import maximum_filter
 
     width, height = side_lengths(ds)

@@ -44,7 +44,7 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
 
 
 def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
-    """Where the regions are, in their colours."""
+    """Draw the regions in their colours."""
     labels = ds["label"].values
     shown = np.full(labels.shape, np.nan)
     for i, name in enumerate(ds["region"].values):
@@ -85,7 +85,7 @@ def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
 
 
 def _draw_property(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
-    """One property of all regions, on a logarithmic scale."""
+    """Draw one property of all regions, on a logarithmic scale."""
     words = ds["determination"].attrs["flag_meanings"].split()
     for i in range(ds.sizes["region"]):
         value, error = factor * float(ds[name][i]), SURE * float(ds[f"{name}_error"][i])
@@ -174,7 +174,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
 
 
 def is_inversion(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of an inversion, by pixels or by regions."""
+    """True if a Dataset is of an inversion, by pixels or by regions."""
     return (
         all(f"{name}_error" in ds for name in SHOWN) and "flag" in ds and ds["flag"].dims in (("y", "x"), ("region",))
     )

@@ -175,7 +175,7 @@ class Ensemble:
 
 
 def is_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> bool:
-    """Whether a scene file has a table ``[ensemble]``."""
+    """True if a scene file has a table ``[ensemble]``."""
     return "ensemble" in read_tables(path, overrides)
 
 
@@ -224,7 +224,7 @@ def name_of(key: str) -> str:
 
 
 def _attributes_of(key: str) -> dict[str, str]:
-    """What the file says about a key."""
+    """Attributes of the variable that holds the values of a key."""
     from phasemap.solvers.continuation.path import UNITS
 
     *tables, name = key.split(".")
@@ -246,7 +246,7 @@ def _check_key(key: str, tables: Table) -> None:
 
 
 def _form(scene: Scene) -> Form:
-    """What the images of all samples must share."""
+    """Shape and pixel size, which the images of all samples must share."""
     return scene.surface.shape, scene.surface.pixel_size
 
 

@@ -97,7 +97,7 @@ def _identity(tables: Table, digest: Callable[[str], str | None]) -> str:
 
 
 def _words(thing: Any) -> Iterator[str]:
-    """Every string in a table, for any of them may name a file."""
+    """Every string in a table, at any depth; each may name a file."""
     if isinstance(thing, str):
         yield thing
     elif isinstance(thing, (dict, list)):
@@ -206,7 +206,7 @@ def as_column(values: list[Any]) -> np.ndarray:
 
 
 def _form(image: netCDF4.Dataset) -> Form:
-    """What the images of all samples must share: variables, and attributes, which are numbers."""
+    """Variables with their shapes, and attributes, which the images of all samples must share."""
     return {
         **{name: variable.shape for name, variable in image.variables.items()},
         **dict.fromkeys(image.ncattrs(), ()),

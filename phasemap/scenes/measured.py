@@ -42,7 +42,7 @@ NEEDED = {
     "tip.radius": "10e-9",
     "drive.free_amplitude": "20e-9",
 }
-"""What a scene cannot do without, with an example of each."""
+"""Keys that a scene cannot do without, with an example of each."""
 RECORDED = {
     "scan.setpoint": "setpoint",
     "cantilever.stiffness": "stiffness",
@@ -56,7 +56,7 @@ UNITS_OF = {"height": "m", "phase": "degree"}
 
 
 class NotRecorded(PhasemapError):
-    """A file that does not say all that a scene needs."""
+    """Error for a file that does not say all that a scene needs."""
 
     def __init__(self, sentence: str, keys: Iterable[str]) -> None:
         super().__init__(sentence)
@@ -180,7 +180,7 @@ def scene_from(
 def _scan_of(
     image: xr.Dataset | str | os.PathLike[str], phases: int | None, by: str, direction: str | None
 ) -> xr.Dataset:
-    """One scan of the image, with what tells its materials apart."""
+    """One scan of the image, with the channels that tell its materials apart."""
     if isinstance(image, str | os.PathLike):
         image = read_image(image)
     if not hasattr(image, "data_vars"):
@@ -303,7 +303,7 @@ def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
 
 
 def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
-    """How much of the image each material covers, and its recorded phase."""
+    """Sentences on the share of the image that each material covers, and its recorded phase."""
     told = []
     for label in range(int(labels.max()) + 1):
         part = labels == label
@@ -315,7 +315,7 @@ def _shares(labels: np.ndarray, scan: xr.Dataset) -> list[str]:
 
 
 def _heading(scan: xr.Dataset, path: Path, homogeneous: str) -> list[str]:
-    """What the scene is, and what to know about the file it comes from."""
+    """Lines at the head of the scene: its source, how to run it, and warnings about the file."""
     source = f"{scan.attrs.get('source', 'a measured image')} {scan.attrs.get('direction', '')}".rstrip()
     return [
         f"The surface and the microscope of {source}, by phasemap scene.",

@@ -76,7 +76,7 @@ def check_overrides(overrides: Iterable[str], varied: Iterable[str]) -> None:
 
 
 Draw = Callable[[np.random.Generator], Any]
-"""How a value of a key is drawn."""
+"""Function that draws a value of a key."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Range:
 
 
 def _one_of(options: Sequence[Any]) -> Draw:
-    """One of several values, each as likely."""
+    """Draw one of several values, each with the same chance."""
     return lambda rng: options[int(rng.integers(len(options)))]
 
 

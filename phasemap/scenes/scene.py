@@ -122,7 +122,7 @@ class Scene:
         return image.assign_attrs(scene=self.to_json())
 
     def truth(self) -> xr.Dataset:
-        """What is under the tip: which material, its properties, and its relief, before a tip of finite size saw it.
+        """Material under each pixel, its properties, and the relief before a tip of finite size saw it.
 
         Returns
         -------
@@ -150,7 +150,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a scene says besides its surface: all that a sweep needs."""
+    """Microscope, materials and setpoint of a scene, without its surface: all that a sweep needs."""
 
     microscope: Microscope
     materials: Mapping[str, Material]  # by their names, in the order of the file
@@ -203,7 +203,7 @@ def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = Non
 
 
 def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
-    """What the tables describe."""
+    """Scene of checked tables, with this surface or else the one that they describe."""
     complaints = Complaints()
     tables = complaints.of(with_typical, tables) or tables
     scan = complaints.of(scan_of, table_of(tables, "scan"))
@@ -271,7 +271,7 @@ def scene_from_json(text: str, folder: Path) -> Scene:
 
 
 def _asking(scan: Table) -> AbstractContextManager[None]:
-    """Whether numbers outside all practice are errors."""
+    """Context in which numbers outside all practice are errors, if the scene asks for that."""
     return strict_units() if switch("[scan]", scan, "strict_units") else nullcontext()
 
 

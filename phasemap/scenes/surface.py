@@ -40,14 +40,14 @@ TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; th
 
 
 class Labels(NamedTuple):
-    """Which material each pixel of a surface is made of."""
+    """Material of each pixel of a surface."""
 
     values: np.ndarray  # int, shape (ny, nx)
     names: Mapping[int, str]  # the material of each label
 
 
 class Built(NamedTuple):
-    """What a ``[surface]`` table describes."""
+    """Surface that a ``[surface]`` table describes, its labels, and the files that were read."""
 
     surface: Surface
     files: dict[str, str]  # the SHA-256 of each file that was read, by the name that the scene gives it
@@ -92,7 +92,7 @@ def under_tip(table: Mapping[str, Any], surface: Surface, scope: Microscope, set
 
 
 def variation_of(table: Mapping[str, Any]) -> Variation | None:
-    """How much the materials vary within their domains, if the ``[surface]`` table says that they do."""
+    """Variation of the materials within their domains, if the ``[surface]`` table has one."""
     if "variation" not in table:
         return None
     name, given = "[surface.variation]", table["variation"]
@@ -272,7 +272,7 @@ class Files:
 
 
 def _installed(package: str) -> ModuleSpec | None:
-    """Where an installed package lies; it is not imported."""
+    """Place of an installed package, which is not imported; None if there is none."""
     try:
         return find_spec(package) if package.isidentifier() else None
     except ValueError:  # __main__, say, was not found as others are
@@ -313,7 +313,7 @@ def _read_npy(path: Path) -> np.ndarray:
 
 
 def _read_variable(path: Path, variable: object) -> np.ndarray:
-    """One variable of a netCDF file."""
+    """Values of a variable of a netCDF file."""
     dataset = load(path)
     if variable not in list(dataset.data_vars):
         held = ", ".join(map(repr, dataset.data_vars))

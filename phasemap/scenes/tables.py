@@ -30,11 +30,11 @@ class Complaints:
         self._errors: list[PhasemapError] = []
 
     def add(self, error: PhasemapError) -> None:
-        """One more."""
+        """Collect an error."""
         self._errors.extend(error.errors if isinstance(error, InputErrors) else [error])
 
     def of(self, make: Callable[..., T], *arguments: Any, **more: Any) -> T | None:
-        """What a function returns; None where it complains, which is said later."""
+        """Result of a function, or None if it raises an error, which is collected."""
         try:
             return make(*arguments, **more)
         except (InputError, FileError) as error:
@@ -191,7 +191,7 @@ def stated_in(name: str, value: Any) -> set[str]:
 
 
 def _is_text(text: str) -> bool:
-    """Whether Unicode has all of it: bytes of the command line that are not UTF-8 could not be kept in a file."""
+    """True if Unicode has all of it: bytes of the command line that are not UTF-8 could not be kept in a file."""
     try:
         text.encode()
     except UnicodeEncodeError:

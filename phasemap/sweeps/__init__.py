@@ -1,4 +1,4 @@
-"""Sweeps: one thing is changed slowly, and everything that the tip does on the way is recorded.
+"""Sweeps: one quantity changes slowly, and every orbit on the way is recorded.
 
 `sweep` has the functions that a user calls, and `follow` asks for the curves of orbits, goes along them and makes the
 Dataset. `contrasts` has what two materials differ by.

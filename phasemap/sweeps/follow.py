@@ -63,7 +63,7 @@ At = Callable[[int], tuple[Work, float]]
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """What is swept: name, values in the order asked for, unit, long name, directions, column of the full rows.
+    """Swept quantity: name, values in the order asked for, unit, long name, directions, column of the full rows.
 
     With `held` a feedback holds the amplitude, and must be stable too. `fold` is the kind of row at which the axis
     turns, and `value` makes values of the axis from its column.
@@ -107,7 +107,7 @@ def dataset(
 
 
 def _variables(prefix: str, rows: np.ndarray, dims: tuple[str, ...], axis: str) -> Variables:
-    """Every variable of full rows."""
+    """Variables of a Dataset, from full rows."""
     data = of_rows(rows, (name for name in NAMES if prefix or name != axis), dims, prefix)
     amplitudes = rows[..., col.HARMONIC : col.HARMONIC + col.HARMONICS]
     attributes = {"long_name": "amplitude of a harmonic of the deflection", "units": "m"}
@@ -141,7 +141,7 @@ def _curve(curves: Curves, axis: Axis) -> Variables:
 
 
 def _jumps(curves: Curves, jumps: list[Jump], axis: Axis) -> Variables:
-    """Where sweeps jumped, from which orbit to which."""
+    """Variables of the jumps of a sweep: values, directions, and orbits before and after."""
     nothing = np.full(col.FULL, np.nan)
     ends = [jump.before for jump in jumps], [nothing if jump.after is None else jump.after for jump in jumps]
     before, after = (curves.seen(np.array(some).reshape(len(jumps), col.FULL)) for some in ends)
@@ -217,12 +217,12 @@ def parameter(
     wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
     if ratio is not None and not sees_tip(question.work().lever):
         curves = empty_swept_curves(path, wanted, samples)
-        return dataset(curves, about, _each_held(curves, question, name, scale, ratio), question, held)
+        return dataset(curves, about, _sweep_detected_held(curves, question, name, scale, ratio), question, held)
     curves = swept_curves(path, wanted, of_amplitude, samples)
     if ratio is None:
         mend(curves, question.scope.drive.free_amplitude)
     curves.choose(wanted)
-    visits = _both(curves) if ratio is None else _both_held(curves, question, name, scale, ratio)
+    visits = _sweep_at_offset(curves) if ratio is None else _sweep_held(curves, question, name, scale, ratio)
     return dataset(curves, about, visits, question, held)
 
 
@@ -254,8 +254,8 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
     return Visit(rows, traces, status, jumps), place
 
 
-def _both(curves: Curves) -> list[Visit]:
-    """Up and down at a fixed tip offset, each begun on the orbit that stays farthest from the surface."""
+def _sweep_at_offset(curves: Curves) -> list[Visit]:
+    """Sweeps up and down at a fixed tip offset, each begun on the orbit that stays farthest from the surface."""
     parts = segments(curves.pieces, col.PARAMETER)
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
@@ -266,8 +266,8 @@ def _both(curves: Curves) -> list[Visit]:
     return visits
 
 
-def _both_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
-    """Up and down with the setpoint held, each begun by engaging from far."""
+def _sweep_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
+    """Sweeps up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves.pieces, col.PARAMETER, held=True)
 
     def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
@@ -293,8 +293,8 @@ def _both_held(curves: Curves, question: Question, name: str, scale: Scale, rati
     return visits
 
 
-def _each_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
-    """Up and down with what the detector sees held, value by value: each begins at the tip offset of the one before.
+def _sweep_detected_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
+    """Sweeps up and down with the detected amplitude held at each value, from the tip offset of the value before.
 
     Along the parameter no curve is followed, for such a hold is none of the tip's own amplitude.
     """
@@ -360,6 +360,6 @@ def _check_no_samples(samples: int) -> None:
 def _dataset_in_time(
     question: Question, work: Work, about: Axis, visits: list[Visit], held: dict[str, float | None] | None = None
 ) -> xr.Dataset:
-    """The Dataset of a sweep without a curve."""
+    """Dataset of a sweep in time, which has no curve."""
     curves = Curves(fixed_path_of(work.oscillator(0)), col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, visits, question, held)

@@ -1,6 +1,6 @@
-"""What a slow change of tip offset, setpoint, frequency or any parameter shows, and every orbit behind it.
+"""Sweeps of tip offset, setpoint, frequency or any parameter, with every orbit behind them.
 
-Every orbit at one point too, and the force of the surface against depth.
+Also every orbit at one working point, and the force of the surface against depth.
 """
 
 from __future__ import annotations

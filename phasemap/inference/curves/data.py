@@ -63,7 +63,7 @@ class Data:
 
 
 def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[Any, Any]]) -> Data:
-    """What was measured, as arrays. `given`: measured values and their errors of each of `QUANTITIES`, as given."""
+    """Measured amplitudes and phases as arrays. `given`: values and errors of each of `QUANTITIES`, as given."""
     frequency = axis == "frequency"
     name = "frequencies" if frequency else "tip_offsets"
     along = check_axis(name, values, "Hz" if frequency else "m", above=0 if frequency else -np.inf)
@@ -173,7 +173,7 @@ def _tuned(scope: Microscope, free_phase: float) -> Microscope:
 
 
 def contact_of(acts: Interaction) -> ContactLaw:
-    """The contact law as it was given."""
+    """The contact law, as an object or name that `Interaction` takes."""
     return LAWS[acts.contact] if isinstance(acts.contact, str) else acts.contact
 
 
@@ -243,12 +243,12 @@ def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter,
 
 
 def losses_of(material: Material) -> tuple[str, ...]:
-    """What number of a material is its loss: none of one that relaxes."""
+    """Name of the number that describes a material's losses, damping or viscosity; none for one that relaxes."""
     return () if relaxes(material) else ("damping",) if material.viscosity is None else ("viscosity",)
 
 
 def _parameter(name: str, setup: Setup, spread: float | None) -> Parameter:
-    """A parameter that is known within `spread`, by default as well as such a one mostly is."""
+    """Make a parameter that is known beforehand within `spread`; by default within the usual spread of its kind."""
     start, ends = setup.value(name), (0.0, np.inf)
     if field := numbers_of_law(setup.scope.interaction).get(name):
         of_law = number_of(type(contact_of(setup.scope.interaction)), field)

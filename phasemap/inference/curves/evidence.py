@@ -51,7 +51,7 @@ def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> S
         weaker = Problem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
         best = _descend(weaker, best, Ruler.strict(weaker.data), "linear", 1e-8)
         problem.evaluations += weaker.evaluations
-    return _known(problem, best, len(found))
+    return _gaussian_around(problem, best, len(found))
 
 
 def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
@@ -72,8 +72,8 @@ def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance
     return found
 
 
-def _known(problem: Problem, q: np.ndarray, tried: int) -> Solution:
-    """What data and prior say around the best parameters.
+def _gaussian_around(problem: Problem, q: np.ndarray, tried: int) -> Solution:
+    """Gaussian approximation of the posterior around the best parameters: covariance, evidence, factor on the errors.
 
     The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
     place of derivatives: just before the end of a branch the latter are far too steep.

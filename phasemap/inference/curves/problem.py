@@ -68,14 +68,14 @@ def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
     question = Question(setup.material, setup.scope)
     try:
         if axis != "frequency" and question.only_in_time:
-            return _of_passage(question, values + setup.height)
+            return _branches_in_time(question, values + setup.height)
         path, x, m = Course.of(setup, axis, values)
         if axis == "frequency":
             return _collect(swept_curves(path, m, False), col.PARAMETER, m, np.ptp(values) / 2)
         curves = distance_curves(path, np.sort(x), beyond=MARGIN * float(np.ptp(x)))
         return _collect(curves, col.TIP_OFFSET, x, 1.0)
     except InputError:  # a law that cannot have this material
-        return _nothing(values)
+        return _no_branches(values)
 
 
 def moved(setup: Setup, axis: str, values: np.ndarray, rows: np.ndarray, at: np.ndarray) -> np.ndarray | None:
@@ -92,8 +92,8 @@ def moved(setup: Setup, axis: str, values: np.ndarray, rows: np.ndarray, at: np.
     return None if (np.abs(turned) > NEAR_PHASE).any() else curves.seen(found)
 
 
-def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
-    """Branches on which a tip is that comes and goes in time: parts of its way on one side of the resonance.
+def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> Branches:
+    """Branches of a tip that approaches and retracts in time: parts of its motion on one side of the resonance.
 
     It comes nearer than the data, where it turns repulsive if it had not before, so that its way back is that branch.
     """
@@ -110,13 +110,13 @@ def _of_passage(question: Question, tip_offsets: np.ndarray) -> Branches:
                 values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
                 found.append((*values, gap))
     if not found:
-        return _nothing(tip_offsets)
+        return _no_branches(tip_offsets)
     amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
     return Branches(amplitude, np.degrees(phase), gap)
 
 
-def _nothing(values: np.ndarray) -> Branches:
-    """No branch at all, as far away as the axis is long."""
+def _no_branches(values: np.ndarray) -> Branches:
+    """Branches without any orbit: amplitude 0, at a gap as wide as the axis."""
     count = len(values)
     return Branches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), float(np.ptp(values))))
 
@@ -125,7 +125,7 @@ def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branche
     """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
     parts = segments(curves.pieces, column)
     if not parts:  # nothing oscillates
-        return _nothing(x * unit)
+        return _no_branches(x * unit)
     rows = np.stack([np.stack([np.interp(x, part.x, one) for one in part.rows.T], axis=1) for part in parts])
     read = curves.seen(rows)
     gap = np.stack([np.maximum(0, np.maximum(part.x[0] - x, x - part.x[-1])) for part in parts])
@@ -134,7 +134,7 @@ def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branche
 
 @dataclass(frozen=True, eq=False)
 class Ruler:
-    """What counts as one in the comparison: for amplitude [m] and phase [degree] of each datum, and along the axis.
+    """Scales that make differences of curve and data dimensionless: amplitude [m], phase [degree], gap along the axis.
 
     The data's own errors make it strict; a few percent of the picture make it coarse, so that curves which are far
     from the data are compared as the eye does it, by their distance in any direction.
@@ -145,12 +145,12 @@ class Ruler:
 
     @classmethod
     def strict(cls, data: Data) -> Ruler:
-        """The data's errors."""
+        """Scales by the errors of the data."""
         return cls(data.errors, STRICT * data.spacing)
 
     @classmethod
     def coarse(cls, data: Data) -> Ruler:
-        """A few percent of the picture, with the data's errors."""
+        """Scales by the errors of the data and a few percent of the range of the curve."""
         size = {}
         for name, errors in data.errors.items():
             size[name] = np.hypot(errors, COARSE_PHASE if name == "phase" else COARSE * data.measured[name].max())
@@ -221,17 +221,17 @@ class Problem:
         along = np.eye(len(q)) if axes is None else axes
         moves = along * np.broadcast_to(steps, len(along))[:, None]
         here, places = self.choose(q, ruler), [*(q + moves), *(q - moves)]
-        beside = _spread(lambda at: self._beside(at, q, here), places)
+        beside = _map_in_threads(lambda at: self._orbits_near(at, q, here), places)
         self._prepare([q, *(at for at, found in zip(places, beside, strict=True) if found is None)])
         chosen = [found or self.choose(at, ruler, here) for at, found in zip(places, beside, strict=True)]
         ahead, behind = np.split(np.array([self._compare(one, ruler) for one in chosen]), 2)
         slopes = (ahead - behind) / (2 * np.linalg.norm(moves, axis=1))[:, None]
         return np.concatenate([slopes.T, along.T])
 
-    def _beside(self, at: np.ndarray, q: np.ndarray, here: Choice) -> Choice | None:
-        """The orbits at a place near q on the branches chosen there; None if these have to be followed for that."""
+    def _orbits_near(self, at: np.ndarray, q: np.ndarray, here: Choice) -> Choice | None:
+        """Orbits at parameters near q on the branches chosen at q; None if branches have to be followed first."""
         found, count = self._branches(q), len(self.data.values)
-        if found.rows is None or here.branch is None or here.gap.any() or self._moving(at) == self._moving(q):
+        if found.rows is None or here.branch is None or here.gap.any() or self._motion_key(at) == self._motion_key(q):
             return None
         setup, wanted = self.setup_at(at), here.branch * count + np.arange(count)
         distinct, which = np.unique(wanted, return_inverse=True)
@@ -255,32 +255,32 @@ class Problem:
         return np.concatenate([part.ravel() for part in (*parts, choice.gap / ruler.gap)])
 
     def _branches(self, q: np.ndarray) -> Branches:
-        key = self._moving(q)
+        key = self._motion_key(q)
         if key not in self._kept:
             self._prepare([q])
         return self._kept[key]
 
-    def _moving(self, q: np.ndarray) -> bytes:
-        """What of q changes the motion, and not only how it is read."""
+    def _motion_key(self, q: np.ndarray) -> bytes:
+        """Bytes of those parameters in q that change the motion: a key for branches that are kept."""
         return np.array([one for p, one in zip(self.parameters, q, strict=True) if p.name not in SCALES]).tobytes()
 
     def _prepare(self, places: list[np.ndarray]) -> None:
         """Compute the branches at these q, on all cores, and forget those elsewhere."""
-        wanted = {self._moving(q): q for q in places}
+        wanted = {self._motion_key(q): q for q in places}
         new = {key: q for key, q in wanted.items() if key not in self._kept}
-        found = _spread(lambda q: branches(self.setup_at(q), self.data.axis, self.data.values), new.values())
+        found = _map_in_threads(lambda q: branches(self.setup_at(q), self.data.axis, self.data.values), new.values())
         kept = self._kept | dict(zip(new, found, strict=True))
         self._kept = {key: kept[key] for key in wanted}
         self.evaluations += len(new)
 
 
-def _spread(function: Callable[[np.ndarray], Any], places: Iterable[np.ndarray]) -> list[Any]:
-    """What a function gives at these q, on all cores."""
+def _map_in_threads(function: Callable[[np.ndarray], Any], places: Iterable[np.ndarray]) -> list[Any]:
+    """Results of a function at each of these parameters q, computed on all cores."""
     with ThreadPoolExecutor(workers_of(None)) as pool:
         return list(pool.map(function, places))
 
 
 def difference(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """One less the other; phases within half a turn."""
+    """Difference of two arrays, the first less the second; phases [degree] within half a turn."""
     apart: np.ndarray = one - other
     return within_half_a_turn(apart) if name == "phase" else apart

@@ -31,7 +31,7 @@ LOSS = 1e-7  # loss outside contact to start from [N s/m]
 BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0), "lossy dmt": LossyDMT(2.0, LOSS)}
 """Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
 FITTED = ("neck_length", "adhesion_ratio", "outer_loss")
-"""Of these, what is fitted unasked where it is not at its least."""
+"""Numbers of contact laws that are fitted unasked where they are above their least value."""
 EVERY = (*dict.fromkeys(("dmt", *LAWS)), "neck", "lossy dmt")
 
 
@@ -47,7 +47,7 @@ class Recorded(NamedTuple):
 
 
 def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
-    """What a curve of `phasemap.read_curve` says, for a material like `start`."""
+    """Arguments of a fit to a curve of `phasemap.read_curve`, for a material like `start`."""
     if not {"distance", "amplitude"} <= set(curve.data_vars):
         raise InputError("the curve", ", ".join(map(str, curve.data_vars)), "one of phasemap.read_curve")
     attrs, volts = curve.attrs, curve["amplitude"].attrs.get("units") == "V"
@@ -106,7 +106,7 @@ def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.nd
 
 
 def _repeats(means: np.ndarray, name: str) -> float:
-    """How well both directions repeat each other, where they are on one branch: for most distances."""
+    """Difference of approach and retract at the same distance, its median: an estimate of the error of the data."""
     if len(means) < 2 or not np.isfinite(means[1] - means[0]).any():
         return ONE_WAY[name]
     apart = NORMAL * np.nanmedian(np.abs(means[1] - means[0])) / np.sqrt(2.0)

@@ -1,4 +1,4 @@
-"""What a fit gives: values and errors, how far to believe them, and the curve beside the data."""
+"""Result of a fit: values and errors, how far to believe them, and the curve beside the data."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def shown(value: float, error: float, unit: str) -> str:
 
 
 def make_fit(problem: Problem, solution: Solution) -> Fit:
-    """Judge a solution."""
+    """Fit of a solution, with the curve, the errors and the sentences on how far to believe them."""
     data, q = problem.data, solution.q
     names = [parameter.name for parameter in problem.parameters]
     setup = problem.setup_at(q)
@@ -241,7 +241,7 @@ def _softer(problem: Problem, setup: Setup, error: float) -> list[str]:
 
 
 def _off_branch(setup: Setup, data: Data, choice: Choice, curve: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Which data the sweep does not visit, and which of these are alone next to a jump of it."""
+    """True for data that the sweep does not visit, and for those of them that are alone next to a jump of the sweep."""
     off = np.zeros((len(data.directions), len(data.values)), bool)
     excused = off.copy()
     apart = np.zeros((2, *off.shape))
@@ -261,7 +261,7 @@ def _off_branch(setup: Setup, data: Data, choice: Choice, curve: xr.Dataset) -> 
 
 
 def _jumps_of(curve: xr.Dataset, axis: str, direction: str) -> np.ndarray:
-    """Where a sweep jumps in a direction; one that is marched in time, where it changes its side of the resonance."""
+    """Values at which a sweep jumps in a direction; of one marched in time, where the phase crosses the resonance."""
     if curve[f"curve_{axis}"].size:
         code = DIRECTIONS[axis].index(direction)
         found: np.ndarray = curve[f"jump_{axis}"].values[curve.jump_direction.values == code]

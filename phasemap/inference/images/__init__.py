@@ -1,4 +1,4 @@
-"""From a stack of images to materials: data, model, search and verdict.
+"""Inversion of a stack of images: data, model, search for the materials, and verdict.
 
 `stack` holds what was measured and the zeros that are unknown, and a `problem` is the least squares of pixels or of
 regions, from `starts`. `invert` and `regions` are `phasemap.invert` and `fit_regions`, with errors, Datasets and

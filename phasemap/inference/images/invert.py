@@ -1,4 +1,4 @@
-"""From measured images back to materials: maps of modulus, adhesion and damping.
+"""Inversion of measured images: maps of modulus, adhesion and damping.
 
 What is weakly determined of a pixel is mostly one combination of the properties: chi2 has a long valley, curved and
 skewed, where a parabola is too simple. It is followed to both sides of the best material, and the posterior integrated
@@ -88,7 +88,7 @@ def dataset_of(
 
 
 class _Valleys(NamedTuple):
-    """Of n pixels: directions along, (n, 3), and across, (n, 3, 2), the valley, and places along it, (n, k).
+    """Valleys of chi2 of n pixels: directions along, (n, 3), and across, (n, 3, 2), and places along each, (n, k).
 
     There, logarithms of the density, (n, k), conditional means, (n, k, 3), and covariances, (n, k, 3, 3).
     """
@@ -124,7 +124,7 @@ def _widen(mean: Array, covariance: Array, chosen: NDArray[np.intp], other: tupl
 
 
 def moments_of_all(problem: Problem, solutions: list[Solution]) -> tuple[Array, Array]:
-    """The same of solutions, the best first: each counts by its share of the posterior."""
+    """Means and covariances over several solutions, the best first; each counts by its share of the posterior."""
     best, means, spreads, logs = solutions[0], list[Array](), list[Array](), list[Array]()
     matrix = information(problem, problem.weigh(best.slopes))
     for one in solutions:
@@ -168,7 +168,7 @@ def _integrate(problem: Problem, found: Solution, covariance: Array, size: Array
 
 
 def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> None:
-    """Follow the valleys to one side, and fill in what is found there."""
+    """Follow the valleys to one side, and fill in densities, means and covariances along them."""
     along, across, places, logs, points, spreads = valleys
     some, q, roots = np.arange(len(along)), found.q.copy(), found.places.copy()
     for k in range(STEPS + 1):
@@ -201,7 +201,7 @@ def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> No
 
 
 def _fallen(logs: Array) -> NDArray[np.bool_]:
-    """Whether the density falls far enough before its last value that is known."""
+    """True where the density falls far enough before its last known value."""
     last = logs.shape[1] - 1 - np.argmax(np.isfinite(logs[:, ::-1]), axis=1)
     fallen: NDArray[np.bool_] = logs[np.arange(len(logs)), last] < logs.max(axis=1) - 0.5 * SHALLOW
     return fallen
@@ -325,7 +325,7 @@ def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress |
 
 
 def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Found:
-    """The same of pixels with the same errors."""
+    """Materials of pixels that have the same errors."""
     problem = problem_of_pixels(model, stack)
     found, *others = (refine(problem, one) for one in descend_from_grid(problem, grid))
     for one in others:  # the best first

@@ -56,7 +56,7 @@ class Model:
 
     @property
     def averages(self) -> bool:
-        """Whether averaged orbits are near the exact ones, with all levers."""
+        """True if averaged orbits are near the exact ones for all levers."""
         return not any(low_q(lever) for lever in self.levers)
 
     @property
@@ -65,18 +65,18 @@ class Model:
         return REACH * self.width
 
     def image(self, j: int) -> Model:
-        """The same for one image only."""
+        """The model of image j alone."""
         return replace(self, levers=self.levers[j : j + 1], amplitudes=self.amplitudes[j : j + 1])
 
     def around(self, material: Material) -> Model:
-        """The same with this material as the reference."""
+        """The model with this material as its reference."""
         row, viscous = rows_of([material])
         _, adhesion, damping = properties(row, viscous, self.scope)
         reference = np.array([material.modulus, float(adhesion[0]), float(damping[0])])
         return replace(self, reference=reference, film=film_of(row), poisson_ratio=material.poisson_ratio)
 
     def at_settings(self, amplitudes: Array, ratios: Array) -> Model:
-        """The same for images at these free amplitudes at the drive frequency [m] and setpoints."""
+        """The model for images at these free amplitudes at the drive frequency [m] and setpoints."""
         drive = self.scope.drive
         with unquestioned():
             twice = replace(self.scope, drive=replace(drive, free_amplitude=2 * drive.free_amplitude))

@@ -1,4 +1,4 @@
-"""The least squares of materials.
+"""Least squares for the materials of pixels or regions.
 
 There are n problems, each of the same regions in the same images; a pixel is one region. Phase and height are those of
 orbits (`model`) and, of averaged ones, of a defect, the difference of exact and averaged orbits at the material found
@@ -33,7 +33,7 @@ BESIDE = 1e-3  # of a logarithm, where exact orbits are asked for if those of a 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The same regions and images in n problems, which differ in their data, branches, and what is expected."""
+    """n least-squares problems of the same regions and images, with data, branches and prior of their own."""
 
     model: Model
     unknown: NDArray[np.intp]  # regions whose material is sought, u of r
@@ -47,7 +47,7 @@ class Problem:
     prior: Array  # shape (3 u, 3 u)
 
     def part(self, chosen: NDArray[Any]) -> Problem:
-        """The same for some of the problems."""
+        """Some of the problems."""
         some = {name: getattr(self, name)[chosen] for name in ("data", "sides", "fixed", "held", "centre")}
         return replace(self, **some)
 
@@ -63,7 +63,7 @@ class Problem:
         return Found(values, found.slopes.reshape(n, u, m, 2, 3), good)
 
     def defect(self, q: Array, places: Array, values: Array) -> tuple[Array, Flags]:
-        """How much exact orbits differ from these averaged values, and of which problems all are known."""
+        """Differences of exact orbits from these averaged values, and of which problems all of them are known."""
         n, r, m = self.sides.shape
         u, sides = len(self.unknown), self.sides[:, self.unknown].reshape(-1, m)
         exact, good = self.model.exact(q.reshape(n * u, 3), sides, places[:, self.unknown].reshape(n * u, m))
@@ -88,7 +88,7 @@ class Problem:
         return np.concatenate([apart.reshape(len(apart), self.weights.size), self.held], axis=1)
 
     def rest(self, values: Array, defect: Array) -> Array:
-        """Weighted residuals without what zeros explain."""
+        """Weighted residuals less the part that zeros explain."""
         return self.projection.without(self.residuals(values, defect)[..., None])[..., 0]
 
     def cost(self, rest: Array, q: Array) -> Array:
@@ -132,7 +132,7 @@ def problem_of_pixels(model: Model, stack: Stack) -> Problem:
 
 
 class Solution(NamedTuple):
-    """What was found for n problems."""
+    """Materials, orbits and chi2 found for n problems."""
 
     q: Array  # shape (n, 3 u)
     places: Array  # shape (n, r, m) or (n, r, m, PLACE); where the orbits are, averaged or exact
@@ -145,11 +145,11 @@ class Solution(NamedTuple):
     cost: Array  # shape (n,); infinite without orbits
 
     def part(self, chosen: NDArray[Any]) -> Solution:
-        """The same for some of the problems."""
+        """Solutions of some of the problems."""
         return Solution(*(values[chosen] for values in self))
 
     def put(self, chosen: NDArray[Any], other: Solution) -> None:
-        """Replace some of the problems."""
+        """Replace the solutions of some of the problems."""
         for whole, part in zip(self, other, strict=True):
             whole[chosen] = part
 

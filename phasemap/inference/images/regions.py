@@ -69,7 +69,7 @@ DOUBT = (
 
 
 class Fitted(NamedTuple):
-    """What was found."""
+    """Materials and zeros found, with covariance, draws and chi2."""
 
     best: Solution  # of one problem
     q: Array  # shape (3 u,); means of the logarithms
@@ -306,7 +306,7 @@ def of_regions(
 
 
 def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan: Plan) -> None:
-    """Put zeros, and what was measured beside what was fitted, to the materials."""
+    """Put zeros, and measured values beside fitted ones, into the Dataset of materials."""
     columns = plan.zeros(len(stack)).columns
     moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
     zero, error = moments_of_zeros(found, np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T))
@@ -337,7 +337,7 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
 
 
 def tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: Plan) -> None:
-    """Write the verdict, and what would help."""
+    """Write the verdict, and advice on further measurements."""
     flags, names = int(np.bitwise_or.reduce(ds["flag"].values)), ds["region"].values.tolist()
     if flags & POOR:
         misfit = float(ds["misfit"])

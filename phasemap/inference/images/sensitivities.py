@@ -1,4 +1,4 @@
-"""How phase and height change with the material, pixel by pixel."""
+"""Derivatives of phase and height by the material, pixel by pixel."""
 
 from __future__ import annotations
 

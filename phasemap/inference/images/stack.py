@@ -1,4 +1,4 @@
-"""What was measured: phase and height at several settings, of pixels, or of regions as if each were one pixel.
+"""Measured phase and height at several settings, of pixels, or of regions as if each were one pixel.
 
 The zeros of phase and height are unknowns of the least squares, beside the materials. Data depend on them linearly: a
 projection takes out of the weighted residuals what zeros can explain, which is the least squares over both (theory,
@@ -45,7 +45,7 @@ class Stack:
         return len(self.values)
 
     def part(self, chosen: slice | NDArray[np.intp]) -> Stack:
-        """The same for some of the pixels."""
+        """Stack of some of the pixels."""
         return replace(self, values=self.values[chosen], errors=self.errors[chosen])
 
     def medians(self, numbers: NDArray[np.intp], count: int) -> Stack:
@@ -118,7 +118,7 @@ def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ..
 
 
 def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
-    """One microscope an image; they may differ in the drive only."""
+    """Microscope of each image; the microscopes may differ in their drive only."""
     scopes = (scope,) * count if isinstance(scope, Microscope) else tuple(scope) if isinstance(scope, Sequence) else ()
     if len(scopes) != count or not all(isinstance(one, Microscope) for one in scopes):
         raise InputError("scope", scope, f"a Microscope, or {count} of them, one an image")
@@ -202,7 +202,7 @@ class Zeros:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """What weighted residuals say about the zeros, and what is left of them."""
+    """Projection of weighted residuals on what the zeros explain, and on what is left of them."""
 
     # shape (n + p, rank); Orthonormal, of what zeros explain: of n data, and of p rows that hold the zeros to
     # what is known beforehand
@@ -217,7 +217,7 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is known of the zeros of m images."""
+    """What is known beforehand of the zeros of phase and height of m images."""
 
     # phase, height: "shared" for one unknown of all images, "free" for one in each, None where it is known
     phase: str | None
@@ -231,7 +231,7 @@ class Plan:
     topography_error: float  # standard deviation of what regions stand out [m], infinite where nothing is known of it
 
     def zeros(self, regions: int) -> Zeros:
-        """All zeros of this many regions; the first of them are those of the phase."""
+        """Columns of the design of all zeros for this many regions; zeros of the phase come first."""
         count = len(self.phase_error)
         columns, widths = [], []
 
@@ -256,7 +256,7 @@ class Plan:
         return Zeros(np.stack(columns, axis=-1), np.array(widths))
 
     def taken_off(self, stack: Stack, used: NDArray[np.bool_]) -> Stack:
-        """A stack without the zeros that are given, and with phases that do not jump by a turn within an image.
+        """Stack less the given zeros, with phases that do not jump by a turn within an image.
 
         Where a zero is not known, neither is the turn: phases are brought to within half a turn of the mean of the
         pixels used, and means to within half a turn of the first image's.
@@ -276,7 +276,7 @@ class Plan:
 def make_plan(
     images: list[xr.Dataset], phase: tuple[Any, Any], height: tuple[Any, Any], topography_error: object
 ) -> Plan:
-    """Check what is said of the zeros: what is given, and its standard error."""
+    """Check the zeros that are given, and their standard errors."""
     count = len(images)
     if phase[0] is None:
         phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]

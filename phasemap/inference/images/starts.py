@@ -1,4 +1,4 @@
-"""Where the search starts: materials all over the range, those nearest to a pixel, and those that regions agree with.
+"""Starts of the search: materials all over the range, those nearest to a pixel, and those that regions agree with.
 
 What one region's material leaves of its data are the zeros; with these, every other region stands alone like a pixel.
 """
@@ -78,7 +78,7 @@ def make_grid(model: Model, attractive: bool = False) -> Grid:
 
 
 def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
-    """The same where averaging is no guide, on either branch alike: from a few orbits to those beside them.
+    """Grid of exact orbits, where averaging is no guide: each from that of a neighbour, alike on both branches.
 
     Those that curves lead to at one amplitude lead to the other amplitudes, and from there to the next materials.
     """
@@ -143,9 +143,9 @@ def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
     sides = problem.sides[:, 0]
     if not problem.model.averages:
         return _descend_apart(problem, grid, [])
-    found = descend(problem, *_at(problem, grid, nearest(problem, grid)[0]))
+    found = descend(problem, *_start_at_node(problem, grid, nearest(problem, grid)[0]))
     more = (sides != 0).any(axis=1) & (found.cost > _doubtful(problem))
-    solutions = [found, *(_unsought(found) for _ in range(1, STARTS) if more.any())]
+    solutions = [found, *(_without_solution(found) for _ in range(1, STARTS) if more.any())]
     for pattern in np.unique(sides[more], axis=0):
         fine = make_grid(problem.model, attractive=True) if (pattern <= 0).all() else grid
         alike = np.flatnonzero(more & (sides == pattern).all(axis=1))
@@ -157,26 +157,26 @@ def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
 
 
 def _doubtful(problem: Problem) -> float:
-    """chi2 above which a solution may not be the best."""
+    """Largest chi2 at which a solution is taken for the best without further starts."""
     data = int((problem.weights > 0).sum())
     return float(data + DOUBTFUL * np.sqrt(2 * data))
 
 
-def _unsought(like: Solution) -> Solution:
-    """A solution that is none, for as many problems."""
+def _without_solution(like: Solution) -> Solution:
+    """Solution of infinite cost for as many problems, which any other replaces."""
     every = np.arange(len(like.q))
     return like.part(every)._replace(cost=np.full(len(every), np.inf))
 
 
 def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> list[Solution]:
-    """The same from materials of the grid that a step of least squares brings nearest to the data, and far apart.
+    """Further solutions, from materials of the grid that one step of least squares brings near the data, far apart.
 
     `solutions`: those that are known. All problems have the same branches.
     """
     sides, every = problem.sides[0, 0], np.arange(len(problem.data))
     usable, values = grid.on(sides)
     if not len(usable):
-        return solutions or [descend(problem, *_at(problem, grid, np.full(len(every), -1)))]
+        return solutions or [descend(problem, *_start_at_node(problem, grid, np.full(len(every), -1)))]
     branch, images, count = (sides > 0).astype(int), np.arange(len(sides)), len(usable)
     slopes = grid.slopes[branch, usable[:, None], images]
     at = replace(problem.part(np.zeros(count, int)), data=values[:, None])
@@ -200,12 +200,12 @@ def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> l
         if not len(worth):
             break
         part, begin = problem.part(worth), q[worth, best[worth]]
-        node, *near = _at(part, grid, usable[best[worth]])
+        node, *near = _start_at_node(part, grid, usable[best[worth]])
         again = descend(part, begin, *near)
         lost = np.flatnonzero(~again.good)
         again.put(lost, descend(part.part(lost), node[lost], *(one[lost] for one in near)))
         if len(worth) < len(every):
-            whole = _unsought(solutions[0])
+            whole = _without_solution(solutions[0])
             whole.put(worth, again)
             again = whole
         solutions = [*solutions, again]
@@ -213,8 +213,8 @@ def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> l
     return solutions
 
 
-def _at(problem: Problem, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Materials of the grid, places of their orbits and defects; the prior's material without orbits for -1."""
+def _start_at_node(problem: Problem, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """Start from materials of the grid: logarithms, places of orbits and defects; for -1 the prior, without orbits."""
     sides = problem.sides[:, 0]
     branch, images, none = (sides > 0).astype(int), np.arange(sides.shape[1]), start < 0
     q, places = grid.q[start], grid.places[branch, start[:, None], images]
@@ -248,7 +248,7 @@ def make_starts(
     which = {first: np.concatenate([usable for usable, _ in parts])}
     branches = {first: np.repeat(some, [len(usable) for usable, _ in parts], axis=0)}
     apart = np.where(seen[first], stack.values[first] - np.concatenate([values for _, values in parts]), np.nan)
-    zeros = np.stack([_zero(apart[..., c], kind) for c, kind in ((PHASE, plan.phase), (HEIGHT, plan.height))], axis=-1)
+    zeros = np.stack([_zeros(apart[..., c], kind) for c, kind in ((PHASE, plan.phase), (HEIGHT, plan.height))], axis=-1)
     rest = np.nan_to_num(apart - zeros)
     rest[..., HEIGHT] = np.where(seen[first][:, HEIGHT], rest[..., HEIGHT] - _mean((apart - zeros)[..., HEIGHT]), 0.0)
     cost = ((rest / COARSE) ** 2).sum(axis=(1, 2)) + _prior(model, grids[first])[which[first]]
@@ -265,7 +265,7 @@ def make_starts(
         cost = cost + more
     q = np.concatenate([grids[r].q[which[r]] for r in range(regions) if r not in known], axis=1)
     both = np.stack([np.where(seen[r].any(axis=-1), branches[r], 0) for r in range(regions)], axis=1).astype(np.int8)
-    taken = _spread(q, both, cost)
+    taken = _apart_among_best(q, both, cost)
     places, images = model.nowhere(*both[taken].shape), np.arange(both.shape[2])
     for r in set(range(regions)) - set(known):
         places[:, r] = grids[r].places[(both[taken, r] > 0).astype(int), which[r][taken][:, None], images]
@@ -288,8 +288,8 @@ def _prior(model: Model, grid: Grid) -> Array:
     return cost
 
 
-def _zero(apart: Array, kind: str | None) -> Array:
-    """What data of the first region leave for the zeros of each image, shape (candidates, images)."""
+def _zeros(apart: Array, kind: str | None) -> Array:
+    """Zeros of each image by the data of the first region, shape (candidates, images)."""
     if kind == FREE:
         return np.nan_to_num(apart)
     return np.repeat(np.nan_to_num(_mean(apart)), apart.shape[1], axis=1) if kind == SHARED else np.zeros_like(apart)
@@ -302,8 +302,8 @@ def _mean(values: Array) -> Array:
     return mean
 
 
-def _spread(q: Array, sides: Codes, cost: Array) -> list[int]:
-    """Numbers of the best few, not all alike."""
+def _apart_among_best(q: Array, sides: Codes, cost: Array) -> list[int]:
+    """Indices of the best few candidates that are not all alike."""
     taken: list[int] = []
     alike: dict[bytes, list[int]] = {}
     for i in np.argsort(cost, kind="stable"):

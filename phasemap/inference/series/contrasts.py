@@ -153,7 +153,7 @@ def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
 
 
 def _height_serves(images: Sequence[xr.Dataset], found: dict[str, list[Labels]], sharp: dict[str, list[float]]) -> bool:
-    """Whether heights tell regions apart much more sharply, into more than dirt, and into what the phase shows too."""
+    """True if heights tell regions apart far more sharply than phases, into large regions that the phase shows too."""
     least = [np.bincount(one[one >= 0]).min() / one.size for one in found["height"]]
     of_phase, of_height = (float(np.median(sharp[way])) for way in ("phase", "height"))
     if of_height <= PREFERRED * of_phase or float(np.median(least)) < SMALLEST:

@@ -1,4 +1,4 @@
-"""Unknowns of a series, and how likely data are.
+"""Unknowns of a series, and the likelihood of the data.
 
 Where the free amplitude and the setpoint are unknowns beside the materials, thousands of combinations have to be tried.
 A table of averaged orbits is interpolated to find the likely ones; these are then solved for, from where the table says
@@ -47,7 +47,7 @@ class Table:
     values: Array  # shape (..., 4); of both branches, the place of the orbit, and 1 where there is one
 
     def look(self, points: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Places, and whether there may be an orbit, shape (2, k), at points, shape (k, 5)."""
+        """Interpolated places of orbits, and whether there may be an orbit, shape (2, k), at points, shape (k, 5)."""
         points = points[:, -len(self.axes) :]
         ends = np.array([[axis[0], axis[-1]] for axis in self.axes]).T
         inside = np.clip(points, *ends)
@@ -179,7 +179,7 @@ class Problem:
 
     @property
     def model(self) -> Model:
-        """The model of what is sought."""
+        """The model of the regions whose material is sought."""
         return self.parts[0].model
 
     @property
@@ -218,7 +218,7 @@ class Problem:
         return found
 
     def branches(self, logs: Array, amplitude: float, ratios: Array) -> Array:
-        """Phases [degree] of a combination (shape (r, 3)) at setpoints, shape (2, r, k), wherever orbits are."""
+        """Phases [degree] of a combination (shape (r, 3)) at setpoints, shape (2, r, k); NaN without an orbit."""
         found = np.empty((2, len(self.values), len(ratios)))
         for part in self.parts:
             found[:, part.regions] = part.everywhere(logs, amplitude, ratios)
@@ -233,7 +233,7 @@ class Problem:
         return whole
 
     def explained(self, x: Array, seed: int) -> Explained:
-        """Draw what is not among the unknowns; zeros are those expected of the materials and branches drawn."""
+        """Sign, branches and zeros drawn for each combination; zeros are those expected of materials and branches."""
         rng = np.random.default_rng(seed)
         state = self.state(x)
         solved, narrow = self.solved(state), self._narrow(state.growth)
@@ -350,13 +350,13 @@ def _total(logs: Array) -> Array:
 
 
 def _drawn(logs: Array, rng: np.random.Generator) -> Indices:
-    """One of k choices with these logarithms of their chances, shape (n, k) to (n,)."""
+    """Index of one of k choices, drawn with these logarithms of chances, shape (n, k) to (n,)."""
     drawn: Indices = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
     return drawn
 
 
 def _share(x: Array) -> Array:
-    """Uniform over 0 ... 1 where x is normal within the reach."""
+    """Uniform number between 0 and 1 for x that is normal and cut off at the reach."""
     low = ndtr(-REACH)
     share: Array = (ndtr(x) - low) / (1 - 2 * low)
     return share

@@ -21,7 +21,7 @@ from phasemap.io.metadata import of_simulation
 from phasemap.io.read import read_image
 
 OF_TUNE = {"drive_frequency": 2e-4, "drive_voltage": 0.02, "phase_zero": 5.0, "lock_in_phase": 1.0, "day": 0.5}
-"""By which files of one tune differ at most: relatively, or in degrees and days."""
+"""Largest difference between files of one tune: relative, or in degrees and days."""
 RELATIVE = ("drive_frequency", "drive_voltage")
 LINEAR = 1.2  # factor within which free amplitudes follow the voltage of the drive
 PAIRS = (("setpoint_voltage", "free_amplitude_voltage"), ("setpoint_amplitude", "free_amplitude"))
@@ -99,7 +99,7 @@ def _tunes_of(known: list[dict[str, Any]], names: Collection[str]) -> tuple[NDAr
 
 
 def _differ(name: str, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    """Whether two tunes, or a tune and a file, contradict each other."""
+    """True if two tunes, or a tune and a file, contradict each other."""
     if name not in one or name not in other:
         return False
     apart = one[name] / other[name] - 1 if name in RELATIVE else one[name] - other[name]

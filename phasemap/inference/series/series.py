@@ -1,4 +1,4 @@
-"""Several measured files of one sample, explained together: what can be said of them, and what cannot, as a Dataset."""
+"""Several measured files of one sample, explained together by one Dataset of materials, settings and their errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def dataset_of(
     problem: Problem, draws: Draws, fit: Explained, seen: Medians, images: Sequence[xr.Dataset],
     labels: Sequence[Labels],
 ) -> xr.Dataset:  # fmt: skip
-    """All variables and sentences."""
+    """Dataset of a series: contrasts, settings, materials and curves, with sentences on them."""
     state, settings, likeliest = problem.state(draws.x), problem.settings, int(np.argmax(draws.fit))
     names = {"file": list(settings.names), "region": np.arange(len(problem.values)), "property": list(PARAMETERS)}
     ds = xr.Dataset(coords=names)
@@ -311,7 +311,7 @@ def _problem(
 
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:
-    """One scan of each file, and what they are called."""
+    """Images of the series, one scan of each file, and their names."""
     if isinstance(files, str | os.PathLike) or not isinstance(files, Sequence) or not 2 <= len(files) <= MOST:
         size = len(files) if isinstance(files, Sequence) and not isinstance(files, str) else files
         hint = "A single image is for compare, or for invert." if size == 1 else ""

@@ -1,4 +1,4 @@
-"""Settings that the files of a series state, and what of them stays unknown."""
+"""Settings that the files of a series state, and which of them stay unknown."""
 
 from __future__ import annotations
 
@@ -75,21 +75,21 @@ class Settings:
 
     @property
     def alike(self) -> NDArray[np.bool_]:
-        """Which files have the same free amplitude, whatever it is, shape (m, m)."""
+        """True for pairs of files with the same free amplitude, whatever it is, shape (m, m)."""
         same: NDArray[np.bool_] = np.abs(np.log(self.relative[:, np.newaxis] / self.relative)) < SAME
         same &= (self.tunes[:, np.newaxis] == self.tunes) | (self.amplitude == HELD)
         return same
 
     @property
     def repeats(self) -> NDArray[np.bool_]:
-        """Which files have the same free amplitude and setpoint, shape (m, m)."""
+        """True for pairs of files with the same free amplitude and setpoint, shape (m, m)."""
         close: NDArray[np.bool_] = np.abs(np.log(self.ratios[:, np.newaxis] / self.ratios)) < SAME
         close &= self.alike & (self.tunes[:, np.newaxis] == self.tunes)
         return close
 
     @property
     def above(self) -> Array:
-        """Which files (rows) have a larger setpoint than others (columns) at the same free amplitude, shape (m, m)."""
+        """1 where a file (row) has a larger setpoint than another (column) at the same free amplitude, shape (m, m)."""
         return (self.alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
 
     def at(self, scale: Array, own: Array, share: Array) -> tuple[Array, Array]:
@@ -120,7 +120,7 @@ class Settings:
         return (float(sizes.min()) * 0.999, float(sizes.max()) * 1.001), nodes
 
     def ordered(self) -> tuple[Settings, NDArray[np.intp]]:
-        """From the gentlest tapping to the hardest, and which file each is."""
+        """Settings sorted from the gentlest tapping to the hardest, and the number that each file had before."""
         highest = 1.0 if self.setpoint == HELD else 1.05 * self.ratios.max()
         drop = self.relative * (1 - self.ratios / highest)
         order = np.lexsort((-self.ratios, drop.round(9)))
@@ -146,7 +146,7 @@ def scope_of(
             hint = "Fit single curves with phasemap.fit_distance instead."
             raise InputError("contact", law.name, "a law that averaging knows: no films, no losses of its own", hint)
         return scope, []
-    said, told = _of_lever(known, names, given)
+    said, told = _lever_properties(known, names, given)
     resonance = said.get("resonance_frequency", frequencies[0] if frequencies else 300e3)
     drive = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
                   one.get("resonance_frequency") == resonance), None)  # fmt: skip
@@ -173,10 +173,10 @@ def scope_of(
     return Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS, drive)), told
 
 
-def _of_lever(
+def _lever_properties(
     known: list[dict[str, Any]], names: list[str], given: Collection[str]
 ) -> tuple[dict[str, float], list[str]]:
-    """Each property by the first file that says it, and a sentence where others say another quality factor."""
+    """Properties of the lever, each from the first file that says it, and a sentence where quality factors differ."""
     said, told = dict[str, float](), []
     for name, unit in (("resonance_frequency", "Hz"), ("stiffness", "N/m"), ("quality_factor", "1")):
         values = {of: float(one[name]) for of, one in zip(names, known, strict=True) if name in one}
@@ -228,7 +228,7 @@ def _all_of(known: list[dict[str, Any]], name: str) -> Array | None:
 
 
 def _is_word(name: str, given: Any, unit: str) -> bool:
-    """Whether a word is given instead of numbers."""
+    """True if "shared" or "free" is given instead of numbers."""
     if isinstance(given, str) and given not in (SHARED, FREE):
         raise InputError(name, given, f"'shared', 'free' or numbers [{unit}]")
     return isinstance(given, str)

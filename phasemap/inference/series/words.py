@@ -39,7 +39,7 @@ def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
 
 
 def is_poor(ds: xr.Dataset, problem: Problem) -> bool:
-    """Whether nothing within the prior describes the contrasts."""
+    """True if nothing within the prior describes the contrasts."""
     return bool(chance(float(ds["misfit"]), max(_contrasts(problem), 1)) < UNLIKELY)
 
 
@@ -59,7 +59,7 @@ def agreement(ds: xr.Dataset) -> tuple[list[bool], list[bool], list[bool]]:
 
 
 def regimes(ds: xr.Dataset) -> list[str]:
-    """Which branch every region is on, a sentence each."""
+    """Sentences on the branch of every region, one each."""
     said = []
     for region in ds["region"].values:
         chances = ds["repulsive"].sel(region=region).values
@@ -75,7 +75,7 @@ def regimes(ds: xr.Dataset) -> list[str]:
 
 
 def turns(ds: xr.Dataset) -> list[str]:
-    """Where contrasts turn, and why."""
+    """Sentences on contrasts that change sign, with the reason."""
     said = []
     measured, error = ds["measured_contrast"].values, ds["contrast_error"].values
     chances = ds["repulsive"].values
@@ -220,7 +220,7 @@ def _branch(chance: float) -> str:
 
 
 def _why(before: Array, after: Array, region: int) -> str:
-    """Why a contrast turns between two files."""
+    """Reason why a contrast changes sign between two files."""
     moved, rest = [], []
     for r in (region, 0):
         first, last = _branch(before[r]), _branch(after[r])
@@ -240,7 +240,7 @@ def _why(before: Array, after: Array, region: int) -> str:
 
 
 def _crossings(levels: Array, contrast: Array) -> list[float]:
-    """Where a curve goes through 0, or jumps over it."""
+    """Setpoints at which a contrast changes sign, by passing 0 or by a jump."""
     known = np.flatnonzero(np.isfinite(contrast) & (np.abs(contrast) > 1e-9))
     pairs = [(a, b) for a, b in pairwise(known) if b == a + 1 and contrast[a] * contrast[b] < 0]
     return [float(levels[a] - contrast[a] * (levels[b] - levels[a]) / (contrast[b] - contrast[a])) for a, b in pairs]

@@ -160,7 +160,7 @@ def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, pro
 
 
 def _recommended(choice: Choice, rising: Axes, contrasts: xr.DataArray) -> dict[str, Any]:
-    """Attributes that say where to work."""
+    """Attributes of the recommended working point."""
     values: Sequence[Any] = [np.nan] * 4
     if choice.place is not None:
         values = [*(axis[i] for axis, i in zip(rising, choice.place, strict=True)), contrasts[choice.place]]
@@ -194,7 +194,7 @@ def _axes(scope: Microscope, frequencies: Any, free_amplitudes: Any, setpoints: 
 
 
 def _given(name: str, values: Any, unit: str) -> Array | float | None:
-    """What was given for an axis, in `unit`."""
+    """Values given for an axis, in `unit`: an array, a number, or None."""
     if values is None:
         return None
     found = real_numbers(name, values, unit)
@@ -223,7 +223,7 @@ def _check_names(names: object) -> tuple[str, str]:
 
 
 def _solve(pair: Pair, axes: Axes, workers: int, progress: Progress | None) -> tuple[Answers, Array]:
-    """Every point of the map: what engaging leads to, and the regimes; shapes (2, *map, ...) and (2, *map)."""
+    """Orbits found by engaging at every point of the map, and regimes; shapes (2, *map, ...) and (2, *map)."""
     shape = (2, *(len(values) for values in axes))
     count = shape[3]
     engaged = Answers(np.full((*shape, col.COLUMNS), np.nan), np.zeros(shape, np.int8), np.zeros(shape, np.int8))

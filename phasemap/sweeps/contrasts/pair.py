@@ -62,7 +62,7 @@ class Pair:
         return cls(both, scope, solver, accuracy)
 
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
-        """Both materials at each setpoint: n rows of the first, then n of the second.
+        """Work of both materials at each setpoint: n rows of the first, then n of the second.
 
         `frequency`: of the drive [Hz].
         `free_amplitude`: at resonance [m]; the setpoints are over that at the drive frequency.
@@ -91,7 +91,7 @@ class Pair:
 
 
 def regimes(work: Work, periods: int = MOST_PERIODS) -> Array:
-    """In which regimes (NONE, ATTRACTIVE, REPULSIVE, BISTABLE) a stable orbit holds each setpoint, engaged or not.
+    """Regime (NONE, ATTRACTIVE, REPULSIVE, BISTABLE) of each setpoint: the branches on which a stable orbit holds it.
 
     None is known of contacts that remember: there only what engaging leads to is. `periods` of the drive may be
     integrated for each.
@@ -121,7 +121,7 @@ class Jump(NamedTuple):
 
     @property
     def inverts(self) -> bool:
-        """Whether the contrast is seen on both sides, with other signs."""
+        """True if the contrast is seen on both sides, with opposite signs."""
         before, after = (float(phases[1] - phases[0]) for phases in (self.before, self.after))
         return before * after < 0 and min(abs(before), abs(after)) > SEEN
 
@@ -134,7 +134,7 @@ class Inversion(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """How far along a line, from 0 to 1, and the phases there."""
+    """Position along a line, from 0 to 1, and the phases there."""
 
     share: float
     phases: Array

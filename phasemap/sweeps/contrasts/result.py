@@ -1,4 +1,4 @@
-"""What comes of a map of the contrast: its Dataset, and where to work.
+"""Result of a contrast map: its Dataset, and the recommended working point.
 
 Wang (1999) finds the phase most sensitive where it passes 0, between the regimes, and insensitive in the attractive
 one. The contrast is largest where that transition lies for one of the materials and not for the other; but right at a
