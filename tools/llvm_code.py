@@ -81,7 +81,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.continuation.piece import collocation_orbits_at
     from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
     from phasemap._kernels.excitation import likely_amplitude
-    from phasemap._kernels.neck import loop_energies
+    from phasemap._kernels.neck_energy import loop_energies
     from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time import march

@@ -25,7 +25,7 @@ from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.quantities import OF_SECOND, motion_seen
 from phasemap.results.variables import OF_ORBITS
-from phasemap.solvers.detected_setpoint import close
+from phasemap.solvers.seen_by_detector import fill_energy_closure
 
 Numbers = Callable[[slice], NDArray[np.int32]]
 """Which distinct material each pixel of a range is made of."""
@@ -65,7 +65,7 @@ class Interpolants:
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
         lever, shown = lever_of(job.scope), rows[[col.AMPLITUDE, col.PHASE]]
         rows[col.AMPLITUDE], rows[col.PHASE] = of_tip(lever, *shown)
-        close(rows.T, lever)
+        fill_energy_closure(rows.T, lever)
         rows[[col.AMPLITUDE, col.PHASE]] = shown
         return rows.T
 

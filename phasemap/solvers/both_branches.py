@@ -14,9 +14,9 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.solvers.detected_setpoint import Found, at_tip, shown
 from phasemap.solvers.in_time import ETA
 from phasemap.solvers.problem import Work
+from phasemap.solvers.seen_by_detector import Found, at_tip, shown
 from phasemap.solvers.solver import LENGTH, PHASE, March, Solver
 
 Codes = NDArray[np.int8]

@@ -12,8 +12,8 @@ from phasemap._kernels.orbits.orbit_nodes import KEEPING, KEPT_COUNT
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.solvers.detected_setpoint import at_tip, shown
 from phasemap.solvers.problem import Work
+from phasemap.solvers.seen_by_detector import at_tip, shown
 from phasemap.solvers.solver import BothDrives, March, OnlyInTime, Solver, check_marches
 
 Array = np.ndarray

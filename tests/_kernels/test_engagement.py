@@ -13,8 +13,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.engagement import (
     averages,
     beside_resonance,
-    branch_by_averaging,
-    by_response,
+    by_averaging,
+    by_fold,
     other_branch,
     second_drive,
     stuck,
@@ -71,14 +71,14 @@ def test_neither_an_attracted_tip_rebounds_nor_one_at_resonance() -> None:
 @pytest.mark.parametrize("omega", [0.99, 0.9990, 0.99985, 1.0, 1.01])
 def test_a_lever_leaps_if_at_its_resonance_it_swings_wider_by_more_than_the_reach(omega: float) -> None:
     rise = FREE / Q / (omega / Q) - FREE / Q / abs(1 - omega**2 + 1j * omega / Q)  # attraction takes 1 - omega^2 away
-    assert plain(branch_by_averaging.leaps)(over(lever_at(omega), longrange=PULL)) == (omega < 1 and rise > REACH)
+    assert plain(by_averaging.leaps)(over(lever_at(omega), longrange=PULL)) == (omega < 1 and rise > REACH)
 
 
 @pytest.mark.parametrize("omega", [0.999, 1.0, 1.002])
 def test_all_the_attraction_needed_makes_an_orbit_and_none_leaves_the_free_lever(omega: float) -> None:
     lever, r = lever_at(omega), 0.7
     amplitude = r * FREE / Q / abs(1 - omega**2 + 1j * omega / Q)
-    at_share = plain(branch_by_averaging.mismatch_at_attraction_share)
+    at_share = plain(by_averaging.mismatch_at_attraction_share)
     assert at_share(lever, amplitude, 1.0) == pytest.approx(0.0, abs=1e-12)
     assert at_share(lever, amplitude, 0.0) == pytest.approx(r * r - 1.0)
 
@@ -92,7 +92,7 @@ def test_a_tip_is_attracted_down_to_an_amplitude_that_attraction_can_hold(share:
     pull = PULL * share * needed / strongest
     # Contact as much stiffer with the attraction leaves the depth where it is strongest.
     oscillator = over(lever, HERTZ * pull / PULL, pull, pull)
-    assert plain(branch_by_averaging.decide)(oscillator, amplitude, Maximum()) == side
+    assert plain(by_averaging.decide)(oscillator, amplitude, Maximum()) == side
 
 
 @pytest.mark.parametrize("wanted", [-0.1, 0.002, 0.1])
@@ -104,7 +104,7 @@ def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_str
     # (P/u0)^2 + r^2 - 1 at resonance. Contact as much stiffer with the attraction leaves its strongest depth.
     share, deepest = FREE / q * math.sqrt(wanted + 1.0 - r**2) / max(pulls), gaps[int(np.argmax(pulls))]
     workspace.top.mismatch = wanted
-    found = plain(by_response.response_maximum)(
+    found = plain(by_fold.response_maximum)(
         over(lever, share * HERTZ, share * PULL, share * PULL), r * FREE, 0.8 * deepest, 0.3 * abs(deepest), workspace
     )
     assert found.mismatch == pytest.approx(
@@ -114,7 +114,7 @@ def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_str
 
 
 def test_without_attraction_a_tip_is_repelled_and_adhesion_alone_leaves_that_open() -> None:
-    decide = plain(branch_by_averaging.decide)
+    decide = plain(by_averaging.decide)
     assert decide(over(lever_at()), 0.5 * FREE, Maximum()) == REPULSIVE
     assert decide(over(lever_at(), pull=PULL), 0.5 * FREE, Maximum()) == UNCLEAR
 

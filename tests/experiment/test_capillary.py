@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import phasemap as pm
-from phasemap._kernels.neck import loop_energies
+from phasemap._kernels.neck_energy import loop_energies
 from phasemap.experiment.interaction import Capillary
 from phasemap.experiment.interaction.capillary import NUMBER_DENSITY, THERMAL, adsorbed_film
 from phasemap.experiment.material_rows import MORE, MORE_NUMBERS, PLAIN, column_of, rows_of

@@ -27,7 +27,7 @@ from phasemap._kernels.law import (
     longrange_force,
     longrange_slope,
 )
-from phasemap._kernels.neck import loop_energies
+from phasemap._kernels.neck_energy import loop_energies
 from phasemap._kernels.orbits.averaged import harmonics
 from phasemap._kernels.orbits.time import march
 from phasemap._kernels.orbits.time.tip import PeriodResult

@@ -10,7 +10,7 @@ import pytest
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement import holding, holding_mean, in_time, lowering
+from phasemap._kernels.engagement import holding_in_time, holding_mean, in_time, lowering
 from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
@@ -47,7 +47,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
     """One of these: they are compiled together."""
     goal = Goal(amplitude, 0.25, most)
     if what == 0:
-        holding.hold(problem, goal, tip, row)
+        holding_in_time.hold(problem, goal, tip, row)
     elif what == 1:
         holding_mean.hold_mean(problem, goal, holding_mean.EAGER_GAIN, tip, row)
     elif what == 2:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import phasemap as pm
 from benchmarks.accuracy.regimes import REGIMES, Batch, draw
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement.branch_by_averaging import narrowest_amplitude_ratio
+from phasemap._kernels.engagement.by_averaging import narrowest_amplitude_ratio
 from phasemap.experiment.lever import one_mode
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run

@@ -14,7 +14,7 @@ from cases import Case, hold_in_time
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement import holding
+from phasemap._kernels.engagement import holding_in_time
 from phasemap._kernels.excitation import detected_signal
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import mode_of
@@ -64,7 +64,7 @@ def settled(case: Case, eta: float = ETA, **lever: Any) -> tuple[np.ndarray, Osc
 
 def tip_on(oscillator: Oscillator, row: np.ndarray) -> Tip:
     """A tip on the orbit of a result row, but for its harmonics."""
-    state = holding.state_on(oscillator.law, oscillator.lever, row[col.AMPLITUDE], row)
+    state = holding_in_time.state_on(oscillator.law, oscillator.lever, row[col.AMPLITUDE], row)
     return Tip(state, PeriodResult(), PeriodMap(), Periods())
 
 

@@ -39,10 +39,10 @@ from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_a
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.numerics import count_smaller, narrowed
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
-from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.errors import estimate_errors
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
-from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, fill_observables, last_step_within_tolerance
-from phasemap._kernels.orbits.collocation.observables import complete_row, time_trace
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, last_step_within_tolerance
+from phasemap._kernels.orbits.collocation.observables import complete_row, fill_observables, time_trace
 from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_KEPT,

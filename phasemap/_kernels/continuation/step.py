@@ -38,8 +38,9 @@ from phasemap._kernels.law import has_hysteresis
 from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.elements import lay_again
-from phasemap._kernels.orbits.collocation.newton import NewtonLimits, determinant_of_return, floquet, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import NewtonLimits, solve_orbit
 from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, standing_at
+from phasemap._kernels.orbits.collocation.stability import determinant_of_return, floquet
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     RA,

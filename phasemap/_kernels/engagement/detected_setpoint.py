@@ -14,13 +14,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import BY_AVERAGING, BY_CURVE, BY_TIME, engage_by_averaging
-from phasemap._kernels.engagement.by_collocation import (
+from phasemap._kernels.engagement.by_averaging import BY_AVERAGING, BY_CURVE, IN_TIME, engage_by_averaging
+from phasemap._kernels.engagement.by_curve import (
     CurveWorkspace,
     detected_amplitude_wanted,
     engaged_collocation_orbit,
 )
-from phasemap._kernels.engagement.by_response import orbit_by_response
+from phasemap._kernels.engagement.by_fold import orbit_by_response
 from phasemap._kernels.excitation import (
     LEAST_SLOPE,
     detected_amplitude_rate,
@@ -128,7 +128,7 @@ def collocation_orbit_at_detected_amplitude(
     oscillator: Oscillator, seen: float, rung: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
     row: np.ndarray,
 ) -> tuple[int, Along]:  # fmt: skip
-    """`by_collocation` on which a tip from far stops where the detector sees an amplitude [m]; a status and its slopes.
+    """Orbit on which a tip from far stops where the detector sees an amplitude [m], by the curve: a status, and slopes.
 
     From the averaged orbit if averaging is as sure of the branch at the amplitude that the tip then has.
     """
@@ -144,7 +144,7 @@ def collocation_orbit_at_detected_amplitude(
             there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
             if there == BY_AVERAGING and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
                 break
-            if there == BY_TIME:
+            if there == IN_TIME:
                 done = col.NOT_CONVERGED
         if decides != BY_AVERAGING:
             break

@@ -4,8 +4,8 @@ A lever that swings freely is lowered from far while the equation of motion is m
 itself every period, the periodic orbit is followed by Newton's method on the map of one period (`period_map`). A
 contact with hysteresis that is just touched, a period that doubles, or a tip that sticks for some periods leaves no
 such orbit. There the tip offset falls slowly, from period to period, and what counts is what a lock-in shows: the mean
-phasor of the first harmonic. Where its modulus comes to the setpoint, `holding` goes on. Theory, Eqs. (irregular-2) to
-(irregular-4).
+phasor of the first harmonic. Where its modulus comes to the setpoint, `holding_in_time` goes on. Theory,
+Eqs. (irregular-2) to (irregular-4).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from phasemap._kernels.engagement.averages import (
     touches_alike,
 )
 from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
-from phasemap._kernels.engagement.holding import hold
+from phasemap._kernels.engagement.holding_in_time import hold
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_REACHED,

@@ -17,7 +17,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.beside_resonance import attraction_defies_averaging
-from phasemap._kernels.engagement.branch_by_averaging import forces_are_plain, leaps
+from phasemap._kernels.engagement.by_averaging import forces_are_plain, leaps
 from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import detected_phasor

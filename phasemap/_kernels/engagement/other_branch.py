@@ -12,8 +12,8 @@ import math
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import decide, forces_are_plain, low_q_margin_factor
-from phasemap._kernels.engagement.by_response import highest_response_mismatch, side_of
+from phasemap._kernels.engagement.by_averaging import decide, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.by_fold import highest_response_mismatch, side_of
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near

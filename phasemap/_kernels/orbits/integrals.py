@@ -33,7 +33,7 @@ from phasemap._kernels.law import (
     longrange_slope,
 )
 from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
-from phasemap._kernels.neck import loop_energy
+from phasemap._kernels.neck_energy import loop_energy
 from phasemap._kernels.orbits.orbit_nodes import MOST_NODES, OrbitNodes
 
 SLOPE_HARMONICS = 20  # harmonics of the force's slope that count

@@ -14,8 +14,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
-from phasemap._kernels.engagement.by_collocation import new_curve_workspace
+from phasemap._kernels.engagement.by_averaging import engage_by_averaging
+from phasemap._kernels.engagement.by_curve import new_curve_workspace
 from phasemap._kernels.engagement.detected_setpoint import (
     collocation_orbit_at_detected_amplitude,
     fill_errors_as_seen,
@@ -25,7 +25,7 @@ from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_work
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
-from phasemap._kernels.orbits.collocation.estimate import estimate_errors
+from phasemap._kernels.orbits.collocation.errors import estimate_errors
 from phasemap._kernels.orbits.collocation.near import (
     collocation_orbit_from_harmonic,
     collocation_orbit_from_near,

@@ -12,8 +12,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import engage_by_averaging
-from phasemap._kernels.engagement.by_collocation import (
+from phasemap._kernels.engagement.by_averaging import engage_by_averaging
+from phasemap._kernels.engagement.by_curve import (
     CurveWorkspace,
     new_curve_workspace,
 )

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.goal import Goal
-from phasemap._kernels.engagement.holding import hold_from_row, hold_over_remembering_surface
+from phasemap._kernels.engagement.holding_in_time import hold_from_row, hold_over_remembering_surface
 from phasemap._kernels.engagement.in_time import engage_by_march, engage_with_second_drive
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit

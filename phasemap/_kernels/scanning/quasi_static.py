@@ -11,7 +11,7 @@ from phasemap._kernels.columns import ENGAGED, NOWHERE, UNKNOWN_ORBIT, StableOrb
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
 from phasemap._kernels.engagement.goal import COARSER_STEPS
-from phasemap._kernels.engagement.holding import state_on
+from phasemap._kernels.engagement.holding_in_time import state_on
 from phasemap._kernels.engagement.in_time import slow_pace
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip

@@ -316,7 +316,7 @@ class Interaction(Shown):
         """Energy that a loop of contact and release loses [J]: 0 without a neck, and a relative 1e-9 below 0."""
         if not rows[:, col.RELEASE].any() or not rows[:, [col.LONGRANGE, col.FORMING]].any():
             return np.zeros(len(rows))
-        from phasemap._kernels.neck import loop_energies
+        from phasemap._kernels.neck_energy import loop_energies
 
         with np.errstate(invalid="ignore"):
             energies = loop_energies(self.token(), rows)

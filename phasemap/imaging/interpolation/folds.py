@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.chebyshev import chebval2d
 
-from phasemap._kernels.engagement.branch_by_averaging import narrowest_amplitude_ratio
+from phasemap._kernels.engagement.by_averaging import narrowest_amplitude_ratio
 from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import lever_of
 from phasemap.imaging.interpolation import chebyshev

@@ -3,6 +3,6 @@
 `contacts` finds where the tip meets the sample, `elements` lays the elements between, `system` holds the motion
 on them, `mode_motion` how each mode moves, `linearised` the equations and their derivatives, `closing` adds the drive
 and what is held and takes a step, `newton` takes steps until all hold, on a `path` along which law and lever may
-change. They begin at a harmonic orbit. `observables` makes a row of the solution, `estimate` says how wrong it is,
-`near` goes from a harmonic orbit to one whose energy closes.
+change. They begin at a harmonic orbit. `observables` makes a row of the solution, `stability` says whether the motion
+stays there, `errors` how wrong the row is, `near` goes from a harmonic orbit to one whose energy closes.
 """

@@ -15,10 +15,10 @@ from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,
     begin_harmonic,
-    fill_row_of_orbit,
     solve_at_amplitude,
     solve_orbit,
 )
+from phasemap._kernels.orbits.collocation.observables import fill_row_of_orbit
 from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     HOLD_AMPLITUDE,

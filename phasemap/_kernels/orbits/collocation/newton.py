@@ -11,9 +11,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import detected_amplitude_of_orbit
 from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange, longrange_force
-from phasemap._kernels.lever import drive_needed, mode_of, modes_of, reach_of, static_share
-from phasemap._kernels.numerics import MOST_SQUARINGS, factor, spectral_radius
-from phasemap._kernels.orbits.collocation.closing import apply_step, curve_derivative, solve_step
+from phasemap._kernels.lever import modes_of, reach_of, static_share
+from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
@@ -37,11 +36,9 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
     motion_of_mode,
     no_drift,
-    surface_force,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.apex import apex_between
-from phasemap._kernels.quadrature import NODES, T_END1
+from phasemap._kernels.quadrature import NODES
 
 MOST_NEWTON_STEPS = 30
 MOST_HELD_STEPS = 15  # of Newton's method, where the amplitude that the detector sees is held
@@ -221,112 +218,3 @@ def solve_at_detected_amplitude(oscillator: Oscillator, orbit: Orbit, seen: floa
     """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; return the status."""
     limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_HELD_STEPS, False, False, seen)
     return solve_orbit(fixed_path(oscillator), orbit, hold_amplitude(orbit), limits)[0]
-
-
-@kernel
-def monodromy_matrix(transfer: np.ndarray, states: int) -> np.ndarray:
-    """Return the monodromy matrix that stands row by row in the head of an orbit."""
-    m = np.empty((states, states))
-    for i in range(states):
-        for j in range(states):
-            m[i, j] = transfer[states * i + j]
-    return m
-
-
-@kernel
-def floquet(transfer: np.ndarray, states: int) -> float:
-    """Return the largest modulus of the multipliers of a monodromy matrix: theory, Eq. (stability-3)."""
-    if states > 2:
-        return spectral_radius(monodromy_matrix(transfer, states), MOST_SQUARINGS)
-    half = 0.5 * (transfer[0] + transfer[3])
-    product = transfer[0] * transfer[3] - transfer[1] * transfer[2]
-    root = half * half - product
-    if root <= 0.0:
-        return math.sqrt(max(product, 0.0))
-    return abs(half) + math.sqrt(root)
-
-
-@kernel
-def determinant_of_return(transfer: np.ndarray, states: int) -> float:
-    """Determinant of one less the monodromy matrix: it changes sign where a multiplier passes one."""
-    if states == 2:
-        trace, product = transfer[0] + transfer[3], transfer[0] * transfer[3] - transfer[1] * transfer[2]
-        return 1.0 - trace + product
-    m, order, found = -monodromy_matrix(transfer, states), np.empty(states, np.int64), 1.0
-    for i in range(states):
-        m[i, i] += 1.0
-    if not factor(m, states, order):
-        return 0.0
-    for i in range(states):
-        found *= m[i, i] if order[i] == i else -m[i, i]
-    return found
-
-
-@kernel(shared=True, vectors=True)
-def fill_observables(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
-    """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
-    law, p, lever = oscillator
-    omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
-    head = head_of(orbit)
-    amplitude, z0 = head.amplitude, head.tip_offset
-    mean, deepest, surface, virial, drive = 0.0, -1e300, 0.0, 0.0, 0.0
-    loop = 0.0  # what a law with hysteresis keeps
-    # Of the node before: the tip may be deepest between the last and the first.
-    last = element_of(orbit, head.count - 1)
-    theta0, w0, u0 = last.theta[-1] - 2.0 * math.pi, last.w[-1], last.u[-1]
-    x, y = drive_needed(lever, amplitude, head.push, head.drag)
-    for e in range(head.count):
-        one = element_of(orbit, e)
-        h, table = one.scale, orbit.tables[one.table]
-        for j in range(NODES):
-            weight = h * table[T_END1, j]
-            c, s = one.cos[j], one.sin[j]
-            z = amplitude * c + one.w[j]
-            v = omega * (one.u[j] - amplitude * s)
-            d = z - z0
-            g, _, gv = surface_force(law, p, 1.0 / stiffness, one.side, d, v)
-            between = apex_between(amplitude, theta0, w0, u0, one.theta[j], one.w[j], one.u[j])
-            deepest = max(deepest, d, between - z0)
-            theta0, w0, u0 = one.theta[j], one.w[j], one.u[j]
-            mean += weight * one.w[j]
-            surface += weight * gv * v * v / omega
-            loop += weight * (g - gv * v) * v / omega
-            drive += weight * (x * c - y * s) * v / omega
-            virial -= weight * g * z
-    air = math.pi * lever[col.DYNAMIC_LOSS] * amplitude * amplitude + lost_by_harmonics(lever, orbit)
-    if has_hysteresis(p):
-        surface += loop
-    row[:] = math.nan
-    row[col.TIP_OFFSET] = z0
-    row[col.MEAN] = mean / (2 * math.pi)
-    row[col.PHASE] = math.atan2(x, y)
-    row[col.AMPLITUDE] = amplitude
-    row[col.INDENTATION] = deepest
-    row[col.DISSIPATION] = stiffness * surface
-    row[col.VIRIAL] = stiffness * virial / (2 * math.pi)
-    row[col.FLOQUET] = floquet(head.transfer, 2 * modes_of(lever))
-    row[col.STIFFENING] = head.push / amplitude
-    row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
-
-
-@kernel
-def lost_by_harmonics(lever: np.ndarray, orbit: Orbit) -> float:
-    """Energy [m^2] over k that the modes lose in a period by their motion beyond the first harmonic."""
-    lost = 0.0
-    for i in range(modes_of(lever)):
-        by = 2.0 * mode_of(lever, i).rate * lever[col.OMEGA] / mode_of(lever, i).share
-        for e in range(head_of(orbit).count):
-            one, own = element_of(orbit, e), motion_of_mode(orbit, e, i)
-            for j in range(NODES):
-                lost += by * one.scale * orbit.tables[one.table, T_END1, j] * own.u[j] ** 2
-    return lost
-
-
-@kernel
-def fill_row_of_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
-    """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
-    lever = oscillator.lever
-    fill_observables(oscillator, orbit, row)
-    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
-        row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
-    return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED

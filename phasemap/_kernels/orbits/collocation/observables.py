@@ -1,4 +1,4 @@
-"""Observables of an exact orbit that images do not need: forces, harmonics, multipliers, its time trace."""
+"""Observables of an exact orbit: its result row, with forces and harmonics where they are asked, and its time trace."""
 
 from __future__ import annotations
 
@@ -8,20 +8,99 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import detected_compliance
+from phasemap._kernels.law import Oscillator, has_hysteresis
+from phasemap._kernels.lever import detected_compliance, drive_needed, mode_of, modes_of
+from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.contacts import depth_at, motion_in_element
+from phasemap._kernels.orbits.collocation.stability import floquet
 from phasemap._kernels.orbits.collocation.system import (
     IN_CONTACT,
     OUT_OF_CONTACT,
+    RIGHT,
+    RZ,
     Orbit,
     element_of,
     head_of,
+    hold_amplitude,
+    hold_parameter,
+    motion_of_mode,
+    no_drift,
     surface_force,
 )
+from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.quadrature import NODES, T_END1
 
 PARTS = 4  # of the angle between two nodes, at whose ends the force is taken for its largest
+
+
+@kernel(shared=True, vectors=True)
+def fill_observables(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
+    """Fill a result row from a converged orbit; energies as in theory, Eqs. (energy-2) and (energy-4)."""
+    law, p, lever = oscillator
+    omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
+    head = head_of(orbit)
+    amplitude, z0 = head.amplitude, head.tip_offset
+    mean, deepest, surface, virial, drive = 0.0, -1e300, 0.0, 0.0, 0.0
+    loop = 0.0  # what a law with hysteresis keeps
+    # Of the node before: the tip may be deepest between the last and the first.
+    last = element_of(orbit, head.count - 1)
+    theta0, w0, u0 = last.theta[-1] - 2.0 * math.pi, last.w[-1], last.u[-1]
+    x, y = drive_needed(lever, amplitude, head.push, head.drag)
+    for e in range(head.count):
+        one = element_of(orbit, e)
+        h, table = one.scale, orbit.tables[one.table]
+        for j in range(NODES):
+            weight = h * table[T_END1, j]
+            c, s = one.cos[j], one.sin[j]
+            z = amplitude * c + one.w[j]
+            v = omega * (one.u[j] - amplitude * s)
+            d = z - z0
+            g, _, gv = surface_force(law, p, 1.0 / stiffness, one.side, d, v)
+            between = apex_between(amplitude, theta0, w0, u0, one.theta[j], one.w[j], one.u[j])
+            deepest = max(deepest, d, between - z0)
+            theta0, w0, u0 = one.theta[j], one.w[j], one.u[j]
+            mean += weight * one.w[j]
+            surface += weight * gv * v * v / omega
+            loop += weight * (g - gv * v) * v / omega
+            drive += weight * (x * c - y * s) * v / omega
+            virial -= weight * g * z
+    air = math.pi * lever[col.DYNAMIC_LOSS] * amplitude * amplitude + lost_by_harmonics(lever, orbit)
+    if has_hysteresis(p):
+        surface += loop
+    row[:] = math.nan
+    row[col.TIP_OFFSET] = z0
+    row[col.MEAN] = mean / (2 * math.pi)
+    row[col.PHASE] = math.atan2(x, y)
+    row[col.AMPLITUDE] = amplitude
+    row[col.INDENTATION] = deepest
+    row[col.DISSIPATION] = stiffness * surface
+    row[col.VIRIAL] = stiffness * virial / (2 * math.pi)
+    row[col.FLOQUET] = floquet(head.transfer, 2 * modes_of(lever))
+    row[col.STIFFENING] = head.push / amplitude
+    row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
+
+
+@kernel
+def lost_by_harmonics(lever: np.ndarray, orbit: Orbit) -> float:
+    """Energy [m^2] over k that the modes lose in a period by their motion beyond the first harmonic."""
+    lost = 0.0
+    for i in range(modes_of(lever)):
+        by = 2.0 * mode_of(lever, i).rate * lever[col.OMEGA] / mode_of(lever, i).share
+        for e in range(head_of(orbit).count):
+            one, own = element_of(orbit, e), motion_of_mode(orbit, e, i)
+            for j in range(NODES):
+                lost += by * one.scale * orbit.tables[one.table, T_END1, j] * own.u[j] ** 2
+    return lost
+
+
+@kernel
+def fill_row_of_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
+    """Fill the row of an orbit that was linearised where it is, or a last small step before; returns a status."""
+    lever = oscillator.lever
+    fill_observables(oscillator, orbit, row)
+    if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
+        row[col.SLOPE] = 1.0 / orbit.system[RZ, RIGHT]
+    return col.GOOD if math.isfinite(row[col.PHASE]) else col.NOT_CONVERGED
 
 
 @kernel

@@ -15,7 +15,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, damping, withdrawn_force
-from phasemap._kernels.neck import loop_energy
+from phasemap._kernels.neck_energy import loop_energy
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     LAST_TOUCH,

@@ -72,7 +72,7 @@ FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on
 BY_AVERAGING = 0
 BY_FOLD = 1  # the end of the attractive branch, sought among exact orbits
 BY_CURVE = 2  # the curve of exact orbits
-BY_TIME = 3  # the tip is carried over its resonance, or rebounds
+IN_TIME = 3  # the tip is carried over its resonance, or rebounds
 
 
 @kernel(light=True)
@@ -174,7 +174,7 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: Harm
     BY_FOLD the maximum of the mismatch is in `top`.
     """
     rung = find_side_and_orbit(oscillator, amplitude, harmonic, top)
-    return BY_TIME if rung == BY_AVERAGING and rebounds(oscillator, harmonic.push) else rung
+    return IN_TIME if rung == BY_AVERAGING and rebounds(oscillator, harmonic.push) else rung
 
 
 @kernel
@@ -191,7 +191,7 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: Harm
     if low_q(lever):
         return BY_AVERAGING if fill_orbit_at_low_q(oscillator, amplitude, rises, harmonic, top) else BY_CURVE
     if rises and attraction_defies_averaging(oscillator):
-        return BY_TIME
+        return IN_TIME
     side = side_reached_from_far(oscillator, amplitude, top)
     falls = rises and side != REPULSIVE
     if side != UNCLEAR and not falls and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic):
@@ -201,7 +201,7 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: Harm
     if falls:
         attractive = side == ATTRACTIVE and lands_attractive(oscillator)
         found = attractive and fill_setpoint_orbit_on_side(oscillator, amplitude, side, top, harmonic)
-        return BY_AVERAGING if found else BY_TIME  # the curve may not lead to where it lands
+        return BY_AVERAGING if found else IN_TIME  # the curve may not lead to where it lands
     open_side = side == UNCLEAR and attracted and narrowest_amplitude_ratio(lever) <= 1.0
     return BY_FOLD if open_side else BY_CURVE
 

@@ -27,9 +27,9 @@ from phasemap._kernels.continuation.step import (
     next_point,
 )
 from phasemap._kernels.engagement.beside_resonance import rebounds
-from phasemap._kernels.engagement.branch_by_averaging import (
+from phasemap._kernels.engagement.by_averaging import (
     BY_AVERAGING,
-    BY_TIME,
+    IN_TIME,
     fill_setpoint_orbit_on_side,
     leaps,
     side_reached_from_far,
@@ -243,7 +243,7 @@ def engaged_collocation_orbit(
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
     """
-    if rung == BY_TIME:
+    if rung == IN_TIME:
         row[:] = math.nan
         return col.NOT_CONVERGED
     if rung == BY_AVERAGING and _found_on_averaged_branch(oscillator, harmonic, curve, row):

@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.beside_resonance import rebounds
-from phasemap._kernels.engagement.branch_by_averaging import (
+from phasemap._kernels.engagement.by_averaging import (
     BY_AVERAGING,
     BY_FOLD,
     fill_setpoint_orbit_on_side,

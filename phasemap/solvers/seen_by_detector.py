@@ -34,7 +34,7 @@ def at_tip(work: Work) -> Work:
     return replace(work, lever=tip_seen(work.lever), amplitudes=work.amplitudes / abs(offset_and_factor(work.lever)[1]))
 
 
-def close(rows: Array, lever: Array) -> None:
+def fill_energy_closure(rows: Array, lever: Array) -> None:
     """Fill in the energy closure of orbits whose solver knows the first harmonic only: averaged and interpolated ones.
 
     `rows` (shape (..., COLUMNS)): result rows; those that have a closure keep it.
@@ -51,7 +51,7 @@ def close(rows: Array, lever: Array) -> None:
 
 def shown(rows: Array, work: Work) -> Array:
     """Result rows as the detector sees them, from those of `at_tip(work)`; with the energies that they lack."""
-    close(rows, work.lever)
+    fill_energy_closure(rows, work.lever)
     if in_proportion(work.lever):
         rows[:, [col.SLOPE, col.SPREAD_AMPLITUDE]] *= abs(offset_and_factor(work.lever)[1])
     return seen(rows, work.lever)

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.branch_by_averaging import BY_AVERAGING, engage_by_averaging
+from phasemap._kernels.engagement.by_averaging import BY_AVERAGING, engage_by_averaging
 from phasemap._kernels.engagement.goal import Goal, fine_tolerance
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, hold_mean
 from phasemap._kernels.law import Law, Oscillator, has_longrange
