@@ -1,4 +1,4 @@
-"""What every module may use, and what knows nothing of the physics.
+"""Tools for every module, which know nothing of the physics.
 
 First comes what is wrong (`errors`, `checks`, `asked`), then what a number is: text with a unit (`quantities`,
 `units`), the field of a value object (`fields`), one of an array (`arrays`). Then what the machine has (`memory`,

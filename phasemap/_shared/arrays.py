@@ -17,7 +17,7 @@ IntArray: TypeAlias = NDArray[np.int32]
 
 
 def as_array(name: str, value: object, allowed: str, dtype: Any = None) -> NDArray[Any]:
-    """What the user gave as an array; InputError says what is `allowed`, TooLargeError that memory is short."""
+    """Array from what the user gave; InputError says what is `allowed`, TooLargeError that memory is short."""
     if isinstance(value, Sequence):
         try:
             check_fits(name, 8.0 * len(value), "Give fewer numbers.")
@@ -50,12 +50,12 @@ def real_numbers(name: str, values: object, unit: str) -> Array:
 
 
 def is_uniform(array: NDArray[Any]) -> bool:
-    """Whether the array is one number seen everywhere, as `numpy.broadcast_to` makes it."""
+    """True if the array is one number seen everywhere, as `numpy.broadcast_to` makes it."""
     return not any(array.strides)
 
 
 def is_frozen(array: object) -> bool:
-    """Whether nobody can write to the array any more."""
+    """True if nobody can write to the array any more."""
     while isinstance(array, np.ndarray):
         if array.flags.writeable:
             return False
@@ -64,18 +64,18 @@ def is_frozen(array: object) -> bool:
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, which cannot be written to any more."""
+    """Make an array read-only, and return it."""
     array.flags.writeable = False
     return array
 
 
 def within_half_a_turn(angle: Any, turn: float = 360.0) -> Any:
-    """The same angle between -1/2 and 1/2 of a turn, which is 360 degrees or as many radians."""
+    """Angle between -1/2 and 1/2 of a turn, which is 360 degrees or as many radians."""
     return (angle + turn / 2) % turn - turn / 2
 
 
 def is_lazy(value: object) -> bool:
-    """Whether a value is a Dask array, or a DataArray that holds one."""
+    """True if a value is a Dask array, or a DataArray that holds one."""
     graph = getattr(value, "__dask_graph__", None)
     return graph is not None and graph() is not None
 

@@ -22,7 +22,7 @@ MOST = 10_000  # things in a list that is no array
 
 
 class Kind(NamedTuple):
-    """What an argument may be: in words, in words for several, and whether a value is that."""
+    """Kind of an argument: in words, in words for several, and a test of a value."""
 
     words: str
     several: str
@@ -149,7 +149,7 @@ def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Calla
 
 
 def _wrongly(of: str, asked: Signature, call: str, given: int, named: list[str], symbols: Mapping[str, str]) -> str:
-    """What is wrong with a call, in a sentence; nothing where an argument is given twice."""
+    """Sentence on what is wrong with a call; empty where an argument is given twice."""
     names = [name for name in asked.parameters if name != "self"]
     for name in named:
         if name not in names:
@@ -163,7 +163,7 @@ def _wrongly(of: str, asked: Signature, call: str, given: int, named: list[str],
 
 
 def _call(of: str, asked: Signature, needed: list[str]) -> str:
-    """How a function is called with what it needs."""
+    """Call of a function with the arguments that it needs, as text."""
     ordered = _ordered(asked)
     return f"{of}({', '.join(name if name in ordered else f'{name}=...' for name in needed)})"
 

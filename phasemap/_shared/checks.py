@@ -93,7 +93,7 @@ def whole(name: str, value: object, minimum: int, maximum: int | None = None) ->
 
 
 def is_sign(value: object) -> bool:
-    """Whether a value is 1 or -1."""
+    """True if a value is 1 or -1."""
     return isinstance(value, Real) and not isinstance(value, bool) and value in (1, -1)
 
 

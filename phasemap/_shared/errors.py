@@ -1,4 +1,4 @@
-"""What phasemap raises, each with the value it met and what is allowed."""
+"""Errors that phasemap raises, each with the value it met and what is allowed."""
 
 from __future__ import annotations
 

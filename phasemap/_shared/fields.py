@@ -59,7 +59,7 @@ class Number(Generic[T]):
         instance.__dict__[self._name] = found
 
     def check(self, value: object) -> float | None:
-        """What the field makes of a value; an `InputError` if it is not allowed."""
+        """Value of the field as it is kept; an `InputError` if it is not allowed."""
         if self._optional and (value is None or (isinstance(value, str) and value == "none")):  # as a scene says it
             return None
         try:
@@ -95,7 +95,7 @@ def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
 
 
 def number_of(cls: type, name: str) -> Number[Any]:
-    """What a class says of one of its fields that are numbers."""
+    """Declaration of a field of a class that is a number."""
     found = vars(cls)[name]
     assert isinstance(found, Number)
     return found
@@ -107,13 +107,13 @@ class Shown:
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     def __repr__(self) -> str:
-        """As Python would have it, without what is the default."""
+        """Call in Python that makes the object, without what is the default."""
         said = ", ".join(f"{field.name}={_python(getattr(self, field.name))}" for field in _given(self))
         return f"{type(self).__name__}({said})"
 
 
 def in_words(thing: Shown) -> str:
-    """What is set, with units, in one line."""
+    """Values that are set, with units, in one line."""
     said = []
     for field in _given(thing):
         value, number = getattr(thing, field.name), vars(type(thing)).get(field.name)

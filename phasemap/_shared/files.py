@@ -34,7 +34,7 @@ def size_of(path: str | os.PathLike[str], what: str) -> int:
 
 
 def reason_of(error: Exception, folder: str | os.PathLike[str] | None = None) -> str:
-    """Why a file could not be written or read, in words.
+    """Reason why a file could not be written or read, in words.
 
     `folder`: where it is; libraries of file formats say "HDF error" or "Permission denied" where the disk is full.
     """

@@ -87,7 +87,7 @@ def leave(ended: threading.Event) -> None:
 
 
 def still_busy() -> bool:
-    """Whether something goes on in the background: end the process by `os._exit`, or it waits for that, or crashes."""
+    """True if something goes on in the background: end the process by `os._exit`, or it waits for that, or crashes."""
     return not all(ended.is_set() for ended in _left)
 
 
@@ -114,7 +114,7 @@ def interrupted_once() -> Iterator[None]:
 
 
 class _Once:
-    """What to do at Ctrl-C; at another one after some time, for the first may have been lost, the process ends."""
+    """Handler that acts once at Ctrl-C; at another one some time later, for the first may be lost, the process ends."""
 
     def __init__(self, do: Callable[[], None]) -> None:
         self._do = do

@@ -1,4 +1,4 @@
-"""How much memory there is, and a sentence with the numbers where something would not fit, before it is allocated.
+"""Free memory, and a sentence with the numbers where something would not fit, before it is allocated.
 
 What is free is the least of what the system has, what a control group (a container, a batch job) leaves, and what
 ``ulimit -v`` leaves. The environment variable ``PHASEMAP_MEMORY`` says otherwise, in bytes: ``PHASEMAP_MEMORY=64e9``.
@@ -34,7 +34,7 @@ def available() -> float:
     if told is None:
         import psutil
 
-        return min([float(psutil.virtual_memory().available), *_of_groups(), *_of_process()])
+        return min([float(psutil.virtual_memory().available), *_left_by_groups(), *_left_by_process()])
     try:
         limit = float(told)
     except ValueError:
@@ -50,8 +50,8 @@ def size_in_words(size: float) -> str:
     return f"{size / 1000**power:.3g} {['', 'k', 'M', 'G', 'T', 'P', 'E', 'Z', 'Y'][power]}B"
 
 
-def _of_groups() -> Iterator[float]:
-    """What the control groups of this process leave, each within the next; the cache of files does not count."""
+def _left_by_groups() -> Iterator[float]:
+    """Memory that the control groups of this process leave, each within the next; the cache of files does not count."""
     for line in _text(Path("/proc/self/cgroup")).splitlines():
         _, kinds, name = line.split(":", 2)
         if kinds not in ("", "memory"):
@@ -70,8 +70,8 @@ def _of_groups() -> Iterator[float]:
                 break
 
 
-def _of_process() -> Iterator[float]:
-    """What a limit of the address space leaves."""
+def _left_by_process() -> Iterator[float]:
+    """Memory that a limit of the address space leaves."""
     import psutil
 
     process = psutil.Process()
@@ -89,7 +89,7 @@ def _fields(path: Path) -> dict[str, float]:
 
 
 def _text(path: Path) -> str:
-    """What a file of the system says; nothing where there is none."""
+    """Text of a file of the system; empty where there is none."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError):

@@ -52,7 +52,7 @@ def untold() -> Iterator[None]:
 
 
 def outside() -> int:
-    """How far up the line of code is that is not ours, as `warnings.warn` counts for who calls this."""
+    """Number of calls up to the first line that is not phasemap's own, as `warnings.warn` counts them."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and (frame.f_globals.get("__name__") or "").partition(".")[0] == "phasemap":
         level, frame = level + 1, frame.f_back
@@ -156,7 +156,7 @@ def advise(sentence: str, category: type[Warning] = UserWarning) -> None:
 
 
 def likely(value: float, unit: str, usual: Usual) -> str:
-    """What a number outside all practice was likely meant to be, with its unit; empty where nothing is likely."""
+    """Number with a unit that was likely meant by a number outside all practice; empty where none is likely."""
     units, (low, high) = UDUNITS.get(unit, unit), usual
     prefixes = LIKELY.get(units, ()) if TYPED[0] <= abs(value) < TYPED[1] else ()
     meant = next((one for one in prefixes if low <= abs(value) * one <= high), None)

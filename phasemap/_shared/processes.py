@@ -95,7 +95,7 @@ def _serve(line: Connection, task: Callable[[T], R], quiet: bool) -> None:
 
 
 def _result(line: Connection, process: SpawnProcess) -> Any:
-    """What the task returned, or raise what it raised."""
+    """Result of the task; raise the error that it raised."""
     try:
         result, error = line.recv()
     except (EOFError, ConnectionResetError) as end:

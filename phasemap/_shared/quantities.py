@@ -47,7 +47,7 @@ class NotThatUnit(ValueError):
 
 
 def is_quantity(value: object) -> bool:
-    """Whether a value is a quantity of pint, told without importing it."""
+    """True if a value is a quantity of pint, told without importing it."""
     return hasattr(value, "dimensionality") and hasattr(value, "magnitude")
 
 
@@ -111,7 +111,7 @@ def split(text: str) -> tuple[str, str]:
 
 
 def is_number(text: str) -> bool:
-    """Whether text is a number, with a unit or without."""
+    """True if text is a number, with a unit or without."""
     try:
         split(text)
     except NotThatUnit:
@@ -127,7 +127,7 @@ def unit_of(value: object) -> str:
 
 
 def is_in(value: object, unit: str) -> bool:
-    """Whether text or a quantity measures what a unit does."""
+    """True if text or a quantity measures what a unit does."""
     try:
         in_si(value, unit)
     except NotThatUnit:
@@ -142,7 +142,7 @@ def with_unit(unit: str) -> str:
 
 
 def _has_text(values: Any, depth: int) -> bool:
-    """Whether there is text or a quantity in lists that are this deep at most."""
+    """True if there is text or a quantity in lists that are this deep at most."""
     return any(
         depth > 1 and _has_text(one, depth - 1)
         if isinstance(one, (list, tuple))
@@ -153,7 +153,7 @@ def _has_text(values: Any, depth: int) -> bool:
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
-    """All units that pint knows, in decimal numbers, so that 40 nm is 40e-9 m to the last bit."""
+    """Registry of all units of pint, in decimal numbers, so that 40 nm is 40e-9 m to the last bit."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal, autoconvert_offset_to_baseunit=True)

@@ -21,14 +21,14 @@ SMALL = 8  # rows whose solution may take no longer than to begin with them
 
 
 def workers_of(threads: int | None) -> int:
-    """How many threads to start: as asked for, all cores by default."""
+    """Number of threads to start: as asked for, all cores by default."""
     if threads is not None:
         return min(whole("threads", threads, 1), 64)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def chunk_of(count: int, workers: int, most: int) -> int:
-    """How many of so many to solve in one go: four turns for each thread, or two if few, and at most so many together.
+    """Size of the chunks of `count` items: four turns for each thread, or two if few, and at most `most` items.
 
     A thread that is alone waits for no other one, and takes as many as it may.
     """
@@ -41,7 +41,7 @@ def chunk_of(count: int, workers: int, most: int) -> int:
 
 
 def bounds_of(count: int, chunk: int) -> list[int]:
-    """Where chunks of so many begin, and where the last one ends, as `spread` takes them."""
+    """Indices at which chunks of so many items begin, and the end of the last one, as `spread` takes them."""
     return [*range(0, count, chunk), count] if count else []
 
 
@@ -92,7 +92,7 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
 
 
 def found_in(task: Callable[[int, int], T], bounds: Sequence[int], workers: int) -> list[T]:
-    """What ``task(first, last)`` returns for all neighbours in `bounds`, in their order."""
+    """Results of ``task(first, last)`` for all neighbours in `bounds`, in their order."""
     found: dict[int, T] = {}
 
     def find(first: int, last: int) -> None:

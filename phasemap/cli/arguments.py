@@ -175,7 +175,7 @@ def add_colours(parser: argparse.ArgumentParser, of: str, example: str) -> None:
 
 
 def colours_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What was given, by the arguments of `phasemap.plot.plot`; of several variables by name."""
+    """Colours that were given, by the arguments of `phasemap.plot.plot`; of several variables by name."""
     return {name: _by_name(getattr(arguments, name)) for name in NAMES}
 
 

@@ -121,7 +121,7 @@ def _replaced(sentence: str) -> bool:
 
 
 def _belongs(word: str, arguments: argparse.Namespace) -> bool:
-    """Whether a word that stands behind an option belongs to the words before it."""
+    """True if a word that stands behind an option belongs to the words before it."""
     if "axis" in arguments:
         return not word.startswith("-") or is_number(word)
     return "overrides" in arguments and "=" in word and not word.startswith("-")
@@ -148,7 +148,7 @@ class _Version(argparse.Action):
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """All commands and their arguments."""
+    """Parser of all commands and their arguments."""
     lines = [(f"  phasemap {name}", examples.splitlines()) for name, _, _, examples, _ in COMMANDS]
     firsts = (next(line for line in known if line.startswith(command)) for command, known in lines)
     parser = _Parser(

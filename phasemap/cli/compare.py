@@ -110,7 +110,7 @@ def _offset(text: str) -> str | float:
 
 
 def _parts(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:
-    """One name, or two with a comma between them."""
+    """Name, or two with a comma between them."""
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(","))

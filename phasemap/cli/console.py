@@ -1,4 +1,4 @@
-"""What commands say: while they work, and in their summaries."""
+"""Output of commands: while they work, and in their summaries."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str
 
 
 def remarks(found: xr.Dataset, what: str = "pixels") -> list[str]:
-    """What is said below a summary: of motion, of the limits of the model, and of failures."""
+    """Lines below a summary: on motion, on the limits of the model, and on failures."""
     from phasemap.results.words import describe_failures, describe_irregular, describe_validity
 
     said = {

@@ -170,7 +170,7 @@ def series(arguments: argparse.Namespace) -> None:
 
 
 def said_of_series(found: xr.Dataset) -> list[str]:
-    """What `phasemap.series` found, a line a file and a line a sentence."""
+    """Findings of `phasemap.series`, a line a file and a line a sentence."""
     from phasemap.results.words import of_file
 
     said = []

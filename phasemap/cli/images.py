@@ -71,7 +71,7 @@ def plot(arguments: argparse.Namespace) -> None:
 
 
 def _load(arguments: argparse.Namespace) -> xr.Dataset:
-    """What a file holds: an image, a curve, or what a command wrote; doubts about it are printed."""
+    """Dataset in a file: an image, a curve, or what a command wrote; doubts about it are printed."""
     from phasemap.io.curves import is_curve, read_curve
     from phasemap.io.netcdf import load
     from phasemap.io.read import NETCDF, read_image
@@ -173,6 +173,6 @@ def export(arguments: argparse.Namespace) -> None:
 
 
 def _print_warnings(image: xr.Dataset) -> None:
-    """What the reader has to say about the file."""
+    """Print the reader's warnings about the file."""
     for line in str(image.attrs.get("warnings", "")).splitlines():
         print(f"note        {line}")

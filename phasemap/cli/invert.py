@@ -202,7 +202,7 @@ def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namesp
 def _by_regions(
     text: str, given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
 ) -> xr.Dataset:
-    """One material a region."""
+    """Fit of one material to each region."""
     from phasemap.inference.images.regions import fit_regions
 
     labels = _labels(text, given.images[0])

@@ -1,4 +1,4 @@
-"""Every kind of work once, as small as it can be: what compiles the kernels ahead, and says what that costs."""
+"""Kinds of work, each as small as it can be, which compile the kernels ahead, and say what that costs."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ KINDS: dict[str, Callable[[], object]] = {
 }
 _IN_TIME = ("march", "feedback, full equation", "feedback, slow flow", "check", "raster", "off resonance", "relaxation")
 USUAL = (("image", "continuous maps", "orbit", "distance sweep", "contrast"), ("feedback, slow flow", "raster"))
-"""What `phasemap warm` compiles, in processes side by side.
+"""Kinds that `phasemap warm` compiles, in processes side by side.
 
 Kinds that share kernels stand together, and last what needs most of those that the other process compiles meanwhile.
 """
@@ -91,7 +91,7 @@ ALL = ((*(kind for kind in KINDS if kind not in _IN_TIME + _STICKY), *_STICKY), 
 
 @dataclass(frozen=True)
 class Cost:
-    """What the first use of a kind of work took in a process that had done those before it."""
+    """Cost of the first use of a kind of work, in a process that had done those before it."""
 
     kind: str
     seconds: float  # of the processor
@@ -99,7 +99,7 @@ class Cost:
     size: int  # of what was kept on disk [bytes]
 
     def __str__(self) -> str:
-        """In a line."""
+        """The cost in a line."""
         return f"{self.kind:24s} {self.seconds:8.1f} s {self.functions:5d} functions {self.size / 1e6:6.2f} MB"
 
     @classmethod

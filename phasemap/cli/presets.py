@@ -40,7 +40,7 @@ def presets(arguments: argparse.Namespace) -> None:
 
 
 def tables() -> Iterator[tuple[str, list[list[str]]]]:
-    """Each kind of presets, with a row of heads and one for each of them."""
+    """Tables of presets: each kind, with a row of heads and a row for each preset."""
     for kind, every in itertools.groupby([*materials().values(), *levers().values()], lambda one: one.kind):
         ones = list(every)
         columns = list(ones[0].numbers)
@@ -50,7 +50,7 @@ def tables() -> Iterator[tuple[str, list[list[str]]]]:
 
 
 def _listed() -> Iterator[str]:
-    """All presets by their kinds."""
+    """Lines that list all presets by their kinds."""
     for kind, rows in tables():
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         yield kind
@@ -61,7 +61,7 @@ def _listed() -> Iterator[str]:
 
 
 def _description(preset: Preset) -> str:
-    """What a table says beside the name: of a lever its maker, where the title repeats the name."""
+    """Title of a preset in a table; of a lever the maker alone, for its title repeats the name."""
     return preset.title.removesuffix(f" {preset.name}") if "levers" in preset.kind else preset.title
 
 

@@ -166,7 +166,7 @@ def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:
 
 
 def _print_summary(scene: Scene, image: xr.Dataset) -> None:
-    """What was simulated, and what came of it."""
+    """Print a summary of the scene and of the simulated image."""
     import numpy as np
 
     from phasemap.results.words import describe_alike, describe_flags, describe_solvers
@@ -215,7 +215,7 @@ def run_ensemble(arguments: argparse.Namespace, ensemble: Ensemble, output: Path
 
 
 def print_ensemble(ensemble: Ensemble) -> None:
-    """How many samples there are, and what is varied from where to where."""
+    """Print how many samples there are, and the range of each varied key."""
     print(f"samples     {len(ensemble)}")
     for key in ensemble.keys:
         values = [sample[key] for sample in ensemble.samples]
@@ -229,7 +229,7 @@ def print_ensemble(ensemble: Ensemble) -> None:
 
 @contextmanager
 def _counting_samples(output: Path, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Give a function of progress, which draws a bar on stderr unless that is not wanted; Ctrl-C says what is kept."""
+    """Function of progress, which draws a bar on stderr unless that is not wanted; Ctrl-C says what is kept."""
     kept = "nothing was written"
     with nullcontext() if quiet else bar_of(" samples") as bar:
 
@@ -252,7 +252,7 @@ def _counting_samples(output: Path, quiet: bool) -> Iterator[Callable[[int, int]
 
 
 def _count(output: Path, name: str) -> str:
-    """How many pixels of how many samples "failed" or are "irregular", in words."""
+    """Number of pixels that "failed" or are "irregular", and of samples that have some, in words."""
     import numpy as np
     import xarray as xr
 

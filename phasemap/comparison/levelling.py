@@ -1,4 +1,4 @@
-"""What is not a property of the sample, taken out: tilt, offsets of rows, and lines that failed."""
+"""Removal of what is not a property of the sample: tilt, offsets of rows, and lines that failed."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ SAME_SIZE = 0.05  # by which sides may differ: files of N pixels often say the l
 def pair_of(
     first: xr.Dataset, second: xr.Dataset, direction: Directions, names: tuple[str, str], needed: tuple[str, ...]
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """One direction of each of two images, over ("y", "x"), with channels and coordinates from their top left corner.
+    """Two images in one direction each, over ("y", "x"), with channels and coordinates from their top left corner.
 
     `direction`: of both, or of each; None takes the trace. One name for both passes over an image without directions.
     `names`: what the images are called in messages.
@@ -105,13 +105,13 @@ def _check_places(name: str, ds: xr.Dataset, dim: str) -> None:
 
 
 def pitch_of(ds: xr.Dataset, dim: str) -> float:
-    """From pixel to pixel [m]."""
+    """Distance between pixels [m]."""
     at = ds[dim].values
     return abs(float(at[-1] - at[0])) / (len(at) - 1)
 
 
 def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """Both images on those pixels of `fixed` that lie within `moving`.
+    """Two images on the pixels of `fixed` that lie within `moving`.
 
     Returns `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and
         interpolated linearly.

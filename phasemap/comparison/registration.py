@@ -1,4 +1,4 @@
-"""How far two images of the same place are shifted, found on their heights, and believed only if it helps."""
+"""Shift between two images of the same place, found on their heights, and believed only if it helps."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def levelled(image: xr.Dataset) -> xr.Dataset:
 
 
 def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) -> Registration:
-    """What `register` does, on a pair of levelled images."""
+    """Registration of a pair of levelled images, as `register` returns it."""
     shortest = min(fixed.sizes[dim] * pitch_of(fixed, dim) for dim in ("y", "x"))
     limit = SIDE * shortest if limit is None else number("limit", limit, "m", minimum=0, maximum=shortest / 2)
     first, second = common_grid(fixed, moving)
@@ -160,7 +160,7 @@ def _shift(fixed: xr.Dataset, moving: xr.Dataset, limit: float) -> tuple[float, 
 
 
 def _overlap(fixed: xr.Dataset, moving: xr.Dataset, shift: tuple[float, float]) -> tuple[xr.Dataset, xr.Dataset] | None:
-    """Both images on the pixels that both show after a shift; None where these are too few."""
+    """Two images on the pixels that both show after a shift; None where these are too few."""
     try:
         return common_grid(fixed, _shifted(moving, shift))
     except InputError:
@@ -173,7 +173,7 @@ def _shifted(moving: xr.Dataset, shift: tuple[float, float]) -> xr.Dataset:
 
 
 def _correlations(first: xr.Dataset, second: xr.Dataset) -> tuple[float, float]:
-    """Of heights and of phases; NaN where a channel is missing or flat."""
+    """Correlations of the heights and of the phases; NaN where a channel is missing or flat."""
     return tuple(
         correlation_of(first[name].values, second[name].values) if name in first and name in second else math.nan
         for name in ("height", "phase")

@@ -35,7 +35,7 @@ LEFT_OUT = -1  # label of pixels that are not compared
 
 
 class _Frame(NamedTuple):
-    """Where the measured phase is 0 [degree], and which way it counts."""
+    """Zero of the measured phase [degree], and the direction in which it counts."""
 
     offset: float
     sign: int
@@ -222,7 +222,7 @@ def _regions(first: xr.Dataset, phase: Array, known: Array, regions: Any) -> Arr
 def _record(
     first: xr.Dataset, second: xr.Dataset, maps: dict[str, Array], known: Array, label: Array, moved: Registration
 ) -> xr.Dataset:
-    """All maps and numbers but the frame."""
+    """Dataset of a comparison, with all maps and numbers but the frame."""
     from scipy.stats import wasserstein_distance
 
     maps = {name: np.where(known, values, np.nan) for name, values in maps.items()}
@@ -293,13 +293,13 @@ def _crosstalk(first: xr.Dataset, second: xr.Dataset, maps: dict[str, Array]) ->
 
 
 def _varies(amplitude: Array) -> bool:
-    """Whether the amplitude is other than held everywhere."""
+    """True if the amplitude is not held everywhere."""
     known = amplitude[np.isfinite(amplitude)]
     return known.size > 0 and bool(np.ptp(known) > HELD * np.abs(known).max())
 
 
 def _configuration(offset: Any, sign: Any, regions: Any, limit: float | None, direction: Any) -> dict[str, Any]:
-    """What was asked for, as plain JSON values."""
+    """Arguments of the comparison, as plain JSON values."""
     return {
         "compare": {
             "offset": offset if isinstance(offset, str) else float(offset),

@@ -19,7 +19,7 @@ VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spr
 
 
 def is_varied(values: Array) -> bool:
-    """Whether values differ by more than rounding.
+    """True if values differ by more than rounding.
 
     `values` (shape (n,)): finite.
     """
@@ -27,7 +27,7 @@ def is_varied(values: Array) -> bool:
 
 
 def correlation_of(first: Array, second: Array) -> float:
-    """Pearson's, over pixels that both have.
+    """Pearson's correlation of two maps, over pixels that both have.
 
     `first`, `second`: of the same shape; may hold NaN.
     Returns NaN if one is constant.
@@ -60,7 +60,7 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
 
 
 def share_explained(values: Array, causes: list[Array]) -> float:
-    """R² of a linear regression.
+    """Share R² of the variance that a linear regression explains.
 
     `values` (shape (n,)): may hold NaN, as may the causes.
     `causes` (shape (n,)).

@@ -1,4 +1,4 @@
-"""What a comparison found, in words: the same on the page and on the command line."""
+"""Findings of a comparison, in words: the same on the page and on the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIMILAR = 0.7, 1.4  # ratios between which contrasts are called the same
 
 
 def names_of(found: xr.Dataset) -> tuple[str, str]:
-    """What the two images are called. `found`: what `phasemap.compare` returned."""
+    """Names of the two images. `found`: what `phasemap.compare` returned."""
     return found.attrs["measured_name"], found.attrs["simulated_name"]
 
 
@@ -37,7 +37,7 @@ def turned(found: xr.Dataset) -> str:
 
 
 def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
-    """What is spoken of, and what is said of it."""
+    """Lines on a comparison: the subject, and a sentence on it."""
     first, second = names_of(found)
     value = {name: float(found[name]) for name in found.data_vars if found[name].ndim == 0}
     left_out, failed = int((found["label"] < 0).sum()), int(value["failed_lines"])
@@ -129,7 +129,7 @@ def verdict_of(found: xr.Dataset) -> str:
 
 
 def apart(found: xr.Dataset) -> float:
-    """How far the images are apart as a whole, if that is most of what is left; else 0 [degree]."""
+    """Mean difference of the phases, if it is most of what is left; else 0 [degree]."""
     mean, spread = float(found["residual"].mean()), float(found["residual"].std())
     return mean if abs(mean) > max(spread, NOTABLE) else 0.0
 
@@ -167,7 +167,7 @@ def _alike(correlation: float, ssim: float) -> str:
 
 
 def _shift(found: xr.Dataset) -> str:
-    """What became of the registration."""
+    """Result of the registration, in words."""
     reason = found.attrs["registration"]
     if not int(found["registered"]):
         return f"not shifted: {reason}"

@@ -1,4 +1,4 @@
-"""How exact an answer has to be, and how long it may be sought in time."""
+"""Largest error allowed of an answer, and most periods in which it is sought in time."""
 
 from __future__ import annotations
 

@@ -111,5 +111,5 @@ def contact_of(key: float, compliance: float, frequency: float, unit: float) -> 
 
 
 def most_arms(relaxation: Array) -> int:
-    """Most arms of what `phasemap.experiment.material_rows.relaxation_of` gives."""
+    """Largest number of arms among spectra of `phasemap.experiment.material_rows.relaxation_of`."""
     return max((int(_TABLES[address][0]) for address in np.unique(relaxation[:, 2]) if address), default=1)

@@ -24,7 +24,7 @@ OF_FIRST = 1.565984  # participation of a uniform beam's first mode
 @known_as(f="frequency_ratio", Q="quality_factor", k="stiffness_ratio", B="participation")
 @dataclass(frozen=True, repr=False)
 class Eigenmode(Shown):
-    """A higher eigenmode of the lever; what is None is that of a uniform beam's mode in the same place.
+    """A higher eigenmode of the lever; numbers left None are those of a uniform beam's mode in the same place.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ IMAGINARY = (
 
 
 class Fluid(NamedTuple):
-    """What surrounds a lever."""
+    """Fluid around a lever."""
 
     density: float  # [kg/m3]
     viscosity: float  # [Pa s]

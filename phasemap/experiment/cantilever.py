@@ -132,7 +132,7 @@ class Cantilever(Shown):
     def in_liquid(
         self, density: Scalar = 998.0, viscosity: Scalar = 1.0e-3, *, modes: int = 2, liquid_pulls: bool = True
     ) -> Cantilever:
-        """The same lever in a liquid, by Sader's hydrodynamic function (J. Appl. Phys. 84, 64 (1998)).
+        """The lever in a liquid, by Sader's hydrodynamic function (J. Appl. Phys. 84, 64 (1998)).
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class Cantilever(Shown):
 
     @property
     def eigenmodes(self) -> tuple[Eigenmode, ...]:
-        """All modes, the first one too, with every number that a higher one leaves to the uniform beam."""
+        """Every mode from the first on, with the numbers that a higher one leaves to the uniform beam."""
         return all_modes(self.quality_factor, self.participation, self.modes)
 
 

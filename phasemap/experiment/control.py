@@ -1,4 +1,4 @@
-"""How the controller comes to the setpoint, and keeps it from pixel to pixel."""
+"""Control: how the tip comes to the setpoint, and keeps it from pixel to pixel."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ _WHEN = {"line": "tip lowered anew before each line", "image": "tip lowered once
 
 
 class Control(Protocol):
-    """What every control has."""
+    """Protocol of every control."""
 
     directions: ClassVar[tuple[str, ...]]
     """Passes over a line that are recorded; none where a pixel has no history."""
     in_time: ClassVar[bool]
-    """Whether time passes while the tip moves on."""
+    """True if time passes while the tip moves on."""
 
     @property
     def carried(self) -> bool:
-        """Whether the tip comes to a line as it left the one before."""
+        """True if the tip comes to a line as it left the line before."""
         ...
 
 
@@ -45,19 +45,19 @@ class Engage(Shown):
         return False
 
     def __str__(self) -> str:
-        """What it does, in words."""
+        """The control in words."""
         return "tip lowered onto each pixel (no memory of its neighbours)"
 
 
 class _OverLines:
-    """What controls share that take the tip over lines, there and back."""
+    """Base of controls that take the tip over lines, there and back."""
 
     directions: ClassVar[tuple[str, ...]] = LINES
     engage: str
 
     @property
     def carried(self) -> bool:
-        """Whether the tip is engaged only once."""
+        """True if the tip is engaged only once."""
         return self.engage == "image"
 
 
@@ -84,7 +84,7 @@ class Raster(_OverLines, Shown):
         check_choice("engage", self.engage, _WHEN)
 
     def __str__(self) -> str:
-        """What it does, in words."""
+        """The control in words."""
         return f"quasi-static scan, {_WHEN[self.engage]}"
 
 
@@ -151,7 +151,7 @@ class Feedback(_OverLines, Shown):
         check_choice("engage", self.engage, _WHEN)
 
     def __str__(self) -> str:
-        """What it does, in words."""
+        """The control in words."""
         return f"feedback in time, line rate {self.line_rate:g} Hz, {_WHEN[self.engage]}"
 
     def dwell(self, pixels: int) -> float:

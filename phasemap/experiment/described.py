@@ -25,7 +25,7 @@ KINDS: dict[str, type[Any]] = {
         Interaction, Microscope, Mode, Raster, Realism, Tip, TipChange,
     )
 }  # fmt: skip
-"""What `describe` describes."""
+"""Classes of the objects that `describe` takes."""
 
 
 def describe(thing: Any) -> Any:
@@ -51,7 +51,7 @@ def made(stored: Any, *kinds: type[T]) -> T:
 
 
 def _rebuilt(stored: Any) -> Any:
-    """Whatever was described."""
+    """Objects rebuilt from the JSON values of `describe`."""
     if isinstance(stored, list):
         return tuple(map(_rebuilt, stored))
     if not isinstance(stored, Mapping):

@@ -126,7 +126,7 @@ def _positions(labels: NDArray[Any], names: list[int]) -> NDArray[np.intp]:
 
 
 def _of_labels(labels: NDArray[Any], names: list[int], column: Array) -> Array:
-    """One property of the material of each label."""
+    """Values of one property for the material of each label."""
     return column[_positions(labels, names)] if labels.size else np.empty(labels.shape)
 
 
@@ -139,7 +139,7 @@ VARIED = {
 @known_as()
 @dataclass(frozen=True, repr=False)
 class Variation(Shown):
-    """How much the properties of each material vary from place to place.
+    """Variation of the properties of each material from place to place.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def modal_motion(lever: Array, amplitude: Array, phase: Array) -> tuple[Array, A
 
 
 def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
-    """What the drive supplies, by a force on the tip or by its base [J per cycle]: theory, Eq. (lever-9)."""
+    """Work of the drive, by a force on the tip or by the base [J per cycle]: theory, Eq. (lever-9)."""
     motion, force = modal_motion(lever, amplitude, phase)
     _, _, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
     work = lever[col.RIGID] * force.imag - np.tensordot(pulled / share, motion.imag, 1)
@@ -92,7 +92,7 @@ def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
 
 
 def lost_in_air(lever: Array, amplitude: Array) -> Array:
-    """What the lever's own damping takes from the first harmonic, pi k kappa'' A^2 [J per cycle].
+    """Loss of the first harmonic by the lever's own damping, pi k kappa'' A^2 [J per cycle].
 
     kappa is the dynamic stiffness at the tip over k, whose imaginary part is 2 alpha0 omega of one mode. Higher
     harmonics lose a little more, n^2 (A_n / A)^2 of it each.
@@ -114,17 +114,17 @@ DETECTED = {
     "direct": "position of the tip: the drive's force acts on it",
     "base": "deflection of the lever: position of the tip minus that of the base, which the drive moves",
 }
-"""What amplitude, phase and setpoint are of, by excitation."""
+"""Motion whose amplitude and phase are detected, by excitation."""
 
 
 def sees_tip(lever: Array) -> bool:
-    """Whether the detector sees the motion of the tip itself."""
+    """True if the detector sees the motion of the tip itself."""
     offset, factor = offset_and_factor(lever)
     return not np.any(offset) and bool(np.all(factor == 1))
 
 
 def in_proportion(lever: Array) -> bool:
-    """Whether the detector sees the motion of the tip times a number that is not one."""
+    """True if the detector sees the motion of the tip times a number other than 1."""
     return not np.any(offset_and_factor(lever)[0]) and not sees_tip(lever)
 
 
@@ -137,7 +137,7 @@ def offset_and_factor(lever: Array) -> tuple[Any, Any]:
 
 
 def detected_signal(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
-    """What the detector sees of a first harmonic of z: amplitude [m] and phase [rad], 0 at free resonance."""
+    """Amplitude [m] and phase [rad], 0 at free resonance, that the detector shows of a first harmonic of z."""
     if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
     offset, factor = offset_and_factor(lever)

@@ -54,12 +54,12 @@ class Maps:
 
     @property
     def lazy(self) -> bool:
-        """Whether some map is a Dask array."""
+        """True if some map is a Dask array."""
         return any(is_lazy(getattr(self, name)) for name in QUANTITIES)
 
     @property
     def relaxes(self) -> bool:
-        """Whether some material has relaxation times."""
+        """True if some material has relaxation times."""
         return self.relaxation_time is not None or self.relaxation is not None
 
     def _refuse_lazy(self) -> None:
@@ -89,7 +89,7 @@ class Maps:
 
     @property
     def found(self) -> tuple[Array, IntArray] | None:
-        """What `unique` gives if that is known already, else None."""
+        """Distinct materials as `unique` gives them, if they are known already, else None."""
         return self._unique
 
     def materials(self, pixels: slice | NDArray[np.intp]) -> Array:
@@ -117,7 +117,7 @@ class Maps:
 
     @asked_as()
     def rows(self, rows: slice) -> Self:
-        """Some rows of it, as a surface that shares its maps.
+        """Some rows of the sample, as a surface that shares its maps.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Maps:
         return part
 
     def __eq__(self, other: object) -> bool:
-        """Whether both have the same values everywhere; where both have NaN they agree."""
+        """True if both have the same values everywhere; NaN equals NaN."""
         if not isinstance(other, Maps):
             return NotImplemented
         if (self.shape, self.pixel_size) != (other.shape, other.pixel_size):

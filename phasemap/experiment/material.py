@@ -23,7 +23,7 @@ THICKNESS, RELAXATION, LIQUID = (0.2e-9, 1e-4), (1e-10, 1e-2), (0.05e-9, 20e-9) 
 )  # fmt: skip
 @dataclass(frozen=True, repr=False)
 class Material(Shown):
-    """One homogeneous material.
+    """A homogeneous material.
 
     Numbers are in SI units, or text with a unit ("3 GPa", "50 mJ/m^2"), or quantities of pint.
 
@@ -140,7 +140,7 @@ def with_modulus(material: Material, modulus: float) -> Material:
 
 
 def relaxes(material: Material) -> bool:
-    """Whether a material has relaxation times, which are its loss."""
+    """True if a material has relaxation times, which are its loss."""
     return material.relaxation is not None or material.relaxation_time is not None
 
 

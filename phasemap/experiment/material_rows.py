@@ -25,12 +25,12 @@ Poisson's ratio [1]."""
 
 MORE_NUMBERS = ("thickness", "relaxed_modulus", "relaxation_time", "liquid_film", "contact_angle")
 MORE = (*MORE_NUMBERS, "relaxation")
-"""What the other columns are, which are all there or none: [m], [Pa], [s], [m], [degree], key of a spectrum;
+"""Names of the further columns, which are all there or none: [m], [Pa], [s], [m], [degree], key of a spectrum;
 infinite where a material has none, but the relaxed modulus is then the modulus."""
 
 
 def column_of(materials: Array, name: str) -> Array | None:
-    """One of `MORE` of rows of materials; None where no material has it."""
+    """Column of `MORE` of rows of materials; None where no material has it."""
     if materials.shape[1] == PLAIN:
         return None
     column: Array = materials[:, PLAIN + MORE.index(name)]
@@ -54,7 +54,7 @@ def rows_of(materials: Iterable[Material]) -> tuple[Array, bool]:
 
 
 def more_of(columns: Sequence[Any]) -> dict[str, Any]:
-    """Those of `MORE` that some material has, of columns that are numbers or maps; spectra by their keys."""
+    """Columns of `MORE` that some material has, from columns that are numbers or maps; spectra by their keys."""
     found = {name: one for name, one in zip(MORE, columns, strict=False) if np.ndim(one) or math.isfinite(one)}
     if "relaxation_time" not in found:
         found.pop("relaxed_modulus", None)
@@ -172,7 +172,7 @@ def liquid_of(materials: Array) -> Array | None:
 
 
 def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
-    """What relaxes under this tip, shape (n, 4), or None: tau [1/omega_c], 1 - E_inf/E_0, address of arms, stiffness.
+    """Relaxation under this tip, shape (n, 4), or None: tau [1/omega_c], 1 - E_inf/E_0, address of arms, stiffness.
 
     The stiffness is that of a sudden touch, over that of the modulus. tau and the share are 0 where nothing relaxes,
     the address where there is one time.
@@ -191,7 +191,7 @@ def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
 
 
 def _of_one_time(materials: Array, scope: Microscope) -> Array | None:
-    """The same of standard linear solids.
+    """Relaxation of standard linear solids under this tip, as `relaxation_of` returns it.
 
     An elastic tip in series makes contacts relax sooner, by the ratio of the shares that are left, for the time in
     which they recover does not change: theory, Eq. (memory-1).

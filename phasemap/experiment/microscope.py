@@ -68,7 +68,7 @@ class Mode(Shown):
 @known_as(A="free_amplitude", A0="free_amplitude", amplitude="free_amplitude", f="frequency")
 @dataclass(frozen=True, repr=False)
 class Drive(Shown):
-    """What makes the lever swing.
+    """Drive of the lever.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class Microscope(Shown):
 
     @property
     def detector_weights(self) -> tuple[float, ...]:
-        """How much of each mode's deflection at the tip the detector sees, over that of the first [1]."""
+        """Share of each mode's deflection at the tip that the detector sees, over that of the first [1]."""
         modes = self.cantilever.eigenmodes
         if isinstance(self.detector, tuple):
             return self.detector
@@ -199,7 +199,7 @@ class Microscope(Shown):
 
     @property
     def advice(self) -> str:
-        """Where the lever's modes are not those that it has, a sentence that says why and what to do; else empty."""
+        """Sentence on modes that the lever lacks, and what to do; empty where it has all that count."""
         lever, gas = self.cantilever, "give the lever as it is in air and [cantilever.liquid] (in Python in_liquid())"
         low = f"Q is {lever.quality_factor:.3g} and the lever has "
         if lever.quality_factor < LOW_Q and not lever.modes:
@@ -229,7 +229,7 @@ class Microscope(Shown):
         return SecondMode(stiffness, frequency, second.quality_factor, driven.free_amplitude, driven.detection)
 
     def free_signal(self, omega: float) -> complex:
-        """What the detector sees of the free lever [m]; the drive leads the first mode at resonance by 90 degrees."""
+        """Signal of the free lever [m], complex; the drive leads the first mode at resonance by 90 degrees."""
         modes = free_motion(self.cantilever.eigenmodes, omega, self.base_amplitude, self.drive.excitation)
         return sum((weight * mode for weight, mode in zip(self.detector_weights, modes, strict=True)), 0j)
 

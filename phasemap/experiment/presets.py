@@ -30,7 +30,7 @@ class Quoted:
 
     @property
     def is_estimate(self) -> bool:
-        """Whether nobody measured it as such."""
+        """True if the number is an estimate and nobody measured it."""
         return self.source.startswith(ESTIMATE)
 
 
@@ -53,12 +53,12 @@ class Preset:
 
 
 def materials() -> Mapping[str, Preset]:
-    """Every preset of a material by its name."""
+    """Presets of materials by their names."""
     return _read()["materials"]
 
 
 def levers() -> Mapping[str, Preset]:
-    """Every preset of a lever by its name."""
+    """Presets of levers by their names."""
     return _read()["levers"]
 
 

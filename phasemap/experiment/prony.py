@@ -78,7 +78,7 @@ class Prony(Shown):
     def from_shear(
         cls, moduli: Sequence[float], times: Sequence[float], equilibrium: float = 0.0, dwell: float | None = None
     ) -> Prony:
-        """The same from shear moduli of an incompressible solid, E = 3 G.
+        """Spectrum from shear moduli of an incompressible solid, E = 3 G.
 
         Examples
         --------
@@ -215,7 +215,7 @@ class Prony(Shown):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """What makes it again, as JSON has it."""
+        """Arguments of the spectrum, as JSON has them."""
         return {name: getattr(self, name) for name in ("moduli", "times", "equilibrium", "dwell")}
 
     @property

@@ -1,4 +1,4 @@
-"""What a real microscope adds to the image: noise, drift, offsets of lines, a change of the tip, and quantisation."""
+"""Imperfections of a real image: noise, drift, offsets of lines, a change of the tip, and quantisation."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ class TipChange(Shown):
         whole("tip_change line", self.line, 1)
 
     def __str__(self) -> str:
-        """What it is, in words."""
+        """The change in words."""
         return f"to radius {say(self.radius, 'm')} from line {self.line} on"
 
 
 @known_as()
 @dataclass(frozen=True, repr=False)
 class Realism(Shown):
-    """What a real microscope adds to an image; all of it is off unless asked for.
+    """Imperfections that a real microscope adds to an image; all of them are off unless asked for.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Realism(Shown):
 
     @classmethod
     def typical(cls, **changes: Any) -> Realism:
-        """What an instrument in an ordinary room adds.
+        """Imperfections of an instrument in an ordinary room.
 
         The lever's own noise at room temperature, a detector of 100 fm/sqrt(Hz), lines offset by 30 pm, and a drift of
         a few nanometres. Noise acts in time: with `Feedback`, for which `TYPICAL_SCAN` is an ordinary one. In a scene,
@@ -128,7 +128,7 @@ class Realism(Shown):
         return cls.typical(**changes)
 
     def __str__(self) -> str:
-        """What is on, with units; empty where nothing is."""
+        """Imperfections that are on, with units; empty where none is."""
         along = ", ".join(say(one, "m") for one in self.drift)
         on = [in_words(replace(self, drift=STILL, seed=0)), f"drift {along}" if self.drift != STILL else ""]
         return ", ".join([*filter(None, on), f"seed {self.seed}"]) if any(on) else ""

@@ -1,4 +1,4 @@
-"""What a tip of finite size sees: a relief dilated by its shape, and edges as wide as what it touches and attracts.
+"""Surface as a tip of finite size sees it: a relief dilated by its shape, edges as wide as the area that it touches.
 
 The tip is a blunted cone (theory, Eq. (model-28)), and the law of mixing that of parts that act side by side under the
 pressure of Hertz's disc, and the attraction around it (theory, Eq. (model-29)).

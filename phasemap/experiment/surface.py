@@ -1,4 +1,4 @@
-"""What lies under the tip: maps of material properties and topography on a grid of pixels.
+"""The surface under the tip: maps of material properties and topography on a grid of pixels.
 
 Row 0 is the top of the image and y decreases with the row index; everything is SI.
 """

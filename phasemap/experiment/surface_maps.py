@@ -102,7 +102,7 @@ _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf
 
 
 def property_map(name: str, value: Any, allow_nan: bool) -> Any:
-    """What the user gave as a map that a surface keeps; None stays None."""
+    """Map that a surface keeps, from what the user gave; None stays None."""
     found = _in_si(name, value)
     if found is None:
         return None
@@ -177,7 +177,7 @@ def check_memory(name: str, given: NDArray[Any], per_pixel: int) -> None:
 
 
 def _inside(value: Any, quantity: Quantity) -> Any:
-    """Whether each of `value` is finite and within the bounds, or the infinity that may stand for none."""
+    """True where `value` is finite and within the bounds, or the infinity that may stand for none."""
     least, above, most = (quantity.bounds.get(name, limit) for name, limit in _NO_BOUNDS)
     inside = np.isfinite(value) & (value >= least) & (value > above) & (value <= most)
     return inside | (value == math.inf) if quantity.endless else inside

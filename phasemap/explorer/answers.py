@@ -316,7 +316,7 @@ def _curve(setting: Setting, material: Material) -> dict[str, Any]:
 
 
 def _period(ds: xr.Dataset, tip_offset: float, phase: float) -> dict[str, Any] | None:
-    """One period of the orbit at this distance, in the direction in which the curve is on it."""
+    """Deflection and force over one period of the orbit at this distance, in the direction whose curve is on it."""
     traces = ds[["phase", "trace_deflection", "trace_force"]]
     here = traces.isel(tip_offset=int(np.argmin(np.abs(ds["tip_offset"].values - tip_offset))))
     away = np.abs(here["phase"].values - phase)

@@ -175,7 +175,7 @@ def _given(explored: object, scope: Microscope | None, setpoint: float | None) -
 
 
 def _no_notebook() -> bool:
-    """Whether this is a plain Python, which shows no HTML."""
+    """True in a plain Python, which shows no HTML."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     return not hasattr(shell, "kernel")

@@ -1,4 +1,4 @@
-"""Limits of the work that the page does for one answer, and what it says where that is not enough.
+"""Limits of the work that the page does for one answer, and sentences for work that takes longer.
 
 The solvers are exact at any cost; a page must answer. So each answer has a time, in which compiling does not count, and
 each material the periods that it may be integrated.
@@ -41,7 +41,7 @@ class TooLong(PhasemapError):
 
 
 class Compiling:
-    """Whether kernels are compiled now, and how long it did in each thread [s of the processor]."""
+    """Watch of the compiler: whether it works now, and how long it did in each thread [s of the processor]."""
 
     def __init__(self) -> None:
         self._depth, self._began, self._spent = 0, 0.0, threading.local()
@@ -49,20 +49,20 @@ class Compiling:
         watch(self._start, self._end)
 
     def _start(self) -> None:
-        """It begins, in one thread at a time; functions that a function calls are compiled within it."""
+        """Note the begin of compilation, in one thread at a time; functions called are compiled within it."""
         self._began = self._began if self._depth else time.thread_time()
         self.first = self.first or time.monotonic()
         self._depth += 1
 
     def _end(self) -> None:
-        """It ends."""
+        """Note the end of compilation."""
         self._depth -= 1
         if not self._depth:
             self._spent.seconds = self.spent + time.thread_time() - self._began
 
     @property
     def going_on(self) -> bool:
-        """Whether it compiles now."""
+        """True while kernels are compiled."""
         return self._depth > 0
 
     @property

@@ -133,7 +133,7 @@ def presets() -> dict[str, list[dict[str, Any]]]:
 
 
 def folder_of_samples() -> Path:
-    """Where the scenes of the samples are: in an installed package beside its code, else in the repository."""
+    """Folder of the samples' scenes: in an installed package beside its code, else in the repository."""
     package = Path(str(files("phasemap")))
     installed = package / "samples"
     return installed if installed.is_dir() else package.parent / "samples"

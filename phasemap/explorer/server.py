@@ -124,7 +124,7 @@ class Count:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """One connection."""
+    """Handler of one connection."""
 
     server: Server
     protocol_version = "HTTP/1.1"
@@ -226,7 +226,7 @@ class _Handler(BaseHTTPRequestHandler):
         return check
 
     def _left(self) -> bool:
-        """Whether the page closed the connection: a browser does so where a question is taken back."""
+        """True if the page closed the connection: a browser does so where a question is taken back."""
         self.connection.settimeout(0)
         try:
             return not self.connection.recv(1, socket.MSG_PEEK)
@@ -261,7 +261,7 @@ class _Handler(BaseHTTPRequestHandler):
         return "phasemap"
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing is said of a request."""
+        """Log nothing of a request."""
 
 
 def _sample_of(message: object) -> object:

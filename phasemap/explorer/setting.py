@@ -1,4 +1,4 @@
-"""One position of all sliders: what the page sends, checked and turned into what `phasemap.simulate` takes.
+"""Positions of all sliders: what the page sends, checked and turned into what `phasemap.simulate` takes.
 
 The sliders and choices of the page are declared in its file ``knobs.json``.
 """
@@ -51,7 +51,7 @@ class Knob(NamedTuple):
 
 @cache
 def knobs() -> dict[str, Knob]:
-    """Every slider with ends of its own, by the key of a scene that it sets; * stands for any material."""
+    """Sliders with ends of their own, by the key of a scene that each sets; * stands for any material."""
     return {
         one["key"]: Knob(one["label"], one["unit"], one.get("size", 1.0), one["low"], one["high"])
         for one in _declared()
@@ -108,7 +108,7 @@ class Detector:
 
 @dataclass(frozen=True)
 class Setting:
-    """One position of all sliders."""
+    """Positions of all sliders."""
 
     subject: Subject
     scope: Microscope
@@ -162,12 +162,12 @@ class Setting:
 
     @property
     def in_water(self) -> bool:
-        """Whether the page puts the lever in water."""
+        """True if the page puts the lever in water."""
         return (self.changes or {}).get("cantilever", {}).get("environment") == WATER
 
     @property
     def only_in_time(self) -> bool:
-        """Whether some material remembers or is wet, whose motion only the march knows, exactly."""
+        """True if some material remembers or is wet, whose motion only the march knows, exactly."""
         return any(Question(one, self.scope).only_in_time for one in self.materials.values())
 
     @property

@@ -31,7 +31,7 @@ SIDE = 256  # pixels of the longer side of the image that is solved while a slid
 
 
 class Sample(NamedTuple):
-    """Where each material is, and the relief."""
+    """Material of each pixel, and the relief."""
 
     labels: NDArray[np.int32]  # shape (ny, nx); number of the material
     topography: NDArray[np.float64] | None  # shape (ny, nx), or None [m]
@@ -66,7 +66,7 @@ class Subject:
 
     @property
     def plain(self) -> bool:
-        """Whether engaging every pixel from far, with nothing added, is all that the scene asks for."""
+        """True if engaging every pixel from far, with nothing added, is all that the scene asks for."""
         engaged = isinstance(self.options.get("control", Engage()), Engage)
         return engaged and self.realism == Realism() and not self.blurred and self.variation is None
 
@@ -82,22 +82,22 @@ class Subject:
 
     @property
     def blurred(self) -> bool:
-        """Whether the scene asks for edges as wide as the tip, which the page shows sharp while a slider moves."""
+        """True if the scene asks for edges as wide as the tip, which the page shows sharp while a slider moves."""
         return self.scene is not None and bool(self.scene.config["surface"].get("seen_by_tip"))
 
     @property
     def strict(self) -> bool:
-        """Whether numbers outside all practice are errors."""
+        """True if numbers outside all practice are errors."""
         return self.scene is not None and bool(self.scene.config["scan"].get("strict_units"))
 
     @property
     def folder(self) -> Path:
-        """Where the names of files in the scene start."""
+        """Folder where the names of files in the scene start."""
         return _folder_of(self.scene)
 
     @property
     def step(self) -> int:
-        """Every how many pixels one is solved while a slider moves."""
+        """Spacing of the pixels that are solved while a slider moves."""
         return -(-max(map(int, self.sample.labels.shape)) // SIDE)
 
     def sample_under(self, tip: Tip) -> Sample:
@@ -204,5 +204,5 @@ def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
 
 
 def _folder_of(scene: Scene | None) -> Path:
-    """Where the names of files in a scene start."""
+    """Folder where the names of files in a scene start."""
     return scene.source.parent if scene is not None and scene.source is not None else Path()

@@ -36,7 +36,7 @@ LAG = Convention("lag", "below 90°", "above 90°", "90°", "their distance from
 
 
 class Found(NamedTuple):
-    """One material at the working point."""
+    """Motion of the tip on one material at the working point."""
 
     name: str
     regime: str  # "attractive", "repulsive" or "none"
@@ -60,7 +60,7 @@ class Found(NamedTuple):
 
     @property
     def stiffens(self) -> bool:
-        """Whether the phase is positive."""
+        """True if the phase is positive."""
         return self.tip_phase > 0
 
     @property
@@ -95,14 +95,14 @@ def lines_of(first: Found, second: Found, counted: Convention = PHASE) -> list[s
     if first.name == second.name:
         said = [_alone(first, counted)]
     elif first.stiffens != second.stiffens:
-        said = _of_two_signs(first, second, counted)
+        said = _explain_two_signs(first, second, counted)
     else:
-        said = _of_one_sign(first, second, counted)
+        said = _explain_one_sign(first, second, counted)
     return said + [line for one in dict.fromkeys((first, second)) for line in _warnings(one)]
 
 
-def _of_one_sign(first: Found, second: Found, counted: Convention) -> list[str]:
-    """Both phases are positive, or both negative."""
+def _explain_one_sign(first: Found, second: Found, counted: Convention) -> list[str]:
+    """Sentences for two phases of the same sign."""
     contrast, explained = second.phase - first.phase, second.explained - first.explained
     energies = f"{_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact"
     if abs(explained - contrast) > max(LEAST, SHARE * abs(contrast)):
@@ -130,8 +130,8 @@ def _of_one_sign(first: Found, second: Found, counted: Convention) -> list[str]:
     ]
 
 
-def _of_two_signs(first: Found, second: Found, counted: Convention) -> list[str]:
-    """One phase is positive, the other negative."""
+def _explain_two_signs(first: Found, second: Found, counted: Convention) -> list[str]:
+    """Sentences for a positive and a negative phase."""
     lossless, contrast = second.lossless - first.lossless, second.phase - first.phase
     positive, negative = (first, second) if first.stiffens else (second, first)
     if positive.regime == negative.regime:

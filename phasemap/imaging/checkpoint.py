@@ -1,4 +1,4 @@
-"""What is done of a long simulation, kept in a folder, so that it goes on after it was killed."""
+"""Checkpoints of a long simulation, kept in a folder, so that it goes on after it was killed."""
 
 from __future__ import annotations
 
@@ -75,20 +75,20 @@ class Checkpoint:
             size = least * max(1, int(min(wanted, GROWTH * size, most)) // least)
 
     def recall(self, name: str) -> Values:
-        """What was kept under this name; empty if nothing was, or it cannot be read."""
+        """Arrays kept under this name; empty if there are none, or they cannot be read."""
         return _read(self.folder / f"{self._name}-{name}.npz")
 
     @property
     def due(self) -> bool:
-        """Whether the last file is some seconds ago."""
+        """True if the last file is some seconds ago."""
         return time.monotonic() - self._last >= EVERY
 
     def remember(self, name: str, values: Values) -> None:
-        """Keep it, in place of what was kept under this name."""
+        """Keep arrays, in place of those that were kept under this name."""
         self._write(f"{self._name}-{name}.npz", values)
 
     def lines(self) -> Iterator[Lines]:
-        """What was kept of the image, from its first line on as far as there is no gap."""
+        """Yield the lines of the image that were kept, from the first on as far as there is no gap."""
         bounds: list[list[int]] = []
         with suppress(OSError):
             names = [name for name in os.listdir(self.folder) if PART.fullmatch(name)]
@@ -101,8 +101,8 @@ class Checkpoint:
             found = _read(self.folder / self._lines(first, last))
             if not found:
                 return
-            notes = {name: value.item() for name, value in _under("note", found).items()}
-            yield Lines(first, last, _under("variable", found), notes, _under("state", found))
+            notes = {name: value.item() for name, value in _of_kind("note", found).items()}
+            yield Lines(first, last, _of_kind("variable", found), notes, _of_kind("state", found))
             first = last
 
     def keep(self, lines: Lines) -> None:
@@ -138,7 +138,7 @@ def discard(folder: str | os.PathLike[str]) -> None:
 
 
 def _law_in_words(law: ContactLaw) -> str:
-    """What tells a law that is not phasemap's own from others: its parameters, its code, and what its formulas use."""
+    """Text that tells a user's law from others: its parameters, its code, and what its formulas use."""
     if type(law).__module__.startswith("phasemap."):
         return ""
     try:
@@ -182,6 +182,6 @@ def _read(file: Path) -> Values:
         return {}
 
 
-def _under(kind: str, arrays: Values) -> Values:
-    """Those whose names begin with the kind, without it."""
+def _of_kind(kind: str, arrays: Values) -> Values:
+    """Arrays whose names begin with the kind, by the rest of their names."""
     return {name.removeprefix(f"{kind}."): one for name, one in arrays.items() if name.startswith(f"{kind}.")}

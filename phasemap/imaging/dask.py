@@ -94,15 +94,15 @@ def _graph(name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
     return HighLevelGraph.from_collections(name, tasks, below)
 
 
-def _one(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
-    """One of these tasks, on top of those of collections."""
+def _delayed(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> Any:
+    """Delayed value of one of these tasks, on top of those of collections."""
     from dask.delayed import Delayed
 
     return Delayed(key, _graph(name, tasks, below), layer=name)
 
 
 def _placeholder(surface: Surface) -> Surface:
-    """One pixel of the same kind."""
+    """Surface of one pixel of the same kind."""
     more = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
     more |= {} if surface.thickness is None else {"thickness": 1e-8}
     more |= {"relaxed_modulus": 1e9, "relaxation_time": 1e-7} if surface.relaxes else {}
@@ -122,7 +122,7 @@ def _planned(job: Job, tiny: Any, maps: Maps) -> Any:
         tasks |= {key: (partial(_join, most), group) for key, group in zip(keys, groups, strict=True)}
     plan = _token("plan")
     tasks[plan] = (plan_image, tiny.key, keys[0])
-    return _one(plan, token, tasks, [tiny, *maps.lazy])
+    return _delayed(plan, token, tasks, [tiny, *maps.lazy])
 
 
 def _survey(most: int, place: Place, lines: slice, job: Job, pieces: list[Any]) -> Survey:
@@ -150,7 +150,7 @@ def _filling(job: Job, tiny: Any, maps: Maps, plan: Any) -> Filling:
                 state = _token("state")
                 tasks[state] = (getitem, key, 2)
             heights.append(part.lines.stop - part.lines.start)
-        last = _one(state or key, token, tasks, [tiny, plan, last, *fresh.lazy])
+        last = _delayed(state or key, token, tasks, [tiny, plan, last, *fresh.lazy])
     widths = maps.chunks[1] if lines is None else (sum(maps.chunks[1]),)
     return Filling(keys, (tuple(heights), widths), last)
 
@@ -171,7 +171,7 @@ def _notes(job: Job, filled: Filling) -> dict[str, Any]:
     tasks: dict[Any, Any] = {(token, n): (getitem, key, 1) for n, key in enumerate(filled.keys.values())}
     whole = _token("notes")
     tasks[whole] = (_joined_notes, list(tasks))
-    notes = _one(whole, token, tasks, [filled.last])
+    notes = _delayed(whole, token, tasks, [filled.last])
     return {
         name: xr.DataArray(
             da.from_delayed(delayed(getitem)(notes, name), (), np.float64), attrs={"long_name": long_name}
@@ -235,7 +235,7 @@ class Maps(NamedTuple):
         return [value for value in self.values if is_lazy(value)]
 
     def rows(self) -> Iterator[Maps]:
-        """Each row of blocks by itself."""
+        """Yield the maps of each row of blocks."""
         top = 0
         for height in self.chunks[0]:
             values = [None if value is None else value[top : top + height] for value in self.values]

@@ -28,7 +28,7 @@ from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.seen_by_detector import fill_energy_closure
 
 Numbers = Callable[[slice], NDArray[np.int32]]
-"""Which distinct material each pixel of a range is made of."""
+"""Function that gives the number of the distinct material of each pixel of a range."""
 
 FEW = 1 << 13  # distinct materials up to which an atlas does not pay
 MOST = 1 << 19  # distinct materials that are kept at a time
@@ -82,7 +82,7 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What all pixels of an image share: a table of its materials, or an atlas of more, or neither."""
+    """Plan for all pixels of an image: a table of its materials, or an atlas of more, or neither."""
 
     materials: Array | None = None  # shape (n, 4) or (n, 10), or None; all that the image has
     values: Values | None = None  # their variables
@@ -166,7 +166,7 @@ def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
 
 
 def numbers_of(job: Job, materials: Array) -> Numbers:
-    """Which of these materials, all that the surface has, each pixel of a range is made of."""
+    """Function that gives the number, among all materials of the surface, of each pixel of a range."""
     found = job.surface.found
     if found is not None and found[0] is materials:
         inverse = found[1].reshape(-1)
@@ -177,12 +177,12 @@ def numbers_of(job: Job, materials: Array) -> Numbers:
 
 
 def numbers_in(job: Job, known: Distinct) -> Numbers:
-    """Which of the known materials each pixel of a range is made of."""
+    """Function that gives the number, among the known materials, of each pixel of a range."""
     return lambda part: known.numbers(job.surface.materials(part))
 
 
 def blocks(job: Job, most: int) -> Iterator[Block]:
-    """As many lines at a time as have no more distinct materials than so many, or one."""
+    """Yield blocks of lines with at most so many distinct materials, or of a single line."""
     lines, pixels = job.surface.shape
     first = 0
     while first < lines:

@@ -1,4 +1,4 @@
-"""What a real microscope adds to an image: drift, a worn tip, noise, offsets and digits."""
+"""Imperfections that a real microscope adds to an image: drift, a worn tip, noise, offsets and digits."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _carried(relief: Array, right: Array, down: Array) -> Array:
 
 
 def changes(realism: Realism) -> bool:
-    """Whether what an image records differs from what the tip does under a tip that is known."""
+    """True if the recorded image differs from the motion of a tip that is known."""
     return bool(realism.phase_offset or realism.bits is not None or realism.tip_change is not None)
 
 

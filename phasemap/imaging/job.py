@@ -1,4 +1,4 @@
-"""What there is to be done for an image or a part of one, who does it, and the plan: a survey, then part by part."""
+"""Job of an image or a part of one, who does it, and the plan: a survey, then part by part."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FEWEST = 1 << 4  # for each thread, where what is solved is kept on disk
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be done."""
+    """Work of an image or a part of one."""
 
     surface: Surface  # of the image, or of the part that is to be filled
     place: Place  # where it lies in the image
@@ -57,19 +57,19 @@ class Job:
 
     @property
     def only_in_time(self) -> bool:
-        """Whether some contact remembers or is wet."""
+        """True if some contact remembers or is wet."""
         return self.remembers or self.scope.interaction.law.in_time
 
     @property
     def remembers(self) -> bool:
-        """Whether some contact does."""
+        """True if some contact remembers."""
         loss = self.surface.viscosity if self.surface.damping is None else self.surface.damping
         viscous = self.scope.interaction.withdrawal == "ting" and loss is not None and bool((loss > 0).any())
         return self.surface.relaxes or viscous
 
     @property
     def pixels(self) -> int:
-        """How many there are."""
+        """Number of pixels."""
         return self.surface.shape[0] * self.surface.shape[1]
 
     def report(self, done: int) -> None:
@@ -146,7 +146,7 @@ def _joined(parts: list[Values]) -> Values:
 
 
 class Simulator(NamedTuple):
-    """How the images of one control come about: a plan for all of it, then part by part."""
+    """Functions that make the images of one control: a plan for all of it, then part by part."""
 
     most: Callable[[Job], int]  # ``most(job)``: distinct materials up to which the plan wants to know them all
     # ``plan(job, survey, before)``: what all parts share, of a job for the whole image or for the lines of one
@@ -179,7 +179,7 @@ class Stretch(NamedTuple):
 
 
 def simulator_of(control: Control) -> Simulator:
-    """Who makes the images of a control."""
+    """Simulator that makes the images of a control."""
     if type(control) not in SIMULATORS:
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
     found: Simulator = import_module(f"phasemap.imaging.{SIMULATORS[type(control)]}").SIMULATOR

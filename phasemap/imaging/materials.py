@@ -47,7 +47,7 @@ class Distinct:
         return int(taken)
 
     def numbers(self, materials: Array) -> NDArray[np.int32]:
-        """Which member each material is."""
+        """Number of the member that each material is."""
         out = np.empty(len(materials), np.int32)
         look_up(_bits(materials), self._table, self._known, out)
         if (out < 0).any():
@@ -64,7 +64,7 @@ SAMPLE = 1 << 16  # pixels that are drawn from an image
 
 
 class Place(NamedTuple):
-    """Where a part lies in an image."""
+    """Place of a part in an image."""
 
     # row, column: of its first pixel
     row: int
@@ -72,7 +72,7 @@ class Place(NamedTuple):
     image: tuple[int, int]  # rows and columns of the whole
 
     def drawn(self, shape: tuple[int, int]) -> NDArray[np.intp]:
-        """Which pixels of a part of this shape are among those drawn from the whole image, each once."""
+        """Pixels of a part of this shape that are among those drawn from the whole image, each once."""
         (ny, nx), (height, width) = self.image, shape
         pixels = _drawn(ny * nx)
         first, last = np.searchsorted(pixels, [self.row * nx, (self.row + height) * nx])
@@ -102,7 +102,7 @@ class Survey:
 
     @property
     def count(self) -> int:
-        """How many distinct materials there are; where that is not known, as many as pixels."""
+        """Number of distinct materials; where that is not known, of pixels."""
         return self.pixels if self.materials is None else len(self.materials)
 
     def joined(self, other: Survey, most: int) -> Survey:
@@ -126,7 +126,7 @@ def survey(surface: Surface, most: int, place: Place | None = None, workers: int
 
 
 def _all_of_few(surface: Surface, most: int, workers: int) -> Array | None:
-    """All distinct materials in the order in which they come, or None if there are more than so many."""
+    """Distinct materials in the order in which they come, or None if there are more than so many."""
     pixels = surface.shape[0] * surface.shape[1]
     if surface.found is not None and len(surface.found[0]) <= most:
         materials, numbers = surface.found

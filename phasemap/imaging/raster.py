@@ -38,7 +38,7 @@ class Table(NamedTuple):
 
 
 class TipState(NamedTuple):
-    """How a tip comes to a line: on which branch, and at which tip offset [m]."""
+    """State in which a tip comes to a line: its branch, and its tip offset [m]."""
 
     branch: int = NOWHERE
     z0: float = 0.0
@@ -148,7 +148,7 @@ def _passed(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.
 
 
 def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branches, StableOrbits]:
-    """What holds the setpoint on each material, of the interpolated ones as far as engagement finds it."""
+    """Orbits that hold the setpoint on each material, of the interpolated ones as far as engagement finds them."""
     count = len(materials)
     names = (*job.needs, "tip_offset", "phase")
     engaged = np.empty((count, col.COLUMNS))
@@ -172,7 +172,7 @@ def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branc
 
 
 def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: StableOrbits, ahead: int) -> NDArray[np.intp]:
-    """Materials of which is to be known whether they have the other branch: of pixels that were guessed, and ahead.
+    """Materials whose other branch has to be known: of pixels that were guessed, and ahead.
 
     Beyond the end of the line that is so much of the lines below, where the tip comes if it is not engaged anew.
     """

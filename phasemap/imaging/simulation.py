@@ -152,7 +152,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What `simulate` is asked for, besides surface, microscope and setpoint."""
+    """Options of `simulate`, besides surface, microscope and setpoint."""
 
     solver: str
     control: Control
@@ -285,7 +285,7 @@ def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Data
 
 
 def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool) -> list[str]:
-    """What acts in this work, in words."""
+    """Forces and effects that act in this work, in words."""
     rows, law = work.rows, scope.interaction.law
     names = [next((name for name, one in LAWS.items() if one == law), law.name) + " contact"]
     if np.any(rows[:, col.LONGRANGE] > rows[:, col.BIAS]):
@@ -306,7 +306,7 @@ def modelled(work: Work, scope: Microscope, topography: bool, remembers: bool) -
 
 
 def _largest_material(surface: Surface, workers: int) -> Array:
-    """One row, with the largest of every property, of contact angles the smallest: zero is what no pixel has."""
+    """Row with the largest of every property, of contact angles the smallest: zero is what no pixel has."""
     columns = [column.reshape(-1) for column in surface.columns]
     sign = np.ones(len(columns))
     if surface.contact_angle is not None:

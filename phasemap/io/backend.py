@@ -34,7 +34,7 @@ class PhasemapBackend(BackendEntrypoint):
         return ds.drop_vars(dropped, errors="ignore")
 
     def guess_can_open(self, filename_or_obj: Any) -> bool:
-        """Whether the file's name ends as a microscope's does; others must be named by ``engine="phasemap"``."""
+        """True if the file's name ends as a microscope's does; other files need ``engine="phasemap"``."""
         if not isinstance(filename_or_obj, str | os.PathLike):
             return False
         name = os.fspath(filename_or_obj).lower()

@@ -27,7 +27,7 @@ NAMES = {
     "phase": (re.compile("(?:lock-?in[ _-]?)?(?:phase|lag)", re.I), KINDS["phase"].units),
     "deflection": (re.compile("v?defl", re.I), KINDS["amplitude"].units),
 }
-"""How the columns of a quantity are called, and its units."""
+"""Names of the columns of a quantity, and its units."""
 COLUMN = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 UNITS = {"", "-", *(unit for _, units in NAMES.values() for unit in units)}
 MARKS = ("\t", ";", ",", r"\s{2,}", r"\s+(?![\[(])")  # between names; a single space, where no unit in brackets follows
@@ -38,7 +38,7 @@ FEWEST = 20  # points of a curve
 
 
 class Column(NamedTuple):
-    """What a column holds."""
+    """Quantity, direction and unit of a column."""
 
     quantity: str
     direction: str | None  # "approach" or "retract"; None where both stand one below the other
@@ -128,7 +128,7 @@ def _words(line: str, wide: int) -> list[str]:
 
 
 def _column(name: str | None, given: bool) -> Column | None:
-    """What a column of this name holds, if it is used; `given`: whether the user says so, and not the file."""
+    """Column of this name, None if it is not used; `given`: the name comes from the user, not from the file."""
     found = COLUMN.fullmatch(name or "")
     if not name or found is None:
         return None

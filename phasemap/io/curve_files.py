@@ -146,7 +146,7 @@ def _channel(
 
 
 def _slots(channel: Properties, encoder: str | None) -> list[Slot]:
-    """What is done to the stored numbers, one after the other, up to the calibration that is the default."""
+    """Calibrations from the stored numbers up to the default one, in the order in which they are applied."""
     scaling = f"{encoder}.scaling"
     base = Slot("base", 1.0, 0.0, channel.get("unit.unit", "")) if encoder is None else _slot(channel, "base", scaling)
     sets = "conversion-set.conversion"
@@ -193,7 +193,7 @@ class Value(NamedTuple):
 
 
 def is_nanoscope(path: Path) -> bool:
-    """Whether a file is a curve of NanoScope."""
+    """True if a file is a curve of NanoScope."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -218,7 +218,7 @@ def of_nanoscope(path: Path, number: int) -> tuple[Parts, ScanData]:
         raise
     except (KeyError, ValueError, StopIteration, OverflowError) as error:
         raise FileError(f"cannot read {path}: its header is damaged ({error}).") from error
-    return parts, _said(path, known)
+    return parts, _scan_data_of_header(path, known)
 
 
 def _sections(head: str) -> tuple[list[Fields], list[Fields]]:
@@ -300,8 +300,8 @@ def _scaled(value: Value, kind: str, known: Fields, raw: Any) -> tuple[Any, str]
     raise ValueError(f"{kind} is in {value.unit} and there is no {value.soft or 'sensitivity'}")
 
 
-def _said(path: Path, known: Fields) -> ScanData:
-    """What the header says of drive, lever and sensitivity."""
+def _scan_data_of_header(path: Path, known: Fields) -> ScanData:
+    """Drive, lever and sensitivity by the header of a NanoScope curve."""
     plain = {key: _value(text).value if text.startswith("V") else SELECT.sub(r"\g<outside>", text)
              for key, text in known.items()}  # fmt: skip
     plain = {"MicroscopeList": "", **plain, "TMSetAmplitude": ""}  # of NanoScope; no image, which holds a setpoint

@@ -82,7 +82,7 @@ def read_curve(
 
 
 def is_curve(path: Path) -> bool:
-    """Whether a file holds a curve: text, of JPK or NanoScope, or an Igor wave without a second side of pixels."""
+    """True if a file holds a curve: text, of JPK or NanoScope, or an Igor wave without a second side of pixels."""
     if path.suffix.lower() in ARCHIVES or is_nanoscope(path):
         return True
     if path.suffix.lower() != ".ibw" or not path.is_file():
@@ -108,7 +108,7 @@ def _of_sweep(path: Path) -> Parts:
 
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:
-    """One Dataset, the distance larger where the tip is farther away."""
+    """Dataset of a curve, whose distance is larger where the tip is farther away."""
     held = ", ".join(sorted({quantity for quantity, _ in parts})) or "nothing"
     if not {"distance", "amplitude"} <= {quantity for quantity, _ in parts}:
         raise FileError(f"cannot use {path}: a curve has distance and amplitude; it holds {held}.")

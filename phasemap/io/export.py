@@ -177,7 +177,7 @@ def _size(ds: xr.Dataset) -> tuple[float, float]:
 
 
 def _notes(ds: xr.Dataset) -> dict[str, str]:
-    """What is known about the image, as texts that `phasemap.read_image` reads back."""
+    """Settings and remarks of an image, as texts that `phasemap.read_image` reads back."""
     known = {name: number(f"attribute {name}", ds.attrs[name], "") for name in CANONICAL if name in ds.attrs}
     numbers = {name: f"{value!r} {CANONICAL[name]}" for name, value in known.items()}
     return {name: str(ds.attrs[name]) for name in NOTES if name in ds.attrs} | numbers
@@ -187,7 +187,7 @@ QUANTITIES = {
     "height": "Height", "phase": "Phase", "amplitude": "Amplitude", "amplitude_error": "AmplitudeError",
     "mean_deflection": "Deflection", "dissipation": "Dissipation", "indentation": "Indentation",
 }  # fmt: skip
-"""What variables are called as microscopes' channels are; others keep their names."""
+"""Names of variables as channels of microscopes; others keep their names."""
 WRITTEN = {"degree": "deg", "1": "a.u."}
 
 

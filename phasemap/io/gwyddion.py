@@ -29,7 +29,7 @@ OTHER_KINDS = {
     b"\x89HDF": "an HDF5 file of a kind that Gwyddion does not read", b"\x1f\x8b": "compressed: unpack it first",
     b"BM": "a picture, which has no units", b"\x93NUMPY": "an array of NumPy, which has no units",
 }  # fmt: skip
-"""By the bytes that they begin with."""
+"""Kinds of files that hold no image, by the bytes that they begin with."""
 COLOURS = {"Red", "Green", "Blue", "Alpha", "Gray"}  # channels of a picture, as Gwyddion names them
 NATIVE = b"GWYP"  # how a .gwy file begins
 COPIES = 4  # of a .gwy file in memory while it is read
@@ -50,7 +50,7 @@ _NO_REASON = re.compile(r"unknown error|No module can load|Data deserialization 
 
 @dataclass(frozen=True)
 class Channel:
-    """One image of a file."""
+    """An image of a file."""
 
     name: str  # as the file has it, such as ``"PhaseRetrace"``
     data: np.ndarray  # shape (rows, columns); in `unit`, row 0 at the top; NaN where there is no value
@@ -134,7 +134,7 @@ def extra(module: str, purpose: str, name: str) -> Any:
 
 
 def _other_kind(path: Path) -> str:
-    """What a file is that holds no image, or nothing where that is not known."""
+    """Sentence on the kind of a file that holds no image; empty where it is not known."""
     with path.open("rb") as file:
         head = file.read(HEAD)
     for mark, what in OTHER_KINDS.items():
@@ -155,7 +155,7 @@ def _other_kind(path: Path) -> str:
 
 
 def _reason(error: str) -> str:
-    """Why a file cannot be read, in words for its user."""
+    """Reason why a file cannot be read, in words for its user."""
     said = next((found[1].rstrip(".") for found in (re.search(form, error) for form in _SAID) if found), "")
     if not said or _NO_REASON.match(said):
         return "it is damaged, cut short, or of no format that Gwyddion reads"
@@ -163,14 +163,14 @@ def _reason(error: str) -> str:
 
 
 def _volts(channel: Any) -> float:
-    """What makes volts of a NanoScope channel that Gwyddion, where there is no sensitivity, leaves in millivolts."""
+    """Factor to volts for a NanoScope channel that Gwyddion, without a sensitivity, leaves in millivolts."""
     sensitivity = channel.meta.get("Sens. " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", channel.name), "")
     scale = channel.meta.get("2:Z scale", "")
     return 1e-3 if channel.si_unit_z == "V" and scale.endswith("mV") and "/" not in sensitivity else 1.0
 
 
 def _masks(path: Path, native: bool) -> list[np.ndarray | bool]:
-    """Which pixels of each channel are hidden; those under a mask that a user drew in Gwyddion are not."""
+    """Hidden pixels of each channel; pixels under a mask that a user drew in Gwyddion are not hidden."""
     container = import_module("gwyfile").load(str(path))
     numbers = sorted(int(key.split("/")[1]) for key in container if re.fullmatch(r"/\d+/data", key))
     hiding = [not native or MASKED in container.get(f"/{n}/meta", {}).values() for n in numbers]

@@ -1,4 +1,4 @@
-"""What is made of a measured image: one scan, level heights, phases on one turn, and materials told apart.
+"""Measured images, prepared: one scan, level heights, phases on one turn, and materials told apart.
 
 Thresholding is left to scikit-image, which comes with ``pip install "afm-phasemap[read]"``.
 """
@@ -142,7 +142,7 @@ def segment_height(height: np.ndarray, n: int) -> np.ndarray:
 
 
 def separation_of(values: np.ndarray, labels: np.ndarray) -> tuple[float, float]:
-    """How far apart the populations of an image are: in its unit, and over the spread within them.
+    """Distance between the populations of an image: in its unit, and over the spread within them.
 
     Rows are aligned by their populations and noise is smoothed away, as for the labels, which count from the lowest.
     Returns the least distance between medians of neighbours, and its ratio to the spread, which is 2.5 for the halves

@@ -1,4 +1,4 @@
-"""What microscopes record, and how an image was scanned: names of channels and settings, and their units."""
+"""Names and units of recorded channels and settings, and how an image was scanned."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Kind(NamedTuple):
 
 
 def _called(words: str) -> re.Pattern[str]:
-    """Not of a higher eigenmode; the first may have a number."""
+    """Pattern for names with these words, but not of a higher eigenmode; the first may have a number."""
     return re.compile(rf"(?:{words})(?![\s_]*(?:error|sens|offset|[2-9]))", re.IGNORECASE)
 
 
@@ -60,7 +60,7 @@ KINDS = {
         _AMPLITUDE, "a length or a voltage", "recorded amplitude minus setpoint",
     ),
 }  # fmt: skip
-"""By the variable of the Dataset."""
+"""Kinds of channels, by the variable of the Dataset."""
 
 
 def check_places(path: Path, ds: xr.Dataset) -> None:
@@ -114,7 +114,7 @@ _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S*)", re.
 
 @dataclass
 class ScanData:
-    """What is known about a scan."""
+    """Known settings of a scan."""
 
     # By names of `CANONICAL`, in their units; what is not known is absent
     values: dict[str, float] = field(default_factory=dict)

@@ -24,7 +24,7 @@ OTHERS = {
     ".zarr": "In Python, to_zarr makes a zarr store of what a file holds.",
     **dict.fromkeys((".png", ".pdf", ".svg", ".jpg", ".jpeg", ".tif", ".tiff"), "Use phasemap plot."),
 }
-"""What no netCDF file is called, and why."""
+"""Suffixes that no netCDF file may have, and why."""
 COMPRESSION_LEVEL = 4  # of zlib; 9 made a noisy 200 000-pixel image 0.4 % smaller and took a quarter longer
 
 

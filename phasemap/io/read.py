@@ -135,7 +135,7 @@ def _groups(path: Path, channels: list[Channel], kind: str, wanted: str | None) 
 def _choose(
     path: Path, groups: dict[str, list[Group]], channels: list[Channel]
 ) -> tuple[dict[str, Group], tuple[str, ...]]:
-    """One channel of each kind and direction, and the directions that height and phase have in common."""
+    """Channel of each kind and direction, and the directions that height and phase have in common."""
     phases, heights = groups["phase"], groups["height"]
     if not phases and not heights:
         raise FileError(f"cannot use {path}: there is neither height nor phase; it holds {_listed(channels)}.")
@@ -158,7 +158,7 @@ def _choose(
 
 
 def _is_sensors(group: Group) -> bool:
-    """Whether a height is what a sensor measured, and not what the scanner was told."""
+    """True if a height was measured by a sensor, and is not what the scanner was told."""
     return any(SENSOR.search(channel.base) for channel in group.values())
 
 

@@ -1,4 +1,4 @@
-"""What vendors' files say of a scan, in canonical names and SI units.
+"""Settings of a scan by the metadata of vendors, in canonical names and SI units.
 
 A value that a vendor fills in before it is measured is not taken over; a sentence says so.
 
@@ -37,7 +37,7 @@ PRACTICE = {
     "quality_factor": (0.5, 1e6), "free_amplitude": (5e-11, 1e-6), "setpoint_amplitude": (5e-11, 1e-6),
     "setpoint": (0.01, 1.0), "line_rate": (1e-3, 1e4), "amplitude_sensitivity": (1e-10, 1e-5),
 }  # fmt: skip
-"""What is used in practice; of some values files hold numbers in another unit."""
+"""Ranges in practice; numbers beyond are in another unit than the file says."""
 SAME_LEVER = 0.05  # a resonance farther from the drive frequency than this part is a catalogue's
 _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency": 75e3, "AmpInvOLS": 1.09e-7}
 
@@ -252,7 +252,7 @@ _VENDORS: dict[str, Callable[[ScanData, Mapping[str, str], Path], None]] = {
     "Image mode": _park,
     "General Info::Head type": _wsxm,
 }
-"""By a key that only this vendor's files have."""
+"""Readers, by a key that only this vendor's files have."""
 
 
 def _take_metres(scan: ScanData, free: float | None, volts: float | None, sensitivity: float) -> None:
@@ -262,7 +262,7 @@ def _take_metres(scan: ScanData, free: float | None, volts: float | None, sensit
 
 
 def _near(resonance: float, frequency: float | None) -> bool:
-    """Whether a lever with this resonance may have been driven at this frequency."""
+    """True if a lever with this resonance may have been driven at this frequency."""
     return bool(frequency) and abs(resonance / (frequency or math.nan) - 1) < SAME_LEVER
 
 
@@ -302,7 +302,7 @@ def amplitude_sensitivity(path: Path) -> float | None:
 
 
 def is_quantitative_imaging(path: Path) -> bool:
-    """Whether a file is an image made of force curves, one in each pixel (JPK's QI)."""
+    """True if a file is an image made of force curves, one in each pixel (JPK's QI)."""
     if not path.is_file():
         return False
     with path.open("rb") as file:

@@ -26,7 +26,7 @@ BAR = 0.55  # of an image's width, beside its column of images
 
 
 def is_series(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is what `phasemap.series` returned."""
+    """True if a Dataset is what `phasemap.series` returned."""
     return "branch_phase" in ds
 
 
@@ -121,7 +121,7 @@ def _range_of_contrasts(ds: xr.Dataset) -> tuple[float, float]:
 
 
 def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
-    """Both branches of every region, and where each file is."""
+    """Draw both branches of every region, and the setpoint of each file."""
     level, sign = ds["level"].values, int(ds["likeliest_sign"])
     for region in range(ds.sizes["region"]):
         color = PALETTE[region % len(PALETTE)]

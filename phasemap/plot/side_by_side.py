@@ -98,7 +98,7 @@ def comparison(
 
 
 def is_comparison(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of a comparison."""
+    """True if a Dataset is of a comparison."""
     return "residual" in ds and "crosstalk" in ds and "measured" in ds
 
 
@@ -110,7 +110,7 @@ def _limits(ds: xr.Dataset, asked: Colours = CHOSEN) -> tuple[float, float]:
 
 
 def _draw_maps(page: Page, pictures: list[Axes], ds: xr.Dataset, row: int, asked: Colours) -> None:
-    """Both phases and the residual, with a colour bar for the former and one for the latter."""
+    """Draw both phases and the residual, with a colour bar for the former and one for the latter."""
     width, tall = side_lengths(ds)
     low, high = _limits(ds, asked)
     middle = apart(ds)
@@ -184,7 +184,7 @@ def _draw_profiles(phase: Axes, height: Axes, ds: xr.Dataset, row: int) -> None:
 
 
 def _source(ds: xr.Dataset) -> str:
-    """Where the images come from, and their size."""
+    """Sources of the images, and their size."""
     width, tall = side_lengths(ds)
     unit = readable(max(width, tall), "m")
     said = [

@@ -66,7 +66,7 @@ class Sweep:
 
     @property
     def irregular(self) -> np.ndarray:
-        """Where the motion is, shape (directions, values)."""
+        """True where the motion is irregular, shape (directions, values)."""
         return self.ds["motion"].values == 1 if "motion" in self.ds else self.ds["status"].values < 0
 
     def spread(self, name: str) -> np.ndarray:
@@ -74,7 +74,7 @@ class Sweep:
         return self.ds[f"{name}_spread"].fillna(0).values if f"{name}_spread" in self.ds else np.zeros(1)
 
     def shown(self, x: np.ndarray) -> np.ndarray:
-        """Whether values of the axis are inside the limits."""
+        """True where values of the axis are inside the limits."""
         return (x >= self.limits[0]) & (x <= self.limits[1])
 
     def broken(self, direction: int, falling: bool) -> np.ndarray:
@@ -205,7 +205,7 @@ def _label_axis(axes: Axes, sweep: Sweep) -> None:
 
 
 def is_sweep(ds: xr.Dataset) -> bool:
-    """Whether a Dataset is of a sweep."""
+    """True if a Dataset is of a sweep."""
     return "curve_stable" in ds and "jump_direction" in ds and "direction" in ds.coords
 
 
@@ -229,7 +229,7 @@ def _check(ds: xr.Dataset, quantities: Sequence[str] | str | None) -> list[str]:
 
 
 def _draw_panel(axes: Axes, sweep: Sweep, name: str) -> None:
-    """One quantity."""
+    """Draw one quantity."""
     ds = sweep.ds
     seen, all_values, fold_values = (ds[prefix + name].values for prefix in ("", "curve_", "fold_"))
     ends = sweep.ends(name)

@@ -1,4 +1,4 @@
-"""What an answer is called: its variables, their units and flags, its status, where it came from.
+"""Names of an answer: its variables, their units and flags, its status, and its provenance.
 
 A solver's row becomes a variable by `variables`, which also names the flags and writes the provenance. What is not
 good has a `status`, whose value is the advice; `words` say it, and what lies outside the model.

@@ -10,7 +10,7 @@ import xarray as xr
 
 @xr.register_dataset_accessor("phasemap")  # type: ignore[no-untyped-call]
 class Accessor:
-    """What phasemap knows of an image, a sweep, or another Dataset.
+    """Properties that phasemap adds to an image, a sweep, or another Dataset.
 
     Examples
     --------

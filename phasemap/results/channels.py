@@ -27,7 +27,7 @@ from phasemap.results.variables import MODAL, all_variables_of, check_variables,
 
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
 UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_factor": "1", "free_amplitude": "m"}
-"""What may have a standard deviation, and its unit."""
+"""Quantities that may have a standard deviation, and their units."""
 ANY_RADIUS = 1e-8  # m, of a tip that no formula asks for
 
 
@@ -206,7 +206,7 @@ def _derive(
     wanted: list[Channel], image: xr.Dataset, scope: Microscope, amplitude: xr.DataArray, phase: xr.DataArray,
     spread: dict[str, Any],
 ) -> Iterator[tuple[str, xr.DataArray]]:  # fmt: skip
-    """Each channel, and its standard deviation where one is known."""
+    """Yield each channel, and its standard deviation where one is known."""
     used = sorted({name for channel in wanted for name in (*channel.needs, channel.of_orbit) if name in image})
     orbit = {name: image[name] for name in used}
     for channel in wanted:
@@ -268,7 +268,7 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
 
 
 def _has(scope: Microscope, channel: Channel) -> bool:
-    """Whether lever and drive have the mode that a channel is of."""
+    """True if lever and drive have the mode that a channel is of."""
     return channel.mode <= len(scope.cantilever.eigenmodes) and (not channel.bimodal or scope.drive.second is not None)
 
 

@@ -26,7 +26,7 @@ FAINT = 1e-3  # of the largest virial that the drive holds: a contact that store
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What is known of the tip's motion in some pixels."""
+    """Known motion of the tip in some pixels."""
 
     lever: Array  # shape (n,); as of `phasemap.experiment.lever.lever_of`
     scope: Microscope
@@ -38,7 +38,7 @@ class Motion:
 
     @property
     def frequency(self) -> float:
-        """Of the drive [Hz]."""
+        """Drive frequency [Hz]."""
         return self.scope.frequency_ratio * self.scope.cantilever.resonance_frequency
 
     @cached_property
@@ -53,26 +53,26 @@ class Motion:
 
     @property
     def orbit_dissipation(self) -> Array:
-        """The same energy, by the orbit where that is known."""
+        """Energy that the surface takes per cycle [J], by the orbit where that is known."""
         known = self.orbit.get("dissipation")
         return self.dissipation if known is None else known
 
     @property
     def orbit_virial(self) -> Array:
-        """The same virial, by the orbit where that is known."""
+        """Virial of the surface's force [J], by the orbit where that is known."""
         known = self.orbit.get("virial")
         return self.virial if known is None else known
 
     @property
     def loss_tangent(self) -> Array:
-        """The instrument's formula [1]."""
+        """Loss tangent by the instrument's formula, from amplitude and phase [1]."""
         with np.errstate(all="ignore"):
             tangent: Array = -self.dissipation / (2 * np.pi * self.virial)
         return tangent
 
     @property
     def corrected_loss_tangent(self) -> Array:
-        """By the energy that the contact stores, and without that of necks [1]."""
+        """Loss tangent by the energy that the contact stores, and without the loss of necks [1]."""
         loss, storage = self.orbit_dissipation - self.orbit["adhesion_loss"], self.orbit["contact_storage"]
         most = 0.5 * self.lever[col.STIFFNESS] * self.lever[col.DRIVE] * self.amplitude
         with np.errstate(all="ignore"):
@@ -95,7 +95,7 @@ class Motion:
 
     @cached_property
     def felt(self) -> Array:
-        """What the surface adds to the second mode's stiffness over k2, and to its 1/Q2 (complex)."""
+        """Stiffness that the surface adds to the second mode, over k2, and loss that it adds to 1/Q2 (complex)."""
         first = 2 * np.pi * self.scope.cantilever.resonance_frequency
         drag = self.orbit["mean_damping"] * self.lever[col.STIFFNESS] / first  # [kg/s]
         gradient = self.orbit["mean_gradient"] - self.orbit["sideband_stiffness"]
@@ -140,14 +140,14 @@ class Motion:
 
     @property
     def bimodal_modulus(self) -> Array:
-        """Of a paraboloid on Hertz contact [Pa]."""
+        """Effective modulus by the two modes, for a paraboloid on Hertz contact [Pa]."""
         with np.errstate(all="ignore"):
             root = np.sqrt(self.scope.tip.radius * self.amplitude)
             return self._where_stiffer(np.sqrt(2) * self.stiffness_2**2 / (self.stiffness_1 * root))
 
     @property
     def bimodal_indentation(self) -> Array:
-        """Of the same [m]."""
+        """Indentation by the two modes, for a paraboloid on Hertz contact [m]."""
         with np.errstate(all="ignore"):
             return self._where_stiffer(self.amplitude * self.stiffness_1 / self.stiffness_2)
 
@@ -202,7 +202,7 @@ def motion_seen(scope: Microscope, amplitude: Array, phase: Array, orbit: Mappin
 
 
 def is_derived(name: str) -> bool:
-    """Whether this is a channel that is no variable of an image by itself."""
+    """True if this is a channel that is no variable of an image by itself."""
     return name in CHANNELS and name not in FLOATS
 
 
@@ -301,4 +301,4 @@ CHANNELS: dict[str, Channel] = {
         ),
     )
 }  # fmt: skip
-"""Every channel by name."""
+"""Channels by their names."""

@@ -1,4 +1,4 @@
-"""What became of a pixel: the statuses by number, from 0 on, each with the advice that it gives."""
+"""Status of a pixel: the statuses by number, from 0 on, each with the advice that it gives."""
 
 from __future__ import annotations
 

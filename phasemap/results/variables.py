@@ -148,7 +148,7 @@ IN_TIME = {
     "is the scan's doing; phasemap check scans it again",
     "energy_balance": "none: the energy of the oscillation changes with what passes under the tip",
 }
-"""What an image in time says instead of error_phase, error_height and energy_closure."""
+"""Attributes of an image in time, instead of error_phase, error_height and energy_closure."""
 FLAGS: dict[str, tuple[str, tuple[int, ...], tuple[str, ...]]] = {
     "branch": ("sign of the mean interaction", (-1, 0, 1), ("none", "attractive", "repulsive")),
     "motion": ("motion of the tip", (-1, 0, 1), ("none", "periodic", "irregular")),
@@ -161,18 +161,18 @@ IMAGE_VARIABLES = (
     "motion",
 )  # fmt: skip
 OF_ADHESION = ("adhesion_virial", "adhesion_loss", "contact_storage")
-"""What `phasemap.solvers.integrals.with_adhesion` knows."""
+"""Variables of `phasemap.solvers.integrals.with_adhesion`."""
 HARMONICS = tuple(name for n in range(2, 2 + col.HARMONICS) for name in (f"amplitude_{n}", f"phase_{n}"))
-"""Of the tip's motion."""
+"""Harmonics of the tip's motion."""
 MODAL = tuple(f"modal_dissipation_{i + 1}" for i in range(col.MOST_MODES))
 OF_FORCES = ("mean_gradient", "mean_damping", "sideband_stiffness", "sideband_loss", *HARMONICS, *MODAL)
-"""What `phasemap.solvers.integrals.with_forces` knows."""
+"""Variables of `phasemap.solvers.integrals.with_forces`."""
 OF_ORBITS = {name: one.wide for name, one in FLOATS.items() if one.wide}
 """Columns of wide rows that each of these takes."""
 WHERE_ASKED = (*OF_ADHESION, *OF_FORCES)
 """Variables of an image at rest that it has only where they are asked for: each costs an integral over every orbit."""
 SCAN_VARIABLES = ("height", "amplitude_error", "phase", "amplitude", "tip_offset", "branch", "status", "solver")
-"""Of a scan in time."""
+"""Variables of a scan in time."""
 
 
 @asked_as()
@@ -252,7 +252,7 @@ def variables_of(control: Control) -> tuple[str, ...]:
 
 
 def all_variables_of(control: Control) -> tuple[str, ...]:
-    """The same, with those that it has only where they are asked for."""
+    """Names of all variables under this control, with those that an image has only where they are asked for."""
     return SCAN_VARIABLES if control.in_time else (*IMAGE_VARIABLES, *WHERE_ASKED)
 
 

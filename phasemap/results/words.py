@@ -27,7 +27,7 @@ SOLVED_BY = {
     "march": "integration in time",
     "interpolated": "interpolation between materials",
 }
-"""What summaries and titles call the solvers of `phasemap.results.variables.SOLVER_NAMES`."""
+"""Names in summaries and titles of the solvers of `phasemap.results.variables.SOLVER_NAMES`."""
 NOTABLE = 0.5  # contrast [degree] that barely stands out of the noise of a phase image
 
 FORCES = ("adhesion_force", "lever_force")
@@ -131,7 +131,7 @@ def microscope_in_words(scope: dict[str, Any], swept: str = "") -> list[str]:
 
 
 def _loss(material: dict[str, Any]) -> dict[str, tuple[str, str]]:
-    """What a material loses energy by."""
+    """Columns that describe the loss of a material, with a text and a unit each."""
     if material.get("relaxation_time") is not None:
         return {"relaxed_modulus": ("relaxed {}", "Pa"), "relaxation_time": ("in {}", "s")}
     if material.get("viscosity") is not None:
@@ -201,7 +201,7 @@ def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator
 
 
 def _off_by_averaging(microscope: dict[str, Any]) -> str:
-    """By how much averaging is off, and where that is so; empty if it is not by much."""
+    """Error of averaging in words, where it is large; else empty."""
     lever, driven = microscope["cantilever"], microscope.get("drive", {}).get("frequency")
     if lever["quality_factor"] < LOW_Q:
         return f"degrees at Q = {lever['quality_factor']:g}"
@@ -232,7 +232,7 @@ def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Itera
 
 
 def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
-    """Where what the second drive shows is not known by quadrature along the orbit."""
+    """Yield a sentence where quadrature along the orbit does not show the response to the second drive."""
     microscope = configuration["microscope"]
     if not microscope["drive"].get("second") or configuration.get("solver") == "march":
         return
@@ -254,5 +254,5 @@ def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -
 
 
 def _of(which: np.ndarray, what: str) -> str:
-    """How many of how many."""
+    """Text "k of n ...", with the number of pixels that are True."""
     return counted(int(np.count_nonzero(which)), which.size, what)

@@ -38,7 +38,7 @@ class Branches(NamedTuple):
 
     @classmethod
     def unknown(cls, work: Work) -> Branches:
-        """Nothing yet; status codes say what is refused."""
+        """Branches without any orbit yet; status codes say what is refused."""
         count = len(work)
         rows, reach = np.full((SLOTS, count, col.COLUMNS), np.nan), np.full((ENGAGED, count), np.inf)
         return cls(rows, np.tile(work.refused(), (SLOTS, 1)), np.full((SLOTS, count), -1, np.int8), reach)
@@ -50,13 +50,13 @@ class Branches(NamedTuple):
 
     @property
     def orbits(self) -> StableOrbits:
-        """The same as kernels want it."""
+        """Orbits as kernels want them."""
         offsets = np.ascontiguousarray(self.rows[:, :, col.TIP_OFFSET])
         return StableOrbits(self.stable.astype(np.int8), self.engaged, offsets, self.reach)
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether there is an orbit on each branch, shape (2, n)."""
+        """True where there is an orbit, on each branch, shape (2, n)."""
         found: NDArray[np.bool_] = self.status[:ENGAGED] == col.GOOD
         return found
 
@@ -97,8 +97,8 @@ def stable_branches(
             solver.solve(part, accuracy, own.answers.of(ENGAGED))
         else:
             own.rows[ENGAGED], own.status[ENGAGED], own.solver[ENGAGED] = (one[some] for one in engaged)
-        _others(part, solver, accuracy, own.answers)
-        _limit(part, accuracy.periods, own)
+        _fill_both_branches(part, solver, accuracy, own.answers)
+        _limit_repulsive_branch(part, accuracy.periods, own)
         for rows in own.rows:
             rows[:] = shown(rows, work)
         if engaged is not None:  # as the detector sees it already
@@ -109,8 +109,8 @@ def stable_branches(
     return found
 
 
-def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
-    """Fill both branches, what engagement finds being there."""
+def _fill_both_branches(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
+    """Fill in the orbits of both branches beside those that engagement found."""
     from phasemap._kernels.rows.by_response import side_rows
 
     phase, height = accuracy.phase, accuracy.height
@@ -136,8 +136,8 @@ def _others(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) ->
         _march(work, solver, accuracy.periods, answers)
 
 
-def _limit(work: Work, most: int, found: Branches) -> None:
-    """Where a tip that comes from far taps irregularly, find up to which tip offset the repulsive branch is there.
+def _limit_repulsive_branch(work: Work, most: int, found: Branches) -> None:
+    """Find up to which tip offset the repulsive branch exists, where a tip from far taps irregularly.
 
     A tip that comes on that branch, but higher, from a stiffer material, falls off it.
     """
@@ -179,7 +179,7 @@ def _average(work: Work, answers: Answers) -> None:
 
 
 def _march(work: Work, solver: March, periods: int, answers: Answers) -> None:
-    """What time makes of the exact orbits; an orbit that it leads to the other branch is none."""
+    """March exact orbits in time, in place; an orbit that time leads to the other branch is none."""
     rows, status, _ = answers
     for slot in SIDES:
         known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))

@@ -1,4 +1,4 @@
-"""Motion in time until it is steady, for every solver: what no curve of orbits tells is asked of it."""
+"""Motion in time until it is steady, for every solver, where no curve of orbits tells the motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Integrals over orbits that are solved: what attraction does and contacts store, the force's slope, harmonics."""
+"""Integrals over solved orbits: work of the attraction, storage of the contact, slope of the force, harmonics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One pixel: where the tip is, and what it records."""
+"""Orbit at one pixel: where the tip is, and what it records."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Pixel:
     status: Status
 
     def __repr__(self) -> str:
-        """What a microscopist asks first."""
+        """Status, branch, solver and the numbers that a microscopist asks for first."""
         known = {name: value for name in TOLD if not math.isnan(value := getattr(self, name))}
         said = ", ".join(f"{name.replace('_', ' ')} {say(x, FLOATS[name].units)}" for name, x in known.items())
         found = f", {self.branch}, solved by {SOLVED_BY.get(self.solver, self.solver)}: {said}" if said else ""

@@ -1,4 +1,4 @@
-"""From materials and microscope to the arrays that kernels read. Units, None and names stop here."""
+"""Arrays that kernels read, from materials and microscope. Units, None and names stop here."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Work:
 
     @property
     def pixels(self) -> Pixels:
-        """The same for kernels."""
+        """Pixels as kernels want them."""
         return Pixels(self.law, self.rows, self.lever, self.amplitudes)
 
     def oscillator(self, i: int) -> Oscillator:
@@ -49,7 +49,7 @@ class Work:
 
     @property
     def in_time(self) -> bool:
-        """Whether contacts remember or have losses of their own, or liquid draws necks: what only the march knows."""
+        """True if contacts remember, lose energy of their own, or draw necks of liquid: only the march knows these."""
         return bool(self.law.memory or self.law.lossy) or bool((self.rows[:, col.FORMING] < 0).any())
 
     def refused(self) -> Array:

@@ -24,12 +24,12 @@ from phasemap.solvers.in_time import ETA, InTime
 from phasemap.solvers.problem import Work
 
 NO_ORBIT = (col.NOT_CONVERGED, col.TOO_MANY_CONTACTS, col.UNSTABLE)
-"""Where no periodic orbit was found; what the tip does there is asked of time."""
+"""Status codes without a periodic orbit, where the motion is found in time."""
 PHASE, LENGTH = 1e-3, 1e-12  # [degree, m], estimated errors that the cheap path may leave
 
 
 class Solver(Protocol):
-    """What a solver offers."""
+    """Protocol of every solver."""
 
     name: str
     rows_per_chunk: int  # about a tenth of a second of work
@@ -176,7 +176,7 @@ class Auto:
 
 
 class March(InTime):
-    """Every material in time, from an orbit that holds the setpoint or, where none is known, from far.
+    """Solver in time, of every material, from an orbit that holds the setpoint or, where none is known, from far.
 
     Slow: it is what the other solvers are checked against. Near the resonance they say on which branch the tip engages,
     and where on it the march begins; what it comes to shares nothing with them but the equation. A lever with several

@@ -35,7 +35,7 @@ Values = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Again:
-    """What a solver found in n pixels of a picture."""
+    """Variables that a solver found again in n pixels of a picture."""
 
     picture: Picture
     pixels: Pixels  # shape (n,); flat, in the order of the picture
@@ -48,15 +48,15 @@ class Again:
         return self.values["status"]
 
     def at(self, whole: NDArray[Any]) -> NDArray[Any]:
-        """What these pixels have of an array of the picture's shape."""
+        """Values in these pixels of an array of the picture's shape."""
         return whole.reshape(-1)[self.pixels]
 
     def raw(self, name: str) -> NDArray[Any]:
-        """Values of these pixels in the file."""
+        """Values of these pixels in the file, as they stand."""
         return self.at(self.picture.raw(name))
 
     def claimed(self, name: str) -> Array:
-        """The same, less the offsets of lines."""
+        """Values of these pixels in the file, less the offsets of lines."""
         return self.at(self.picture[name])
 
     def spread(self, name: str) -> Array:
@@ -151,7 +151,7 @@ def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float)
 
 
 def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: StableOrbits) -> NDArray[np.intp]:
-    """On which of a material's orbits the tip is, coming to a pixel as it leaves the last."""
+    """Slot of the orbit, of a material, on which the tip is that comes to a pixel as it leaves the last."""
     branches, offsets = (values.reshape(-1)[pixels] for values in carried(picture))
     comes = zip(numbers, branches, offsets, strict=True)
     return np.array([next_branch(orbits, int(i), int(branch), float(z0))[1] for i, branch, z0 in comes], np.intp)

@@ -1,4 +1,4 @@
-"""What an image says of its pixels, against what was found there again: by its own solver, and by another one.
+"""Comparison of an image's pixels with pixels solved again: by the image's own solver, and by another one.
 
 Solved again as they were made, pixels must be the same. That catches what no independent solver can, for it is less
 exact than the image: errors that are stated too small, values that are changed by less than their errors, and whatever
@@ -56,7 +56,7 @@ class Errors(NamedTuple):
 
 
 def _stated(again: Again) -> Errors:
-    """What the image states, or what was asked for where it has no such variables; averaging states nothing."""
+    """Errors that the image states, or else those that were asked for; averaging states none."""
     claims, errors = again.picture.claims, []
     for name in Errors._fields:
         if f"error_{name}" in again.picture:
@@ -97,7 +97,7 @@ def _allowed(again: Again, errors: Errors, approximate: Mask) -> dict[str, Array
 
 
 class _Quantity(NamedTuple):
-    """One of `QUANTITIES` of the sampled pixels: as in the image, as found again, and how far apart they may be."""
+    """Values of one of `QUANTITIES` in the sampled pixels: in the image, found again, and the allowed difference."""
 
     claimed: Array
     again: Array
@@ -123,7 +123,7 @@ def compare(again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
 
 
 def _decided(again: Again) -> Mask:
-    """Where both solvers say that there is an orbit, or that there is none: where time did not stop lowering."""
+    """True where both solvers say if there is an orbit: time did not stop lowering there."""
     decided = ~(np.isin(again.status, UNDECIDED) | np.isin(again.raw("status"), UNDECIDED))
     if "tip_offset" in again.picture:
         lever = lever_of(again.picture.claims.microscope)
@@ -174,7 +174,7 @@ def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Clai
 
 
 def _quantities(again: Again) -> dict[str, _Quantity]:
-    """What the image has of `QUANTITIES`; errors of both solvers and the quantisation are allowed."""
+    """Values of `QUANTITIES` in the image and found again; errors of both and the quantisation are allowed."""
     picture, values, said = again.picture, again.values, _stated(again)
     own = Errors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
     made = again.raw("solver") if "solver" in picture else np.full(len(again.pixels), col.AVERAGING)
@@ -233,7 +233,7 @@ def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
 
 
 def _recorded(picture: Picture, own: Collection[str]) -> dict[str, Array]:
-    """What formulas make of the image's `own` variables, for the other ones, where it has all that these need."""
+    """Derived variables of the image by formulas from its `own` variables, where it has all that these need."""
     image = picture.image[[name for name in own if name in picture]]
     others = {name: CHANNELS[name] for name in map(str, picture.image.data_vars) if name not in own}
     always = {"amplitude", "phase"} if picture.claims.control.in_time else {"phase"}  # at rest the setpoint will do
@@ -244,7 +244,7 @@ def _recorded(picture: Picture, own: Collection[str]) -> dict[str, Array]:
 
 
 def _over_allowed(name: str, claimed: Array, found: Array, largest: dict[str, Array]) -> Array:
-    """How far apart values are, over what is allowed: infinite where only one of them is a number."""
+    """Difference of values over the allowed one: infinite where only one of them is a number."""
     if name in FLAGS:
         return np.where(claimed == found, 0.0, np.inf)
     if name.startswith("error_"):
@@ -260,7 +260,7 @@ def _over_allowed(name: str, claimed: Array, found: Array, largest: dict[str, Ar
 
 
 def _largest(again: Again, share: float) -> dict[str, Array]:
-    """By how much variables may differ, for this share of the stated errors; scans in time state none."""
+    """Allowed differences of variables, for this share of the stated errors; scans in time state none."""
     picture, values = again.picture, again.values
     if picture.claims.control.in_time:
         scanned = [name for name in SCAN_VARIABLES if name in FLOATS and name not in FLAGS]

@@ -1,4 +1,4 @@
-"""What an image says it is: the configuration in its attributes, as objects again."""
+"""Claims of an image: the configuration in its attributes, as objects again."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NEEDED = ("microscope", "setpoint", "solver", "control", "accuracy", "realism", 
 
 @dataclass(frozen=True)
 class Claims:
-    """What was asked for when an image was made; the arguments of `phasemap.simulate`."""
+    """Arguments of `phasemap.simulate` with which an image says it was made."""
 
     microscope: Microscope
     setpoint: float
@@ -41,7 +41,7 @@ class Claims:
 
     @property
     def amplitude(self) -> float:
-        """At the setpoint [m]."""
+        """Amplitude at the setpoint [m]."""
         return self.setpoint * self.microscope.driven_amplitude
 
 

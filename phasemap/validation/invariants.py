@@ -1,4 +1,4 @@
-"""What must hold in every image, whatever the sample: its layout, and what its variables are by definition."""
+"""Invariants of every image, whatever the sample: its layout, and what its variables are by definition."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
 
 
 def _says(variable: xr.DataArray, name: str, text: str) -> bool:
-    """Whether an attribute is this text: it may be an array, too."""
+    """True if an attribute is this text: it may be an array, too."""
     said = variable.attrs.get(name)
     return isinstance(said, str) and said == text
 
@@ -154,7 +154,7 @@ def _height(picture: Picture, surface: Surface) -> Claim:
 
 
 def _amplitude_error(picture: Picture) -> Claim:
-    """What the controller left is the amplitude less the setpoint's."""
+    """Claim that the amplitude error is the amplitude less the setpoint's."""
     wanted = picture.claims.amplitude
     apart = np.abs(picture["amplitude"] - wanted - picture["amplitude_error"])
     coarse = picture.coarse("amplitude") + picture.coarse("amplitude_error")

@@ -42,11 +42,11 @@ class Picture:
         return (max(len(self.claims.control.directions), 1), *self.claims.shape)
 
     def __contains__(self, name: str) -> bool:
-        """Whether the image has this variable."""
+        """True if the image has this variable."""
         return name in self.image.data_vars
 
     def has(self, *names: str) -> bool:
-        """Whether the image has all of these."""
+        """True if the image has all of these variables."""
         return all(name in self for name in names)
 
     def raw(self, name: str) -> NDArray[Any]:
@@ -77,18 +77,18 @@ class Picture:
 
     @cached_property
     def good(self) -> NDArray[np.bool_]:
-        """Where the status is good."""
+        """True where the status is good."""
         return np.asarray(self.raw("status") == col.GOOD)
 
     @cached_property
     def solved(self) -> NDArray[np.bool_]:
-        """Where there should be numbers: good pixels, and those of a scanner at the end of its range."""
+        """True where there should be numbers: good pixels, and those of a scanner at the end of its range."""
         kept = [col.GOOD, col.OUT_OF_RANGE] if self.claims.control.in_time else [col.GOOD]
         return np.isin(self.raw("status"), kept)
 
     @cached_property
     def irregular(self) -> NDArray[np.bool_]:
-        """Where the image says that the motion is not periodic: phase and amplitude are means there."""
+        """True where the motion is not periodic: phase and amplitude are means there."""
         return np.asarray(self.raw("motion") == 1) if "motion" in self else np.zeros(self.shape, bool)
 
     def spread(self, name: str) -> Array:
@@ -108,7 +108,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Claim:
-    """One thing that an image says of itself."""
+    """Claim of an image on itself, and whether it holds."""
 
     about: str  # the claim, in words
     # "holds" or "FAILS" or "not judged"; "not judged" where nothing was claimed that could be contradicted, or
@@ -122,7 +122,7 @@ class Claim:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Check:
-    """What `phasemap.check` found.
+    """Verdict of `phasemap.check`, with its claims.
 
     Attributes
     ----------
@@ -143,12 +143,12 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether no claim fails."""
+        """True if no claim fails."""
         return all(claim.result != FAILS for claim in self.claims)
 
     @property
     def verdict(self) -> str:
-        """One sentence."""
+        """Sentence on how many claims hold."""
         failed = [claim for claim in self.claims if claim.result == FAILS]
         if failed:
             return f"{len(failed)} of {len(self.claims)} claims FAIL. Do not trust this file."

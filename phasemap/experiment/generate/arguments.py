@@ -1,4 +1,4 @@
-"""What every generator asks of its arguments: an image that fits into memory, lengths that pixels can show, a seed."""
+"""Arguments of generators, checked: an image that fits into memory, lengths that pixels can show, a seed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def wave_length(name: str, value: Scalar, shape: tuple[int, int], sides: tuple[f
 
 
 def is_x(axis: str) -> bool:
-    """Whether the axis is x, and not y; raise `InputError` for any other."""
+    """True if the axis is x, False if it is y; raise `InputError` for any other."""
     if not isinstance(axis, str) or axis not in {"x", "y"}:
         raise InputError("axis", axis, "'x' or 'y'")
     return axis == "x"

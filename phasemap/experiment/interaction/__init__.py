@@ -56,7 +56,7 @@ TRIED = (0.0, 1e-12, 1e-10, 1e-9, 1e-8)  # depths [m] at which the formula of a 
 @known_as(d0="decay_length", n="damping_exponent", V="bias", law="contact")
 @dataclass(frozen=True, repr=False)
 class Interaction(Shown):
-    """Which laws act between tip and surface.
+    """Laws of the forces between tip and surface.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ class Interaction(Shown):
 
     @property
     def _is_own(self) -> bool:
-        """Whether the contact law is the user's."""
+        """True if the contact law is the user's."""
         return not type(self.law).__module__.startswith("phasemap.")
 
     def _rows(
@@ -324,7 +324,7 @@ class Interaction(Shown):
 
 
 def may_remember(law: ContactLaw, *, relaxes: bool) -> bool:
-    """Whether contacts under a law are known to remember, as the material relaxes or as withdrawal after Ting."""
+    """True if contacts under a law are known to remember, as the material relaxes or as withdrawal after Ting."""
     return law.force in (hertzian, Capillary.force, Film.force if relaxes else None) and not law.lossy
 
 

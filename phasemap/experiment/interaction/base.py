@@ -53,22 +53,22 @@ class ContactLaw(ABC):
     """The class's own name, unless a law sets another."""
 
     may_do_without_neck: ClassVar[bool] = False
-    """Whether contact ends at d = 0 where the long-range force leaves no energy to be lost in the neck.
+    """True if contact ends at d = 0 where the long-range force leaves no energy to be lost in the neck.
 
     Elsewhere such a material is refused, because the loop of approach and retraction would create energy.
     """
 
     takes_film: ClassVar[bool] = False
-    """Whether the material may be a film on a rigid base."""
+    """True if the material may be a film on a rigid base."""
 
     wets: ClassVar[bool] = False
-    """Whether films of liquid draw necks, those of `necks`."""
+    """True if films of liquid draw necks, those of `necks`."""
 
     in_time: ClassVar[bool] = False
-    """Whether motion over it is marched in time, the only solver that knows it."""
+    """True if motion under this law can only be marched in time."""
 
     lossy: ClassVar[bool] = False
-    """Whether rows have columns WITHDRAWN, LOSS and LOSS_FALL."""
+    """True if rows have columns WITHDRAWN, LOSS and LOSS_FALL."""
 
     attraction: ClassVar[LongRange] = InverseSquare()
     """The van der Waals force outside contact."""
@@ -102,10 +102,10 @@ class ContactLaw(ABC):
     """alpha_s [1] at indentation d >= 0, of p[8] and p[9]: the power law of the interaction."""
 
     damping_slope = staticmethod(power_law_slope)
-    """Its derivative [1/m]."""
+    """Derivative of the damping by the depth [1/m]."""
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
-        """At most four parameters p[0] ... p[3] of the formulas; by default K [Pa], w [J/m2] and R [m]."""
+        """Parameters p[0] ... p[3] of the formulas, four at most; by default K [Pa], w [J/m2] and R [m]."""
         return contact_stiffness, adhesion, radius
 
     def films(self, radius: float, film: Array) -> Array:
@@ -127,7 +127,7 @@ class ContactLaw(ABC):
 
     @property
     def hysteretic(self) -> bool:
-        """Whether contact may outlast its depth, in a neck."""
+        """True if contact may outlast its depth, in a neck."""
         return self.wets or type(self).release is not ContactLaw.release
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
@@ -158,7 +158,7 @@ class ContactLaw(ABC):
 
 
 def _rank(kind: type, name: str) -> int:
-    """How far from a class the one is that has an attribute."""
+    """Number of classes between a class and the base that defines an attribute."""
     return next(number for number, one in enumerate(kind.__mro__) if name in vars(one))
 
 

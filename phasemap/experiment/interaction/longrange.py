@@ -36,7 +36,7 @@ class LongRange(ABC):
 
     name: ClassVar[str] = "long-range law"
     attracts: ClassVar[bool] = False
-    """Whether it attracts, the more the nearer the tip. Averaging decides the branch of such forces alone."""
+    """True if the force attracts, the more the nearer the tip. Averaging decides the branch of such forces alone."""
 
     @staticmethod
     @abstractmethod
@@ -50,7 +50,7 @@ class LongRange(ABC):
 
     @abstractmethod
     def columns(self, pull: Array, decay_length: float | None, radius: float) -> tuple[Array | float, ...]:
-        """At most four: the whole attraction at d = 0 [N], and 1 over the length on which it changes there [1/m]; more.
+        """Whole attraction at d = 0 [N], and 1 over the length on which it changes there [1/m]; at most two more.
 
         `pull`: the van der Waals attraction at d = 0 [N], which falls over `decay_length` [m] if there is one.
         """
@@ -61,13 +61,13 @@ class LongRange(ABC):
 
 
 def vanderwaals(d: float, p: Array) -> float:
-    """The inverse-square attraction [N] beside another force that p[BIAS] is of at d = 0."""
+    """Inverse-square attraction [N], beside another force that is p[BIAS] at d = 0."""
     s = 1.0 - d * p[INVERSE_REACH]
     return -(p[LONGRANGE] - p[BIAS]) / (s * s)
 
 
 def vanderwaals_slope(d: float, p: Array) -> float:
-    """Its derivative [N/m]."""
+    """Derivative of `vanderwaals` by the indentation [N/m]."""
     s = 1.0 - d * p[INVERSE_REACH]
     return -2.0 * (p[LONGRANGE] - p[BIAS]) * p[INVERSE_REACH] / (s * s * s)
 

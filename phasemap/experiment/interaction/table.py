@@ -131,18 +131,18 @@ class Table(ContactLaw):
 
     @property
     def _pulled(self) -> tuple[float, ...]:
-        """By what forces in contact are smaller on the way out [N]."""
+        """Differences of the forces in contact on the way in and on the way out [N]."""
         pairs = zip(self.depths, self.forces, self.withdrawal_forces or self.forces, strict=True)
         return tuple(inward - outward for d, inward, outward in pairs if d >= 0.0)
 
     @property
     def lossy(self) -> bool:  # type: ignore[override]
-        """Whether the force is another one on the way out."""
+        """True if the force is another one on the way out."""
         return self.withdrawal_forces is not None
 
     @property
     def in_time(self) -> bool:  # type: ignore[override]
-        """Whether motion over it is marched in time."""
+        """True if motion under this law is marched in time."""
         return self.lossy
 
     @property
@@ -163,7 +163,7 @@ class Table(ContactLaw):
 
     @property
     def slope(self) -> Formula:  # type: ignore[override]
-        """Its derivative [N/m]."""
+        """Derivative of the force by the depth [N/m]."""
         return self._within(self.forces, True)[1]
 
     @property
@@ -173,7 +173,7 @@ class Table(ContactLaw):
 
     @property
     def damping_slope(self) -> Formula:  # type: ignore[override]
-        """Its derivative [1/m]."""
+        """Derivative of the damping by the depth [1/m]."""
         return super().damping_slope if self.dampings is None else _damping(self._within(self.dampings, True)[1])
 
     @property
@@ -190,7 +190,7 @@ class Table(ContactLaw):
         return 0.0 * contact_stiffness - self.force(0.0, contact_stiffness)
 
     def radius_at(self, depth: Array, radius: float) -> Array:
-        """That of the damping over a viscosity [m], or of a sphere."""
+        """Radius of the contact [m] at depths: the damping over a viscosity, or that of a sphere."""
         if self.dampings is None:
             return super().radius_at(depth, radius)
         formula = self._within(self.dampings, True)[0]

@@ -43,7 +43,7 @@ def drive_frequency(scope: Microscope) -> float:
 
 
 def tau_per_second(scope: Microscope) -> float:
-    """How much of the kernels' time, omega_c t, passes in a second."""
+    """Kernels' time, omega_c t, that passes in a second."""
     return 2 * math.pi * scope.cantilever.resonance_frequency
 
 
@@ -193,13 +193,13 @@ class TipState:
         self.loop: Loop | None = None  # as long as it is not engaged
 
     def freeze(self) -> dict[str, Any]:
-        """Arrays and records that say all about it."""
+        """Arrays and records that say all about the state."""
         numbers = {"engine": np.array(self.engine), **self.state._asdict()}
         return numbers if self.loop is None else {**numbers, "loop": self.loop}
 
     @classmethod
     def thaw(cls, arrays: Mapping[str, Array]) -> TipState:
-        """From what `freeze` gave. Raises KeyError, ValueError if it is not that."""
+        """State from the arrays of `freeze`. Raises KeyError, ValueError if they are not that."""
         tip = cls(int(arrays["engine"]))
         tip.loop = Loop() if "loop" in arrays else None
         kept: dict[str, Any] = {}
@@ -219,7 +219,7 @@ class TipState:
         self.engine, self.state = col.MARCH, periods
 
     def copy(self) -> TipState:
-        """One that moves on by itself."""
+        """Copy of the state, which moves on by itself."""
         return copy.deepcopy(self)
 
 
@@ -263,7 +263,7 @@ class Lines:
         self._put(row, made, tip.engine)
 
     def _scan(self, row: int, tip: TipState) -> tuple[Recorded, int]:
-        """What is recorded along a line, and GOOD or what ended it."""
+        """Rows recorded along a line, and GOOD or the status that ended it."""
         nx = self.job.surface.shape[1]
         program = program_of(self.numbers[row], self._ground(row), self.dwell, self.control.overscan)
         made = Recorded(np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8))

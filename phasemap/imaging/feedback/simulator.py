@@ -35,7 +35,7 @@ MOST = 1 << 17  # distinct materials up to which gains are those for all of them
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What all lines of an image under one tip share."""
+    """Plan for all lines of an image under one tip."""
 
     control: Feedback  # with gains
     engine: int  # code of the solver that moves the tip

@@ -77,7 +77,7 @@ class LinearLoop:
         return replace(control, proportional_gain=float(best[0]), integral_gain=float(best[1] * self._tau))
 
     def margin(self, control: Feedback) -> float:
-        """By what factor both gains could be raised before the loop rings; NaN where nothing is known."""
+        """Factor by which both gains could be raised before the loop rings; NaN where nothing is known."""
         proportional, integral = control.proportional_gain or 0.0, (control.integral_gain or 0.0) / self._tau
         if not len(self._system[0]) or proportional == integral == 0.0:
             return math.nan
@@ -85,7 +85,7 @@ class LinearLoop:
 
 
 def _limit(system: Jacobians, proportional: float, integral: float, highest: float) -> float:
-    """The largest factor on both gains, up to `highest`, at which all materials are stable, to 1 %."""
+    """Largest factor on both gains, up to `highest`, at which all materials are stable, to 1 %."""
     low = high = highest
     while not _stable(system, low * proportional, low * integral):
         high, low = low, 0.1 * low
@@ -101,7 +101,7 @@ def _limit(system: Jacobians, proportional: float, integral: float, highest: flo
 
 
 def _stable(system: Jacobians, proportional: float, integral: float) -> bool:
-    """Whether every eigenvalue of every material is on the left."""
+    """True if the loop is stable on every material: all eigenvalues have negative real parts."""
     still, by_proportional, by_integral = system
     values = np.linalg.eigvals(still + proportional * by_proportional + integral * by_integral)
     return bool((values.real < 0).all())
@@ -218,7 +218,7 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
 
 
 def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndarray, orbit: np.ndarray) -> bool:
-    """Whether the feedback comes to rest after a nudge."""
+    """True if the feedback comes to rest after a nudge."""
     loop, nudged = loop_of(control, job.scope, job.amplitude), orbit.copy()
     loop.lowest, loop.highest = -np.inf, np.inf
     nudged[col.TIP_OFFSET] -= TOO_NEAR * job.amplitude

@@ -70,7 +70,7 @@ class Atlas:
 
     @property
     def pieces(self) -> int:
-        """How many interpolants there are."""
+        """Number of interpolants."""
         return len(self.errors)
 
     def __call__(self, points: Array, wanted: Ints) -> tuple[NDArray[np.int32], Array]:

@@ -231,7 +231,7 @@ class _Located:
         return (2 * rows - 1 if tails[0] > enough else rows), (2 * columns - 1 if tails[1] > enough else columns)
 
     def graze(self, below: Border | None) -> Border:
-        """Where the tip just touches: the depth of the contact passes zero."""
+        """Border where the tip just touches: the depth of the contact passes zero."""
         border = None
         for size in SIZES:
             sizes = self._sizes(size)

@@ -166,7 +166,7 @@ class Fit:
         return self.values.shape[:3]
 
     def growth(self, axis: int) -> int:
-        """How many more exact orbits `grow` asks for."""
+        """Number of further exact orbits that `grow` asks for."""
         size = self.sizes[axis]
         return (size - 1) * int(np.prod(self.sizes)) // size
 

@@ -30,7 +30,7 @@ def coefficients(values: Array, axes: Sequence[int]) -> Array:
 
 
 def tail(coefs: Array, axis: int, axes: int) -> Array:
-    """How large the last coefficients along one of the first `axes` axes are; an estimate of what is cut off there.
+    """Size of the last coefficients along one of the first `axes` axes; an estimate of what is cut off there.
 
     Of the last two, since every other one vanishes in a function that is even or odd. 0 for a single node: along that
     axis there is nothing to cut off.
@@ -49,7 +49,7 @@ def scaled(x: Array, low: float, high: float) -> Array:
 
 
 def clipped(x: Array, low: float, high: float) -> Array:
-    """The same, and of what is outside that of the nearer end."""
+    """Coordinates of [low, high] in [-1, 1]; points outside are moved to the nearer end."""
     return np.clip(scaled(x, low, high), -1, 1)
 
 

@@ -28,7 +28,7 @@ SHARE = 0.05  # of the largest damping, below which the damping axis is about li
 
 @dataclass(frozen=True)
 class Axes:
-    """From (stiffness K [Pa], adhesion w [J/m2], damping alpha1 [1]) to coordinates and back.
+    """Map from (stiffness K [Pa], adhesion w [J/m2], damping alpha1 [1]) to coordinates and back.
 
     x0 = ln K, or K^(1/4) where some K is 0: the depth of the contact goes with a power of K. x1 = ln(alpha1 + a): the
     phase goes with alpha1 over a constant plus alpha1. x2 = w: forces are linear in it. See theory,
@@ -70,7 +70,7 @@ class Axes:
 
     @property
     def lowest(self) -> Array:
-        """Where each coordinate ends for want of smaller materials; a film that is there does not end at 0."""
+        """Lower end of each coordinate, for want of smaller materials; a film that is there does not end at 0."""
         least = np.inf if self.third else 0.0
         return np.array([-np.inf if self.logarithmic else 0.0, np.log(self.offset) if self.offset else 0.0, least])
 
@@ -182,12 +182,12 @@ class Lines:
     depths: Array  # of the contact
 
     def steps(self) -> Array:
-        """How much the tip offset changes from point to point; infinite where only one of two orbits is held."""
+        """Change of the tip offset from point to point; infinite where only one of two orbits is held."""
         return _step(self.offsets[:, :-1], self.offsets[:, 1:])
 
 
 def _step(first: Array, second: Array) -> Array:
-    """How much the tip offset changes; infinite where only one of the two is held, 0 where neither is."""
+    """Change of the tip offset; infinite where only one of the two orbits is held, 0 where neither is."""
     one_held = np.isfinite(first) != np.isfinite(second)
     return np.where(one_held, np.inf, np.nan_to_num(abs(second - first)))
 
@@ -242,7 +242,7 @@ class Brackets:
 
     @property
     def step(self) -> Array:
-        """How much the tip offset changes between them; infinite where only one of two orbits is held."""
+        """Change of the tip offset within each pair; infinite where only one of two orbits is held."""
         return _step(self.offset_low, self.offset_high)
 
     def halved(self, exact: ExactOrbits, bases: Array, where: NDArray[np.bool_]) -> Brackets:

@@ -26,7 +26,7 @@ from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
 Box = tuple[float, float, float, float]
 
 SHARES = (4.5, 3.0, 2.0, 1.2)
-"""How far beyond the end orbits are looked for, over how far off the end may be."""
+"""Distances beyond the end at which orbits are looked for, over the error that the end may have."""
 STEPS = (0.1, 0.035, 0.012, 3e-3, 6e-4)  # on the way there
 WIDEST, NEAREST = 0.2, 1e-4  # how far off, over the adhesion: where the search gives up, and where it ends
 ENOUGH = 4e-4  # where it may end, if orbits nearer to the end are not found
@@ -45,12 +45,12 @@ class Ends:
 
     @property
     def table(self) -> Array:
-        """All of it in columns, each smooth and of one sign or none; shape (n, 2 + functions)."""
+        """Ends in columns, each smooth and of one sign or none; shape (n, 2 + functions)."""
         return np.column_stack([self.adhesion, np.log(self.curvature), self.orbit])
 
     @classmethod
     def of(cls, table: Array) -> Ends:
-        """The reverse of `table`."""
+        """Ends from the columns of `table`."""
         return cls(table[:, 0], table[:, 2:], np.exp(table[:, 1]))
 
 
@@ -129,7 +129,7 @@ def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float
 
 
 def adhesion_at_end_of_branch(every: list[Ends]) -> Array | None:
-    """Adhesion below which the branch is lost on the way to the setpoint: the largest of all amplitudes."""
+    """Smallest adhesion at which the attractive branch still reaches the setpoint, by its ends at all amplitudes."""
     if len(every) == 1:
         return every[0].adhesion
     below, middle, above = (ends.adhesion for ends in every)

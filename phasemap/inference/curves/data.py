@@ -186,7 +186,7 @@ def numbers_of_law(acts: Interaction) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted parameter, by standard deviations q of what is known of it.
+    """A fitted parameter, in standard deviations q of what is known of it.
 
     It is least + (start - least) exp(q size), or start + q size.
     """

@@ -38,7 +38,7 @@ MOST_NAMED = 6  # data that a sentence names
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """What a measured curve says about a material; `print` it for a report.
+    """Result of a fit to a measured curve; `print` it for a report.
 
     Attributes
     ----------

@@ -217,7 +217,7 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is known beforehand of the zeros of phase and height of m images."""
+    """Prior knowledge of the zeros of phase and height of m images."""
 
     # phase, height: "shared" for one unknown of all images, "free" for one in each, None where it is known
     phase: str | None

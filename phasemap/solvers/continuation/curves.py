@@ -65,7 +65,7 @@ COLUMN_OF = {ENTRY_Z0: col.TIP_OFFSET, ENTRY_A: col.AMPLITUDE, ENTRY_M: col.PARA
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One connected piece of a curve, in the order in which it was followed."""
+    """Connected piece of a curve, in the order in which it was followed."""
 
     rows: np.ndarray  # shape (n, FULL); full rows of `phasemap._kernels.columns`
     traces: np.ndarray  # shape (n, 2, samples); deflection [m] and force [N] over one period
@@ -74,7 +74,7 @@ class Piece:
 
 
 class Curves:
-    """All the pieces found so far of the curve of one path.
+    """Pieces found so far of the curve of one path.
 
     `index`: entry of a point whose values are `wanted`.
     `box`: smallest and largest control, smallest amplitude [m].
@@ -113,7 +113,7 @@ class Curves:
 
     @property
     def all_followed(self) -> bool:
-        """Whether every piece was followed to its end."""
+        """True if every piece was followed to its end."""
         return all(piece.ended != PIECE_FULL for piece in self.pieces)
 
     def from_far(self, farthest: float) -> None:
@@ -200,7 +200,7 @@ class Curves:
                 waiting += self.pieces[known:]
 
     def _near(self, z0: float, amplitude: float, stiffening: float, lever: np.ndarray) -> bool:
-        """Whether a piece passes an orbit at its amplitude, within what averaging may be off."""
+        """True if a piece passes an averaged orbit at its amplitude, within the error of averaging."""
         for piece in self.pieces:
             rows = piece.rows
             a = rows[:, col.AMPLITUDE]
@@ -213,8 +213,8 @@ class Curves:
         return False
 
     def knows(self, row: np.ndarray, m: float) -> bool:
-        """Whether a piece that was followed has this orbit among its rows at m."""
-        return any(_same(piece.rows[np.abs(piece.rows[:, col.PARAMETER] - m) < 1e-9], row) for piece in self.pieces)
+        """True if a piece that was followed has this orbit among its rows at m."""
+        return any(_contains(piece.rows[np.abs(piece.rows[:, col.PARAMETER] - m) < 1e-9], row) for piece in self.pieces)
 
     def choose(self, wanted: np.ndarray) -> None:
         """Keep only these of the values wanted; rows at the others become rows on the way."""
@@ -275,10 +275,10 @@ class Curves:
 
     @staticmethod
     def _repeats(piece: Piece, other: Piece) -> bool:
-        """Whether a piece was followed before: all its orbits at values wanted, or its folds, are the other's."""
+        """True if a piece was followed before: all its orbits at values wanted, or its folds, are the other's."""
         kind = piece.rows[:, col.KIND]
         marks = piece.rows[kind == (col.WANTED if (kind == col.WANTED).any() else col.FOLD)]
-        return len(marks) > 0 and all(_same(other.rows, row) for row in marks)
+        return len(marks) > 0 and all(_contains(other.rows, row) for row in marks)
 
 
 def _exact(rows: np.ndarray, found: np.ndarray) -> np.ndarray:
@@ -289,8 +289,8 @@ def _exact(rows: np.ndarray, found: np.ndarray) -> np.ndarray:
     return exact
 
 
-def _same(rows: np.ndarray, row: np.ndarray) -> bool:
-    """Whether one of the rows is this orbit."""
+def _contains(rows: np.ndarray, row: np.ndarray) -> bool:
+    """True if one of the rows is this orbit."""
     apart = np.abs(rows[:, col.TIP_OFFSET] - row[col.TIP_OFFSET]) + np.abs(rows[:, col.AMPLITUDE] - row[col.AMPLITUDE])
     turned = np.abs(rows[:, col.PHASE] - row[col.PHASE])
     return bool(((apart < SAME * row[col.AMPLITUDE]) & (turned < 10 * SAME)).any())
@@ -362,7 +362,7 @@ def complete(curves: Curves, lowest: float) -> None:
 
 
 def curves_to_amplitude(path: Path, amplitude: float) -> Curves:
-    """Every curve with orbits that the detector sees with this amplitude [m]."""
+    """Curves with all orbits that the detector sees with this amplitude [m]."""
     curves = held_curves(path, np.array([amplitude]), 0, HARDLY_MOVING, FINE)
     for share in AROUND:
         curves.seek(share * amplitude)
@@ -371,7 +371,7 @@ def curves_to_amplitude(path: Path, amplitude: float) -> Curves:
 
 
 def curves_to_offset(path: Path, tip_offset: float, apart: bool = True) -> Curves:
-    """Every curve with orbits at this tip offset [m].
+    """Curves with all orbits at this tip offset [m].
 
     `apart`: whether pieces apart from the curve from far are looked for, and orbits that hardly move.
     """

@@ -1,4 +1,4 @@
-"""What a sweep moves, and how the law's parameters and the lever depend on it."""
+"""The parameter that a sweep moves, and how the law's parameters and the lever depend on it."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ class Question:
         return Question(self.material, replace(self.scope, **{part: changed}))
 
     def work(self, amplitude: float = 1e-9, *, marched: bool = False) -> Work:
-        """One row of parameters, and the lever; `marched` as for `phasemap.solvers.problem.work_of`."""
+        """Work of one row of parameters; `marched` as for `phasemap.solvers.problem.work_of`."""
         return work_of_material(self.material, self.scope, amplitude, marched=marched)
 
     @property
     def only_in_time(self) -> bool:
-        """Whether only the march in time knows the contacts of this material: they remember or are wet."""
+        """True if only the march in time knows the contacts of this material: they remember or are wet."""
         viscous = bool(self.material.viscosity or self.material.damping)
         interaction = self.scope.interaction
         ting = interaction.withdrawal == "ting" and viscous
@@ -85,7 +85,7 @@ def fixed_path(question: Question) -> Path:
 
 @dataclass(frozen=True)
 class Scale:
-    """How a parameter depends on m in [-1, 1]: linearly, or logarithmically."""
+    """Dependence of a parameter on m in [-1, 1]: linear or logarithmic."""
 
     low: float
     high: float

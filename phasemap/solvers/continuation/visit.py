@@ -1,4 +1,4 @@
-"""What a slow sweep visits: stable orbits as long as there are any, and where the tip goes when they end."""
+"""A slow sweep: stable orbits as long as there are any, and where the tip goes when they end."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """What a sweep in one direction saw: a row, a trace and a status for each value wanted, and where it ended."""
+    """Orbits of a sweep in one direction: a row, a trace and a status for each value wanted, and where it ended."""
 
     rows: np.ndarray
     traces: np.ndarray
@@ -114,7 +114,7 @@ Landing = Callable[[np.ndarray, float], Segment | OffOrbit | None]
 
 
 def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
-    """Whether orbits are stable: at fixed tip offset, and with `held` under a feedback too."""
+    """True for stable orbits: at fixed tip offset, and with `held` under a feedback too."""
     good: np.ndarray = rows[:, col.FLOQUET] < 1
     return good & (rows[:, col.SLOPE] > 0) if held else good
 
@@ -225,7 +225,7 @@ def _after(curves: Curves, column: int, here: Segment | OffOrbit | None, x: floa
 
 
 def is_periodic(row: np.ndarray) -> bool:
-    """Whether a row is that of a periodic orbit."""
+    """True if a row is that of a periodic orbit."""
     return bool(np.isfinite(row[col.AMPLITUDE]) and not col.irregular(row))
 
 
@@ -274,14 +274,14 @@ def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where the tip is: at a tip offset on a segment, or on none."""
+    """Place of the tip: at a tip offset on a segment, or off all of them."""
 
     on: Segment | OffOrbit
     z0: float
 
 
 class Held(NamedTuple):
-    """Where a feedback holds an amplitude."""
+    """Orbit on which a feedback holds an amplitude."""
 
     place: Place | None  # none if the tip hunts, or nothing can be held
     row: np.ndarray | None  # shape (FULL,), or None
@@ -301,7 +301,7 @@ class SlowFeedback:
         self.farthest = next((part for part in self.parts if part.x[-1] == reach), None)
 
     def far(self) -> Place | None:
-        """Where the tip is before it is lowered."""
+        """Place of the tip before it is lowered; None if there is none."""
         return None if self.farthest is None else Place(self.farthest, float(self.farthest.x[-1]))
 
     def nearest(self, row: np.ndarray) -> Place | None:
@@ -357,7 +357,7 @@ class SlowFeedback:
         return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
 
     def _in_time(self, tip: OffOrbit, index: int, direction: int, lost: np.ndarray | None) -> Held:
-        """What the feedback of an instrument finds that moves a tip on no periodic orbit."""
+        """Orbit on which the feedback of an instrument holds a tip that it moves on no periodic orbit."""
         status, row = tip.go(self.curves, col.AMPLITUDE, float(self.curves.wanted[index]))
         if status != col.GOOD:
             return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
