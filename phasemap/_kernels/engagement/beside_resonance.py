@@ -1,24 +1,10 @@
-"""Where a lever that is driven beside its resonance comes to only in time: it falls, or rebounds.
+"""Levers driven beside their resonance that come to the setpoint only in time, for the tip falls, or rebounds.
 
-Driven below resonance the lever comes nearer to it as the tip is lowered, swings wider, and so brings the tip nearer
-still: if its amplitude may rise by more than the reach of the force, the orbit it is on ends at a fold, and the tip
-falls. Where no repulsive orbit lies as high as the fold it comes to an attractive one beyond the resonance. Elsewhere
-the curve of orbits, which the tip has left, does not tell where it lands, but time does.
-
-A tip may also rebound so fast that the free lever between two taps keeps a time of its own. In a contact that is short
-against the period T, a tip of velocity v comes back with -v, and then the lever swings freely for T - tau. With times
-in units of the free lever's, epsilon = T - tau - 2 pi, the acceleration -g at the surface and no losses, the trace of
-the monodromy matrix is (theory, Eq. (engagement-6))
-
-    -2 cos(epsilon) - 2 sin(epsilon) g/v.
-
-Below resonance T is longer than 2 pi. A contact that lasts for what it is longer keeps the period from doubling; in a
-shorter one the period doubles wherever the tip meets the surface slowly, as it does between the free amplitude and the
-setpoint. Above resonance T is shorter, the trace is large where the tip begins to touch, and the tip leaves that orbit
-by a jump. Either way the tip comes to periodic taps, if it does, through motion that is not periodic and may outlive
-them: no curve of orbits tells. Of 300 materials drawn at 0.867 to 1.117 of the resonance, the four on another motion
-than that of engaging in time have tau/abs(T - 2 pi) from 0.15 to 0.45; samples of 50 to 300 GPa at 1.1 of the
-resonance that move irregularly, from 0.68 to 0.99; of 100,000 ordinary pixels none is below 1.26.
+The fall from the fold below resonance is that of theory/engagement, "First: averaging"; the rebound, at which the lever
+between two taps keeps a time of its own, is theory, Eq. (engagement-6). Of 300 materials drawn at 0.867 to 1.117 of the
+resonance, the four on another motion than that of engaging in time have tau/abs(T - 2 pi) from 0.15 to 0.45; samples of
+50 to 300 GPa at 1.1 of the resonance that move irregularly, from 0.68 to 0.99; of 100,000 ordinary pixels none is below
+1.26.
 """
 
 from __future__ import annotations

@@ -1,33 +1,13 @@
-"""Which averaged orbit holds the setpoint after engaging from far, where averaging is sure of it.
+"""Averaged orbit that holds the setpoint after engaging from far, where averaging is sure of it.
 
-That is asked without following the curve of averaged orbits.
-
-Below, (1) is X^2 + Y^2 = u0^2, and (2) and (3) are theory, Eqs. (engagement-3) and (engagement-4).
-
-With r = A/A_free, s = 1 - omega^2, and the free lever's (x, y) = (s, 2 alpha0 omega) A_free/u0, x^2 + y^2 = 1, an orbit
-of the averaged equations has
-
-    X^2 + Y^2 = u0^2,    X = P + A s,    Y = 2 alpha0 omega A - S.                                                   (1)
-
-The sign of X says on which side the lever is driven: above the resonance that attraction has moved down (X < 0), or
-below that which repulsion has moved up (X > 0). Without dissipation, q = (1 - r^2 y^2)^(1/2), (1) is X = -u0 q or
-X = u0 q: holding r < 1 takes the attraction -P = u0 w or the repulsion P = u0 (q - r x), where
-
-    w = q + r x.                                                                                                     (2)
-
-So at any frequency and fixed r the tip that comes near meets the same three things: attraction raises -X to a maximum;
-X passes zero; repulsion brings it to u0 q. Each side has one crossing. As the tip offset falls r comes from one, first
-over the resonance at r = 1/y if x > 0, then down the attractive branch X < 0 as long as the largest attraction, which
-falls as r^(-1/2), is more than (2). It is least so where r^(1/2) w has its maximum, 1 - 3 r^2 y^2 = -3 r x q, or
-
-    r^2 = (2 + x^2 + x (8 + x^2)^(1/2)) / (6 y^2)                                                                    (3)
-
-which is 1/3 at resonance, 1/9 far above, and one where x = 3^(-1/2). At (3), or at the setpoint if that is above, the
-maximum of the mismatch of (1), counted negative while X > 0, decides. Well above zero, the tip stays attractive down to
-the setpoint; well below, it jumps to the repulsive branch on the way. Where (3) is above the free amplitude, a branch
-that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r = 1 itself cannot be
-held by attraction. And where x > 0 a tip that rises over the resonance by more than the reach of the attraction cannot
-follow the curve: it jumps, and where to is in `beside_resonance`.
+The curve of averaged orbits is not followed. With r = A/A_free, s = 1 - omega^2, and the free lever's (x, y) = (s, 2
+alpha0 omega) A_free/u0, an orbit has X^2 + Y^2 = u0^2, X = P + A s, Y = 2 alpha0 omega A - S, and X < 0 on the
+attractive side. That branch is nearest to its end at the r of theory, Eq. (engagement-4). There, or at the setpoint if
+that is above, the maximum of the mismatch over the tip offset, counted negative while X > 0, decides: well above zero
+the tip stays attractive down to the setpoint; well below, it jumps to the repulsive branch on the way. Where that r is
+above one, a branch that is cut there may go on at r < 1 as an island: the tip then is on the repulsive side only if r =
+1 itself cannot be held by attraction. A tip that rises over the resonance by more than the reach of the attraction
+cannot follow the curve: it jumps, and where to is in `beside_resonance`.
 """
 
 from __future__ import annotations
@@ -63,8 +43,8 @@ from phasemap._kernels.records import clear
 
 CLEAR_MISMATCH = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
-# Of the attraction (2), so much of it averaged at low Q, or less, leaves no doubt: one that bends the lever much draws
-# the tip in faster than in a harmonic orbit, and acts for a shorter time.
+# So much averaged attraction, over that of theory, Eq. (engagement-3), or less leaves no doubt at low Q: one that bends
+# the lever much draws the tip in faster than in a harmonic orbit, and acts for a shorter time.
 WEAK = 2 / 3
 
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
@@ -85,7 +65,7 @@ def detuning(lever: np.ndarray) -> tuple[float, float]:
 
 @kernel(light=True)
 def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
-    """Amplitude over the free amplitude at which the attractive branch is nearest to its end, Eq. (3)."""
+    """Amplitude over the free one where the attractive branch is nearest to its end: theory, Eq. (engagement-4)."""
     x, y = detuning(lever)
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
 
@@ -129,7 +109,7 @@ def plain_mismatch(lever: np.ndarray, amplitude: float) -> float:
 def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: float) -> float:
     """Mismatch where attraction is this share of what an orbit of this amplitude without losses needs.
 
-    It is (X^2 + Y^2)/u0^2 - 1 of (1), with X/u0 = r x - share (q + r x) and (Y/u0)^2 = 1 - q^2.
+    It is (X^2 + Y^2)/u0^2 - 1, with X/u0 = r x - share (q + r x) and (Y/u0)^2 = 1 - q^2.
     """
     x, y = detuning(lever)
     r = amplitude / free_amplitude(lever)
