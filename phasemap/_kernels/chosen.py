@@ -16,7 +16,7 @@ class Chosen:
         self.__name__, self.__doc__ = function.__name__, function.__doc__
 
     def of(self, kind: type) -> Callable[[Any], Any]:
-        """Make a kernel the one for this class of named tuples."""
+        """Make a function the kernel for this class of named tuples."""
 
         def take(one: Any) -> Any:
             self.kernels[kind] = one
@@ -25,7 +25,7 @@ class Chosen:
         return take
 
     def __call__(self, first: Any, *more: Any) -> Any:
-        """As kernels call it."""
+        """Kernel of the first argument's class, called as kernels call it."""
         return self.kernels[type(first)](first, *more)
 
 

@@ -149,7 +149,7 @@ UNKNOWN_ORBIT = -1  # whether a material has an orbit: neither 0 nor 1
 
 
 def irregular(rows: np.ndarray) -> np.ndarray:
-    """Whether motion is not periodic, for result rows, shape (..., COLUMNS); what is not known is not irregular."""
+    """True if motion is not periodic, for result rows, shape (..., COLUMNS); what is not known is not irregular."""
     spreads: np.ndarray = rows[..., SPREAD_AMPLITUDE] > 0
     return spreads
 

@@ -22,7 +22,7 @@ LEAST_SLOPE = 0.05  # of the amplitude seen with A: that of a branch that can be
 
 @kernel(light=True)
 def sees_tip(lever: np.ndarray) -> bool:
-    """Whether the detector sees the motion of the tip itself."""
+    """True if the detector sees the motion of the tip itself."""
     return bool(
         lever[OFFSET_RE] == 0.0 and lever[OFFSET_IM] == 0.0 and lever[FACTOR_RE] == 1.0 and lever[FACTOR_IM] == 0.0
     )
@@ -36,7 +36,7 @@ def offset_and_factor(lever: np.ndarray) -> tuple[complex, complex]:
 
 @kernel(light=True)
 def detected_components(lever: np.ndarray, along: float, across: float) -> tuple[float, float]:
-    """What the detector sees, (A_s cos(phase_s), A_s sin(phase_s)) [m], from the tip's (A cos(phase), A sin(phase))."""
+    """Components (A_s cos(phase_s), A_s sin(phase_s)) [m] that the detector sees, from (A cos(phase), A sin(phase))."""
     return (
         lever[OFFSET_RE] + lever[FACTOR_RE] * along - lever[FACTOR_IM] * across,
         lever[OFFSET_IM] + lever[FACTOR_RE] * across + lever[FACTOR_IM] * along,
@@ -93,7 +93,7 @@ def detected_amplitude_rate(
 
 @kernel
 def likely_amplitude(lever: np.ndarray, seen: float, side: int) -> float:
-    """A [m] of the orbit without losses that the detector sees with this amplitude, repulsive (1) or attractive (-1).
+    """Amplitude [m] of the lossless orbit that the detector sees as amplitude `seen`, on side 1 (repulsive) or -1.
 
     Without losses u0 cos(phase) = A kappa''. With r = factor u0/(2 kappa'') such orbits are seen on the circle
     offset + r + r exp(2 i phase): here at the first point from resonance, phase 0, on that is as near to the origin.
@@ -141,7 +141,7 @@ def next_amplitude(
 
 @kernel
 def amplitude_at_phase(lever: np.ndarray, seen: float, phase: float) -> float:
-    """The larger A [m] that the detector sees with an amplitude if its phase is this; NaN without one."""
+    """Larger amplitude A [m] of an orbit of this phase that the detector sees with an amplitude; NaN without one."""
     c, s = math.cos(phase), math.sin(phase)
     along = lever[FACTOR_RE] * c - lever[FACTOR_IM] * s
     across = lever[FACTOR_RE] * s + lever[FACTOR_IM] * c

@@ -46,7 +46,7 @@ class Law(NamedTuple):
 
 
 class Oscillator(NamedTuple):
-    """A lever over one material: what every orbit is an orbit of."""
+    """A lever over one material, whose orbits are sought."""
 
     law: Law
     p: Any  # parameters of the interaction, shape (ROW,)
@@ -54,7 +54,7 @@ class Oscillator(NamedTuple):
 
 
 def law_of(*formulas: Formula) -> Law:
-    """Compile what kernels do not know of the formulas that a law has, in its order, and find what was compiled before.
+    """Law of formulas in the order of its fields: those that kernels do not have are compiled, if not done before.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def law_of(*formulas: Formula) -> Law:
 
 
 def digest_of(formula: Formula) -> str | None:
-    """Digest of a formula and all that it uses; None where that may mean another thing in another process."""
+    """Digest of a formula and all that it uses; None where these may mean something else in another process."""
     if LIBRARY and (formula in KNOWN or LIBRARY.symbol_of(formula)):
         sources = loaded_sources.digest()
         return None if sources is None else f"{sources.hex()} {LIBRARY.symbol_of(formula) or formula.__qualname__}"
@@ -171,13 +171,13 @@ def damping_slope(law: Law, d: float, p: np.ndarray) -> float:
 
 @kernel(light=True, inline=True)
 def has_longrange(p: np.ndarray) -> bool:
-    """Whether a force acts on a tip out of contact."""
+    """True if a force acts on a tip out of contact."""
     return p[LONGRANGE] != 0.0
 
 
 @kernel(light=True, inline=True)
 def has_hysteresis(p: np.ndarray) -> bool:
-    """Whether a neck holds a tip that is withdrawn, down to the depth of release."""
+    """True if a neck holds a tip that is withdrawn, down to the depth of release."""
     return p[RELEASE] != 0.0
 
 

@@ -105,7 +105,7 @@ def all_shares(lever: np.ndarray) -> float:
 
 @kernel
 def fastest_turn(lever: np.ndarray, slope: float) -> float:
-    """Rate [1] of the fastest oscillation of a lever on a stiffness [N/m], or more."""
+    """Upper bound [1] of the rates at which a lever on a stiffness [N/m] oscillates."""
     return math.sqrt(mode_of(lever, modes_of(lever) - 1).square + all_shares(lever) * abs(slope) / lever[col.STIFFNESS])
 
 
@@ -123,7 +123,7 @@ def free_phasor(lever: np.ndarray) -> complex:
 
 @kernel(light=True)
 def detected_compliance(lever: np.ndarray, omega: float) -> complex:
-    """What the detector sees of a lever under a force at the tip of this frequency, over the force and times k [1]."""
+    """Deflection that the detector sees under a force at the tip of this frequency, over the force and times k [1]."""
     seen = complex(0.0, 0.0)
     for i in range(modes_of(lever)):
         mode, weight = mode_of(lever, i), lever[col.MODE + i * col.MODE_NUMBERS + col.SLOPE_SEEN]
@@ -203,20 +203,20 @@ def distance_to_pole(start: float, near: float) -> float:
 
 @kernel
 def bend_by_adhesion(oscillator: Oscillator) -> float:
-    """How far [m] adhesion at first contact bends the lever."""
+    """Deflection [m] of the lever by adhesion at first contact."""
     law, p, lever = oscillator
     return max(-contact_force(law, 0.0, p) / lever[col.STIFFNESS], 0.0)
 
 
 @kernel(light=True)
 def low_q(lever: np.ndarray) -> bool:
-    """Whether the lever forgets a kick within a few periods, as in liquid."""
+    """True if the lever forgets a kick within a few periods, as in liquid."""
     return bool(lever[ALPHA0] > 0.5 / LOWEST_Q)
 
 
 @kernel(light=True)
 def higher_modes_forget(lever: np.ndarray) -> bool:
-    """Whether the modes above the first have mostly rung down when the tip taps again."""
+    """True if the modes above the first have mostly rung down when the tip taps again."""
     for i in range(1, modes_of(lever)):
         if 2.0 * math.pi * mode_of(lever, i).rate < FORGOTTEN * lever[col.OMEGA]:
             return False
@@ -232,11 +232,11 @@ def lowest_tip_offset(oscillator: Oscillator) -> float:
 
 @kernel(light=True)
 def beside_resonance(lever: np.ndarray) -> bool:
-    """Whether the drive is more than a linewidth off."""
+    """True if the drive is more than a linewidth off."""
     return abs(lever[DYNAMIC_STIFFNESS]) > lever[DYNAMIC_LOSS]
 
 
 @kernel(light=True)
 def near_resonance(lever: np.ndarray) -> bool:
-    """Whether the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
+    """True if the drive is so near the resonance that averaging can decide, which leaves out terms of 1 - omega^2."""
     return abs(lever[DYNAMIC_STIFFNESS]) < NEAREST

@@ -17,7 +17,7 @@ _FILES = sorted(map(str, _ROOT.rglob("*.py")))
 
 
 def _state() -> list[tuple[int, ...]]:
-    """What any change of a file changes, be it taken back; nothing where a file is gone."""
+    """State of the source files, which any change alters, be it taken back; empty where a file is gone."""
     try:
         known = map(os.stat, _FILES)
         return [(one.st_ino, one.st_size, one.st_mtime_ns, one.st_ctime_ns) for one in known]
@@ -39,7 +39,7 @@ def _digest() -> bytes:
 
 
 def digest() -> bytes | None:
-    """Of all sources; None where they are unknown, or no longer those that were there when the first kernel loaded."""
+    """Digest of all sources; None where they are unknown, or were changed since the first kernel was loaded."""
     if not _LOADED or _state() != _LOADED:
         return None
     found = _digest()

@@ -29,7 +29,7 @@ def copy_rows(source: np.ndarray, to: np.ndarray) -> None:
 
 @kernel
 def count_smaller(row: np.ndarray, x: float, or_equal: bool) -> int:
-    """How many entries of a sorted row are smaller than x, or equal to it; `searchsorted` takes 0.7 s to compile."""
+    """Number of entries of a sorted row below x, or up to x with `or_equal`; `searchsorted` takes 0.7 s to compile."""
     low, high = 0, len(row)
     while low < high:
         middle = (low + high) // 2
@@ -42,7 +42,7 @@ def count_smaller(row: np.ndarray, x: float, or_equal: bool) -> int:
 
 @kernel
 def narrowed(a: float, f_a: float, b: float, f_b: float, x: float, f: float) -> tuple[float, float, float, float]:
-    """A bracket (a, f(a), b, f(b)) with the point x of its chord taken in, which becomes b.
+    """Bracket (a, f(a), b, f(b)) of a root, narrowed by the point x of its chord, which becomes b.
 
     Where the sign at x is that at the last point, b, the end that stays counts less: by as much as a parabola through
     all three says (Anderson and Bjoerck 1973, BIT 13, 253). Plain chords would leave that end where it is for ever;
@@ -70,7 +70,7 @@ def parabola(
 def newton_in_bracket(
     x: float, f: float, slope: float, low: float, high: float, rising: bool
 ) -> tuple[float, float, float]:
-    """Next x of Newton's method for a root between `low` and `high`, with this bracket: the middle where it leads out.
+    """Next x of Newton's method for a root, or the middle of the bracket where it leads out, and the narrowed bracket.
 
     `rising`: whether f is positive at `high`.
     """
@@ -84,7 +84,7 @@ def newton_in_bracket(
 
 @kernel
 def pivot(m: np.ndarray, k: int, n: int, width: int) -> int:
-    """Bring up the row with the largest entry of column k, its first `width` columns; which it was, -1 if all are 0."""
+    """Exchange row k, up to `width`, with the row of largest entry below in column k; its index, -1 if all are 0."""
     best, size = k, abs(m[k, k])
     for i in range(k + 1, n):
         if abs(m[i, k]) > size:
@@ -100,7 +100,7 @@ def pivot(m: np.ndarray, k: int, n: int, width: int) -> int:
 
 @kernel
 def eliminate(m: np.ndarray, n: int) -> bool:
-    """Solve for the first n columns in place (Gauss-Jordan); the other columns become solutions, False without any."""
+    """Solve for the first n columns in place (Gauss-Jordan); the other columns become solutions. False if singular."""
     width = m.shape[1]
     for k in range(n):
         if pivot(m, k, n, width) < 0:
@@ -180,7 +180,7 @@ def spectral_radius(m: np.ndarray, squarings: int) -> float:
 
 @kernel
 def factor(m: np.ndarray, n: int, order: np.ndarray) -> bool:
-    """Gauss's triangles in place of the first n columns, rows exchanged as `order` says; False if there are none."""
+    """Factor the first n columns into triangular matrices in place, rows exchanged as in `order`; False if singular."""
     for k in range(n):
         order[k] = pivot(m, k, n, n)
         if order[k] < 0:
@@ -198,7 +198,7 @@ def factor(m: np.ndarray, n: int, order: np.ndarray) -> bool:
 
 @kernel
 def substitute(m: np.ndarray, n: int, order: np.ndarray, x: np.ndarray) -> None:
-    """Solve for one right side, in place."""
+    """Solve for one right side, in place, with the triangular matrices of `factor`."""
     for k in range(n):
         x[k], x[order[k]] = x[order[k]], x[k]
     for i in range(1, n):

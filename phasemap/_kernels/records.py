@@ -114,7 +114,7 @@ def _clear(one: Any) -> None:
 
 
 def _numbers_of(one: Any) -> np.ndarray:
-    """All numbers of a record of floats in their order, as an array that is its memory."""
+    """Numbers of a record of floats in their order, as an array that is its memory."""
     place, _ = one.__array_interface__["data"]
     return np.ctypeslib.as_array((ctypes.c_double * (one.nbytes // WORD)).from_address(place))
 

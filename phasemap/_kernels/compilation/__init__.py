@@ -1,4 +1,4 @@
-"""How kernels become machine code: they are compiled when they are first called, or found in the library of a wheel."""
+"""Compilation of kernels to machine code: when they are first called, unless the library of a wheel has them."""
 
 from phasemap._kernels.compilation.mode import COMPILES, LIBRARY
 

@@ -1,4 +1,4 @@
-"""Code that is called by its address: formulas of contact laws, and what only some materials need of a large kernel."""
+"""Code called by its address: formulas of contact laws, and parts of large kernels that only some materials need."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _written: list[int] = []  # sizes of files
 
 
 def written() -> int:
-    """How much this process has kept on disk [bytes]."""
+    """Size of the code that this process has kept on disk [bytes]."""
     return sum(_written)
 
 
@@ -64,7 +64,7 @@ class DiskCache:
         return _loaded(self._path(sig, target_context.codegen()), target_context)
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
-        """Keep the code for a signature, in place of what an older source gave."""
+        """Keep the code for a signature, in place of that of an older source."""
         path = self._path(sig, data.codegen)
         if path is None or data.library.has_dynamic_globals:
             return
@@ -80,7 +80,7 @@ class DiskCache:
             _say_once(f"compiled code cannot be kept in {path.parent} ({error.strerror}); the next run compiles again.")
 
     def _path(self, sig: Any, codegen: Any) -> pathlib.Path | None:
-        """The file for a signature; None where it is not known what the code depends on."""
+        """File for a signature; None where it is not known on what the code depends."""
         place, sources = folder(), loaded_sources.digest()
         if place is None or sources is None or self._digest is None:
             return None
@@ -109,7 +109,7 @@ def _loaded(path: pathlib.Path | None, target_context: Any) -> CompileResult | N
 
 
 def _seal(path: pathlib.Path, content: bytes) -> bytes:
-    """Digest of what is in a file and of its name, by which it is found."""
+    """Digest of the content of a file and of its name, by which it is found."""
     return hashlib.sha256(path.name.encode() + b"\0" + content).digest()
 
 
@@ -121,7 +121,7 @@ def versions() -> str:
 
 
 def places() -> list[pathlib.Path]:
-    """Where compiled code may be kept, best first."""
+    """Folders in which compiled code may be kept, best first."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     first = pathlib.Path(named) / "phasemap" if named else pathlib.Path(__file__).parents[1] / "__pycache__"
@@ -130,7 +130,7 @@ def places() -> list[pathlib.Path]:
 
 @functools.cache
 def folder() -> pathlib.Path | None:
-    """Where compiled code is kept: the first of `places` that can be written by this user only; None without one."""
+    """Folder of compiled code: the first of `places` that can be written by this user only; None without one."""
     for place in places():
         try:
             place.mkdir(mode=0o755, parents=True, exist_ok=True)
@@ -147,5 +147,5 @@ def folder() -> pathlib.Path | None:
 
 @functools.cache
 def _say_once(sentence: str) -> None:
-    """Say it on stderr, once a process."""
+    """Print a message on stderr, once a process."""
     print(f"phasemap: {sentence}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""How kernels are compiled: each function once, and only what Python calls is optimised and kept on disk.
+"""Compilation of kernels: each function once, and only what Python calls is optimised and kept on disk.
 
 numba optimises every compiled function by itself, and again inside each function that calls it, through chains of calls
 that are up to 14 deep. Here a function that other kernels call is typed and lowered once and kept as LLVM code; what
@@ -51,7 +51,7 @@ class Names(set[str]):
         return "{" + ", ".join(map(repr, sorted(self))) + "}"
 
     def copy(self) -> Names:
-        """Another one with the same members."""
+        """Copy with the same members."""
         return Names(self)
 
 
@@ -104,7 +104,7 @@ def _plain_type(argument: types.Type) -> types.Type:
 
 
 class _Plain(CPUDispatcher):
-    """As numba compiles, but for types of literals and the cache: what is left with a numba whose parts do not fit."""
+    """numba's dispatcher but for types of literals and the cache: what is left with a numba whose parts do not fit."""
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any) -> None:
         super().__init__(py_func, locals or {}, targetoptions, **more)  # numba 0.61 takes no None
@@ -160,7 +160,7 @@ class _Shared(_Plain):
 
 @dataclass(frozen=True)
 class _Needed:
-    """A shared function that code on disk calls: it is loaded, or compiled, before that code is loaded.
+    """Shared function that code on disk calls: it is loaded, or compiled, before that code is loaded.
 
     Its module is imported by then, for the function that Python calls names it.
     """
@@ -281,7 +281,7 @@ class _LinkedCompiler(_OurCompiler):
 
 
 def _compiler_of(shared: bool, vectors: bool) -> type[_OurCompiler]:
-    """Compiler class of the code that other kernels call."""
+    """Compiler class of the code that other kernels call, by its options."""
     return (_VectorCompiler if vectors else _SharedCompiler) if shared else _LinkedCompiler
 
 
@@ -297,7 +297,7 @@ def _waiting(function: Any) -> list[_Entry]:
 
 
 def _kernels_of(function: Any) -> list[_Entry]:
-    """All kernels that a function calls, and those that they call."""
+    """Kernels that a function calls, and those that they call."""
     found: dict[_Entry, None] = {}
     open_ = [function]
     while open_:
@@ -316,7 +316,7 @@ def _all_kernels() -> list[_Entry]:
 
 
 def watch(started: Callable[[], None], ended: Callable[[], None]) -> None:
-    """Call these whenever a compilation starts or ends, in its thread; those within it too."""
+    """Call these functions whenever a compilation starts or ends, in its thread; those within it too."""
 
     class Watching(event.Listener):
         def on_start(self, _event: object) -> None:
@@ -329,7 +329,7 @@ def watch(started: Callable[[], None], ended: Callable[[], None]) -> None:
 
 
 def compiled() -> int:
-    """How many functions were typed in this process, as entries or to be linked."""
+    """Number of functions typed in this process, as entries or to be linked."""
     return sum(
         len(one.linked.overloads) - sum(one.linked._cache_hits.values()) + sum(one._cache_misses.values())
         for one in _all_kernels()
@@ -356,7 +356,7 @@ def _tuples_in(given: Any) -> tuple[type, ...]:
 
 
 def _fits() -> bool:
-    """Whether this numba has the parts that are replaced here."""
+    """True if this numba has the parts that are replaced here."""
     parts = ("_final_module", "_linking_libraries")
     methods = (
         "_optimize_final_module",
@@ -373,7 +373,7 @@ def _fits() -> bool:
 
 @functools.cache
 def links_llvm_code() -> bool:
-    """Whether kernels are linked as LLVM code, and not compiled as numba does it, which takes minutes."""
+    """True if kernels are linked as LLVM code, and not compiled as numba does it, which takes minutes."""
     fits = _fits() and agrees_with_numba(
         lambda one: _Entry(one, _LinkedCompiler, OPTIONS),
         lambda one: _Entry(one, _SharedCompiler, OPTIONS),

@@ -44,7 +44,7 @@ class FirstUse:
         self._ended.set()
 
     def line(self) -> str:
-        """The line that is said now: how far the compilation is, and how long it will take."""
+        """Line that is shown: how far the compilation is, and how long it will take."""
         spent = time.monotonic() - self._started
         share = (1.0 - SHARE_OF_THE_END) * min(self.done / self.expected, 1.0)
         left = f", about {max(spent / share - spent, 1.0):.0f} s left" if share > 0.1 else ""

@@ -24,13 +24,13 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.np.ufunc.dufunc import DUFunc
 
 OPTIONS = {"nopython": True, "error_model": "numpy"}
-"""How helpers are compiled that are plain functions."""
+"""Options of compilation for helpers that are plain functions."""
 
 LIBRARIES = {"builtins", "math", "cmath", "_operator", "operator", "numpy", "numba"}
 """Their functions are known by name: numba has code of its own for them, which its version and numpy's say."""
 
 FIXED = (Dispatcher, DUFunc, np.ufunc, CFunc, ctypes._CFuncPtr, type)  # type: ignore[attr-defined]
-"""What numba takes as it is and does not compile again: in one process the same as long as it is the same object."""
+"""Types that numba takes as they are and does not compile again: the same in a process while the object is the same."""
 
 PLAIN = {type(None), type(...), bool, int, str, bytes}
 NUMBERS = "biufc"  # kinds of numpy's types that are nothing but their bytes
@@ -88,7 +88,7 @@ class _Copy:
         return compiler, ("function", _describe_code(code), of_defaults, used)
 
     def functions(self) -> list[FunctionType]:
-        """All copies of functions."""
+        """Copies of functions."""
         return [copy.py_func for copy, _, _ in self._seen.values() if isinstance(copy, CPUDispatcher)]
 
     def _value(self, value: Any, names: tuple[str, ...]) -> tuple[Any, Any]:
@@ -154,7 +154,7 @@ def _names(code: CodeType) -> list[str]:
 
 
 def _describe_code(code: CodeType) -> Any:
-    """All of a function's code but where it was written."""
+    """Code of a function, all but where it was written."""
     return (
         code.co_code, code.co_exceptiontable, code.co_flags, code.co_argcount, code.co_posonlyargcount,
         code.co_kwonlyargcount, code.co_varnames, code.co_names, code.co_freevars, code.co_cellvars,
@@ -174,13 +174,13 @@ def _describe_constant(value: Any) -> Any:
 
 
 def _is_plain(options: dict[str, Any]) -> bool:
-    """Whether options of a compilation are words and numbers only."""
+    """True if options of a compilation are words and numbers only."""
     values = [one for value in options.values() for one in (value if isinstance(value, set) else [value])]
     return all(type(one) in PLAIN for one in values)
 
 
 def _describe_options(options: dict[str, Any]) -> Any:
-    """The same in every process, though sets are not in the same order."""
+    """Options of a compilation as text that reads the same in every process, though sets have no order."""
     return [(name, sorted(map(repr, one)) if isinstance(one, set) else repr(one)) for name, one in options.items()]
 
 
@@ -194,7 +194,7 @@ def _name_in_library(value: Any) -> str:
 
 
 def _is_extended(value: Any) -> bool:
-    """Whether somebody else has told numba how to compile a function, by `numba.extending`."""
+    """True if somebody else has told numba how to compile a function, by `numba.extending`."""
     try:
         templates = getattr(cpu_target.typing_context.resolve_value_type(value), "templates", ())
     except ValueError:

@@ -61,10 +61,10 @@ class _Typing(Context):
         return hash(_Typing)
 
     def refresh(self) -> None:
-        """Nothing new since the copy was made."""
+        """Do nothing, for nothing is new since the copy was made."""
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """The signature of a call."""
+        """Signature of a call."""
         if type(func) is not types.Function and getattr(func, "__module__", "") != operator.add.__module__:
             return super().resolve_function_type(func, args, kws)
         # What numba tries first; of literals it would keep one version each.
@@ -208,7 +208,7 @@ class _Lowering(NativeLowering):
         return bool(super().run_pass(state))
 
     def _owns(self, state: Any) -> bool:
-        """Whether a function makes arrays, is given new ones by what it calls, or returns one."""
+        """True if a function makes arrays, is given new ones by what it calls, or returns one."""
         models = state.targetctx.data_model_manager
         of = [state.return_type]
         for block in state.func_ir.blocks.values():
@@ -287,7 +287,7 @@ class LeanCompiler(Compiler):
 
 
 def fits() -> bool:
-    """Whether this numba has the parts that are replaced here."""
+    """True if this numba has the parts that are replaced here."""
     parts = {
         Context: ("refresh", "resolve_function_type"),
         CPUContext: ("refresh", "mangler"),

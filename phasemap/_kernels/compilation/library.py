@@ -34,7 +34,7 @@ def found() -> Library | None:
 
 
 def _features() -> dict[str, bool]:
-    """What this processor has, by numpy's names."""
+    """Instruction sets of this processor, by numpy's names."""
     return dict(import_module("numpy._core._multiarray_umath").__cpu_features__)
 
 
@@ -58,7 +58,7 @@ class Library:
         return function if about is None else Called(function, self._code, about)
 
     def symbol_of(self, formula: Callable[..., Any]) -> str | None:
-        """Symbol of a formula; None of one that the library has not."""
+        """Symbol of a formula; None if the library does not have it."""
         found: str | None = self._index["formulas"].get(f"{formula.__module__}.{formula.__qualname__}")
         return found
 
@@ -107,7 +107,7 @@ class _Version:
         self._function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, *passed]
 
     def fits(self, arguments: Sequence[Any]) -> bool:
-        """Whether it is for such arguments."""
+        """True if this version is for such arguments."""
         return all(map(_is_of, self._kinds, arguments))
 
     def call(self, arguments: Sequence[Any]) -> Any:
@@ -127,7 +127,7 @@ class _Version:
 
 
 def _is_of(kind: Any, value: Any) -> bool:
-    """Whether an argument is of a kind, as far as named tuples tell."""
+    """True if an argument is of a kind, as far as named tuples tell."""
     if isinstance(kind, str) or "class" not in kind:
         return True
     return kind["class"] == f"{type(value).__module__}.{type(value).__qualname__}" and all(
@@ -161,7 +161,7 @@ def _passed(kind: Any) -> list[Any]:
 
 
 def _packer(kind: Any) -> Callable[[Any, list[Any], list[Any]], None]:
-    """What adds the numbers that are passed for an argument."""
+    """Function that adds the numbers that are passed for an argument."""
     if (parts := _parts(kind)) is not None:
         packers = [_packer(part) for part in parts]
 
@@ -192,7 +192,7 @@ def _packer(kind: Any) -> Callable[[Any, list[Any], list[Any]], None]:
 
 
 def _random_numbers(generator: np.random.Generator) -> tuple[Any, ...]:
-    """What numba knows of a source of random numbers: functions that draw, their state, and nobody who owns it."""
+    """Fields of numba's record of a random generator: functions that draw, their state, and no owner."""
     state = generator.bit_generator.ctypes
     draws = (ctypes.cast(one, ctypes.c_void_p) for one in (state.next_uint64, state.next_uint32, state.next_double))
     return (None, state.state_address, state.state, *draws, state.bit_generator, None, None)
@@ -218,7 +218,7 @@ def _layout(kind: Any) -> Any:
 
 
 def _taker(kind: Any, release: Any) -> Callable[[Any, list[Any]], Any]:
-    """What makes an answer as Python has it: an array that was given is the same one, what was made is copied."""
+    """Function that makes an answer as Python has it: an array that was given stays that one, a new one is copied."""
     if kind == "none":
         return lambda _value, _arrays: None
     if kind == "complex128":

@@ -20,12 +20,12 @@ class OurCode(JITCodeLibrary):
         self.needs: dict[Callable[[], None], None] = {}  # has to be called, to load it, before this is loaded
 
     def add_ir_module(self, ir_module: Any) -> None:
-        """Take in what was lowered; it is verified with all the rest."""
+        """Take in lowered code; it is verified with all the rest."""
         self._raise_if_finalized()
         self.add_llvm_module(parse_assembly(cgutils.normalize_ir_text(str(ir_module))))
 
     def add_llvm_module(self, ll_module: Any) -> None:
-        """Take in what was lowered, as it is."""
+        """Take in lowered code, as it is."""
         ll_module.data_layout = self._codegen._data_layout
         self._final_module.link_in(ll_module)
 
@@ -34,13 +34,13 @@ class LinkedCode(OurCode):
     """Code to be linked: neither optimised nor emitted."""
 
     def finalize(self) -> None:
-        """Nothing may be added any more."""
+        """Close the code: nothing may be added any more."""
         self._raise_if_finalized()
         self._finalize_dynamic_globals()
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """With the code of the functions that it calls, for callers that are not ours."""
+        """Module with the code of the functions that it calls, for callers that are not ours."""
         whole = self._final_module.clone()
         _link(self, whole, "linkonce_odr")
         return whole
@@ -59,7 +59,7 @@ class EntryCode(OurCode):
 
 
 class VectorCode(EntryCode):
-    """The same with statements that follow one another in vector instructions too, as C compilers have it."""
+    """Code of an entry, with statements that follow one another in vector instructions too, as C compilers have it."""
 
     def _optimize_final_module(self) -> None:
         before, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1
@@ -70,7 +70,7 @@ class VectorCode(EntryCode):
 
 
 def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:
-    """The libraries that one needs, each once, up to shared ones; found through libraries of a kind."""
+    """Libraries that a library needs, each once, up to shared ones; found through libraries of a kind."""
     found: dict[Any, None] = {}
     open_ = [library]
     while open_:
@@ -132,7 +132,7 @@ class _Whole:
         ]
 
     def from_arguments(self, builder: Any, arguments: Sequence[Any]) -> list[Any]:
-        """Values from what was passed."""
+        """Values from the arguments that were passed."""
         passed = iter(arguments)
         return [
             model.from_argument(builder, ()) if part == () else
@@ -142,7 +142,7 @@ class _Whole:
         ]  # fmt: skip
 
     def assign_names(self, *_: Any) -> None:
-        """Names of arguments are for people."""
+        """Do nothing, for names of arguments are for people."""
 
 
 class WholeCalls(CPUCallConv):
@@ -152,7 +152,7 @@ class WholeCalls(CPUCallConv):
         return _Whole(self.context.data_model_manager, kinds)
 
     def declare(self, module: Any, function: Any) -> Any:
-        """The function in a module."""
+        """Declaration of a function in a module."""
         kind = self.get_function_type(function.restype, function.argtypes)
         found = cgutils.get_or_insert_function(module, kind, function.mangled_name)
         self.decorate_function(found, function.args, function.argtypes)
@@ -162,7 +162,7 @@ class WholeCalls(CPUCallConv):
 
 
 def called(function: Any, libraries: Sequence[Any]) -> Callable[..., Any]:
-    """How numba makes a call of a kernel, given its description."""
+    """Function by which numba makes a call of a kernel, given its description."""
 
     def make(context: Any, builder: Any, _signature: Any, values: Sequence[Any]) -> Any:
         calls = WholeCalls(context)

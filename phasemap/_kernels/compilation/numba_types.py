@@ -37,18 +37,18 @@ class RecordType(types.Type):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What makes two of them the same."""
+        """Name and fields, by which two types are the same."""
         return self.name, tuple(self.fields.items())
 
     @property
     def mangling_args(self) -> tuple[str, tuple[()]]:
-        """By what name compiled code is linked: the same in every process."""
+        """Name by which compiled code is linked: the same in every process."""
         return self.name, ()
 
 
 @register_model(RecordType)
 class _Address(models.PrimitiveModel):
-    """A record is passed by its address."""
+    """Model of a record in LLVM: its address."""
 
     def __init__(self, manager: Any, kind: RecordType) -> None:
         super().__init__(manager, kind, ir.ArrayType(ir.IntType(8 * WORD), kind.words).as_pointer())
@@ -72,7 +72,7 @@ def _place(builder: Any, address: Any, first: int, kind: Any) -> Any:
 
 @lower_getattr_generic(RecordType)
 def _get(context: Any, builder: Any, kind: RecordType, address: Any, name: str) -> Any:
-    """A number, a view of a column, or the address of a record in this one."""
+    """Value of a field: a number, a view of a column, or the address of a record in this one."""
     of, first, count = kind.fields[name]
     if isinstance(of, RecordType):
         return _place(builder, address, first, context.get_value_type(of).pointee)
@@ -178,7 +178,7 @@ def clear(_context: Any, one: Any) -> Any:
 
 @intrinsic
 def numbers_of(_context: Any, one: Any) -> Any:
-    """All numbers of a record of floats in their order, as an array that is its memory."""
+    """Numbers of a record of floats in their order, as an array that is its memory."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         place = builder.bitcast(arguments[0], ir.DoubleType().as_pointer())
@@ -188,7 +188,7 @@ def numbers_of(_context: Any, one: Any) -> Any:
 
 
 class _ChosenType(types.Callable, types.Dummy):
-    """The numba type of such a function."""
+    """The numba type of a function that is chosen by its first argument."""
 
     def __init__(self, function: Any) -> None:
         self.function = function

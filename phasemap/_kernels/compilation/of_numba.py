@@ -1,4 +1,4 @@
-"""What kernels need of numba to write instructions that it has not; nothing where nothing is compiled."""
+"""Parts of numba for instructions that it does not have; stand-ins where nothing is compiled."""
 
 from phasemap._kernels.compilation.mode import COMPILES
 

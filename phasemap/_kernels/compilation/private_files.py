@@ -14,7 +14,7 @@ OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def is_private_folder(folder: pathlib.Path) -> bool:
-    """Whether nobody else can put a file into a folder, or another folder in its place; `folder` has no links."""
+    """True if nobody else can put a file into a folder, or another folder in its place; `folder` has no links."""
     return _is_private(folder.stat()) and all(_keeps_names(one.stat()) for one in folder.parents)
 
 
@@ -46,12 +46,12 @@ def user() -> int:
 
 
 def _is_private(known: os.stat_result) -> bool:
-    """Whether only the user and the administrator can write a file or a folder."""
+    """True if only the user and the administrator can write a file or a folder."""
     return os.name == "nt" or (known.st_uid in (0, user()) and not known.st_mode & OTHERS)
 
 
 def _keeps_names(known: os.stat_result) -> bool:
-    """Whether nobody else can rename what is in a folder."""
+    """True if nobody else can rename what is in a folder."""
     if os.name == "nt":
         return True
     if known.st_uid not in _owners_above():
@@ -62,7 +62,7 @@ def _keeps_names(known: os.stat_result) -> bool:
 
 
 def _owners_above() -> set[int]:
-    """Who may own a folder above: the user, the administrator, and who stands for him in a container that has none."""
+    """Possible owners of a folder above: the user, the administrator, and who stands for him in a container without."""
     owners = {0, user()}
     with contextlib.suppress(OSError):
         ranges = pathlib.Path("/proc/self/uid_map").read_text().splitlines()
@@ -72,7 +72,7 @@ def _owners_above() -> set[int]:
 
 
 def _has_members(number: int) -> bool:
-    """Whether a group has others in it; many systems give each user a group of the same name, which has none."""
+    """True if a group has others in it; many systems give each user a group of the same name, which has none."""
     import grp
     import pwd
 

@@ -1,4 +1,4 @@
-"""Whether what is compiled here has the numbers that numba's own compiler gives: a small kernel, both ways.
+"""Test whether code compiled here has the numbers of numba's own compiler: a small kernel, both ways.
 
 A version of numba may keep the names of the parts that are replaced here, and change what they mean. So once for each
 version a kernel that has what kernels consist of is compiled both ways; a file beside the compiled code says that its

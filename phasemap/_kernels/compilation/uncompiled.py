@@ -11,7 +11,7 @@ ANY_ORDER: set[str] = set()
 
 
 def kernel(function: Any = None, *, light: bool = False, **_how_it_is_compiled: Any) -> Any:
-    """The function as Python calls it; what is light it runs as it is."""
+    """Function that Python calls for a kernel; a light one as it is."""
     if function is None:
         return lambda one: kernel(one, light=light)
     return function if light or LIBRARY is None else LIBRARY.kernel(function)

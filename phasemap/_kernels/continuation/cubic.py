@@ -46,7 +46,7 @@ def cubic_terms(one: float, two: float, rise: float) -> tuple[float, float]:
 
 @kernel
 def turns_twice_between(path: Path, reach: float, before: Point, point: Point) -> bool:
-    """Whether a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
+    """True if a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
 
     Of a pair of folds within one step nothing else would be seen.
     """

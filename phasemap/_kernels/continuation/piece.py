@@ -114,7 +114,7 @@ def kept_orbit(kept: KeptOrbits, i: int, workspace: Orbit) -> Orbit:
 
 @kernel
 def _keep_orbit(orbit: Orbit, kept: KeptOrbits) -> None:
-    """Keep an orbit, where there is room for one more."""
+    """Copy an orbit to the first free place among those kept, if there is one."""
     for i in range(len(kept.heads)):
         free = kept_orbit(kept, i, orbit)
         if head_of(free).count == 0:
@@ -188,7 +188,7 @@ def next_exact_point(
 def turn_between(
     path: Path, start: Place, after: Point, entry: int, level: int, tolerance: float, orbit: Orbit, point: Point
 ) -> bool:
-    """Find the point of a curve between `start` and `after` at which a value of it is extreme: dx/ds = 0.
+    """Find the point of a curve between `start` and `after` at which an entry of it is extreme: dx/ds = 0.
 
     By false position in the arclength s: theory, Eq. (continuation-5). `entry` names the value x, as ENTRY_Z0 and
     ENTRY_A do; `point` and `orbit`, of this level of refinement, are filled. False if no such point is found.

@@ -34,7 +34,7 @@ ENTRY_SEEN = 5  # the amplitude that the detector sees
 
 @record
 class Point:
-    """A point of the curve: what its orbit is, and how the curve goes on there."""
+    """A point of the curve: the values of its orbit, and the direction of the curve there."""
 
     value: np.ndarray = column(6)  # z0, A [m], m, P, S, the amplitude that the detector sees [m]
     rate: np.ndarray = column(6)  # their derivatives along the curve; of the last one with the lever as it is
@@ -47,7 +47,7 @@ class Point:
 
 @kernel
 def gap_scale(reach: float, z0: float, amplitude: float) -> float:
-    """Natural length of the gap z0 - A at a point of the curve."""
+    """Natural length [m] of the gap z0 - A at a point of the curve."""
     return 0.5 * reach + 0.25 * abs(z0 - amplitude)
 
 

@@ -142,7 +142,7 @@ def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: t
 
 @kernel(shared=True)
 def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
-    """Fill a point of the curve at a converged orbit; the tangent it holds, of the point before, gives the sense."""
+    """Fill a point of the curve at a converged orbit; the tangent in it, that of the point before, gives the sense."""
     head, right, value = head_of(orbit), orbit.system[:, RIGHT], point.value
     reach = natural_length(path, orbit)
     value[ENTRY_Z0], value[ENTRY_A], value[ENTRY_M] = head.tip_offset, head.amplitude, head.parameter
@@ -242,7 +242,7 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
 
 @kernel
 def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point, orbit: Orbit) -> bool:
-    """Whether a point crosses a value of an entry in the sense of two points, and lies between them in the other."""
+    """True if a point crosses a value of an entry in the sense of two points, and lies between them in the other."""
     other = answer_entry(path) if index == control_entry(path) else control_entry(path)
     low, high = min(last.value[other], after.value[other]), max(last.value[other], after.value[other])
     slack = SLACK_BETWEEN * (high - low)

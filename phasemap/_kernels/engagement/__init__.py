@@ -1,4 +1,4 @@
-"""Which orbit holds the setpoint: the one on which a tip ends that comes from far. Four ways to know, tried in order.
+"""Orbit that holds the setpoint: the one on which a tip ends that comes from far. Four ways to know, tried in order.
 
 1. `by_averaging`: averaged orbits, where their answer has a margin; `beside_resonance` where a lever is carried over
    its resonance, or a tip rebounds.

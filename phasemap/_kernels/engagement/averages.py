@@ -1,4 +1,4 @@
-"""What a lock-in shows of a motion that need not repeat itself: averages over some periods, with their spread.
+"""Averages over some periods, as a lock-in shows them, of a motion that need not repeat itself, with their spread.
 
 The mean phasor of the first harmonic counts, and its spread behind a low-pass of stated bandwidth: theory,
 Eqs. (irregular-2) and (irregular-4).
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from phasemap._kernels.orbits.time.runge_kutta import Numbers
 
 BANDWIDTH = 0.01
-"""Of the lock-in whose spread is stated, in drive frequencies: a low-pass of first order, one step a period."""
+"""Bandwidth, in drive frequencies, of the lock-in whose spread is stated: a first-order low-pass, a step a period."""
 FEWEST_AVERAGED = 16  # periods, or a ring-down time, that are averaged before the controller acts
 FEWEST_GROUPS = 6  # whose scatter tells the error of their mean
 UNSURE = 0.25  # share of what the mean amplitude misses, by which the tip offset may be wrong beside its own slope
@@ -52,7 +52,7 @@ class Total:
 
 @record
 class LockIn:
-    """A lock-in over some periods: its sums, and the state handed from one average to the next."""
+    """A lock-in over some periods: its sums, and the state at their end, from which the next average goes on."""
 
     total: Total
     low_cos: float  # phasor behind the low-pass [m]
@@ -74,7 +74,7 @@ class Series(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors of a mean, and what its lag is too large by."""
+    """Errors of a mean, and the bias of its lag."""
 
     lag: float  # that is stated [rad]
     offset: float  # that is stated of the tip offset [m]
@@ -110,7 +110,7 @@ def add_total(total: Total, more: Total) -> None:
 
 @kernel
 def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn) -> bool:
-    """March so many periods, and sum up what is seen; z0 falls by way + gain (A - setpoint) [m] in each.
+    """March so many periods, and sum up the detected motion; z0 falls by way + gain (A - setpoint) [m] in each.
 
     A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
     """
@@ -165,7 +165,7 @@ def mean_amplitude(lever: np.ndarray, lock_in: LockIn) -> float:
 
 @kernel
 def touches_alike(lock_in: LockIn) -> bool:
-    """Whether the tip touched in every period, or in none: in some only, its motion does not repeat itself."""
+    """True if the tip touched in every period, or in none: in some only, its motion does not repeat itself."""
     return (lock_in.least_depth >= 0.0) == (lock_in.total.period.deepest >= 0.0)
 
 
@@ -177,7 +177,7 @@ def block_of(lever: np.ndarray) -> int:
 
 @kernel
 def fill_spread(total: Total, row: np.ndarray) -> None:
-    """Fill in how amplitude and phase behind the lock-in scatter."""
+    """Fill in the scatter of amplitude and phase behind the lock-in."""
     size, angle = total.amplitude / total.count, total.angle / total.count
     row[col.SPREAD_AMPLITUDE] = math.sqrt(max(total.amplitude2 / total.count - size * size, 0.0))
     row[col.SPREAD_PHASE] = math.sqrt(max(total.angle2 / total.count - angle * angle, 0.0))
@@ -228,7 +228,7 @@ def half_width(x: np.ndarray, count: int) -> float:
 
 @kernel
 def slope_on(x: np.ndarray, y: np.ndarray) -> float:
-    """Slope of a straight line through all points; 0 where x is the same at all."""
+    """Slope of a straight line fitted to all points; 0 where all x are the same."""
     x_mean = y_mean = both = square = 0.0
     for i in range(len(x)):
         x_mean, y_mean = x_mean + x[i] / len(x), y_mean + y[i] / len(x)

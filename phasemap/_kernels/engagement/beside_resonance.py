@@ -1,4 +1,4 @@
-"""Levers driven beside their resonance that come to the setpoint only in time, for the tip falls, or rebounds.
+"""Engagement of a lever that is driven beside its resonance, where only time tells: the tip falls, or rebounds.
 
 The fall from the fold below resonance is that of theory/engagement, "First: averaging"; the rebound, at which the lever
 between two taps keeps a time of its own, is theory, Eq. (engagement-6). Of 300 materials drawn at 0.867 to 1.117 of the
@@ -74,7 +74,7 @@ def tip_offset_of_fold(oscillator: Oscillator) -> float:
 def highest_repulsive_tip_offset(oscillator: Oscillator) -> float:
     """Highest tip offset [m] of an orbit below the resonance that repulsion raises, X > 0; -infinity without one.
 
-    It is next to X = 0, where the amplitude is the largest that the drive can make if the sample takes nothing, and
+    It is next to X = 0, where the amplitude is the largest that the drive can make without losses in the sample, and
     -P = A (1 - omega^2) on the way in from the strongest attraction.
     """
     law, p, lever = oscillator
@@ -100,14 +100,14 @@ def attraction_defies_averaging(oscillator: Oscillator) -> bool:
 
 @kernel
 def lands_attractive(oscillator: Oscillator) -> bool:
-    """Whether a tip from far is surely on the attractive side after its jump at the fold, or does not jump."""
+    """True if a tip from far is surely on the attractive side after its jump at the fold, or does not jump."""
     highest = highest_repulsive_tip_offset(oscillator) + CLEAR * reach_of(oscillator.p)
     return tip_offset_of_fold(oscillator) > highest
 
 
 @kernel
 def rebounds(oscillator: Oscillator, push: float) -> bool:
-    """Whether a contact with in-phase force P [m] is shorter than what T differs from the free lever's period.
+    """True if a contact with in-phase force P [m] is shorter than the difference of T and the free lever's period.
 
     A short contact turns the velocity v = pi P/(2 omega) round. It is so short if the depth at which it would last as
     long takes more energy than v^2/2. Within a linewidth of the resonance a lever keeps no time of its own, and

@@ -57,7 +57,7 @@ IN_TIME = 3  # the tip is carried over its resonance, or rebounds
 
 @kernel(light=True)
 def detuning(lever: np.ndarray) -> tuple[float, float]:
-    """(x, y): drive that stiffness and damping of the free lever take, over the whole."""
+    """(x, y): drive that stiffness and damping of the free lever take, over the whole drive."""
     stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
     whole = math.hypot(stiff, damped)
     return stiff / whole, damped / whole
@@ -72,13 +72,13 @@ def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
 
 @kernel(light=True)
 def forces_are_plain(oscillator: Oscillator) -> bool:
-    """Whether averaging can decide the branch: no neck, and before contact attraction alone, the more the nearer."""
+    """True if averaging can decide the branch: no neck, and before contact attraction alone, the more the nearer."""
     return bool(not has_hysteresis(oscillator.p) and oscillator.law.attracts == 1)
 
 
 @kernel
 def leaps(oscillator: Oscillator) -> bool:
-    """Whether attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
+    """True if attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     lever = oscillator.lever
     x, y = detuning(lever)
     return x > 0.0 and (1.0 / y - 1.0) * free_amplitude(lever) > reach_of(oscillator.p)
@@ -100,14 +100,14 @@ def decisive_mismatch(lever: np.ndarray, amplitude: float) -> float:
 
 
 @kernel
-def plain_mismatch(lever: np.ndarray, amplitude: float) -> float:
-    """The same at any frequency."""
+def decisive_mismatch_beside_resonance(lever: np.ndarray, amplitude: float) -> float:
+    """Size of the maximum mismatch from which averaging decides the branch without doubt, at any drive frequency."""
     return decisive_mismatch(lever, amplitude) * (1.0 + DETUNED * abs(lever[col.DYNAMIC_STIFFNESS]))
 
 
 @kernel
 def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: float) -> float:
-    """Mismatch where attraction is this share of what an orbit of this amplitude without losses needs.
+    """Mismatch where attraction is this share of the one that an orbit of this amplitude without losses needs.
 
     It is (X^2 + Y^2)/u0^2 - 1, with X/u0 = r x - share (q + r x) and (Y/u0)^2 = 1 - q^2.
     """
@@ -119,14 +119,14 @@ def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: flo
 
 @kernel
 def decide(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
-    """Side on which the tip passes this amplitude, by averaging; UNCLEAR too near to the jump."""
+    """Side of the resonance on which the tip passes this amplitude, by averaging; UNCLEAR too near to the jump."""
     law, p, lever = oscillator
     clear(top)
     if not has_longrange(p):
         # Without attraction there is one branch; with adhesion alone its onset jumps.
         top.behind = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
-    least, plain = decisive_mismatch(lever, amplitude), plain_mismatch(lever, amplitude)
+    least, plain = decisive_mismatch(lever, amplitude), decisive_mismatch_beside_resonance(lever, amplitude)
     find_mismatch_maximum(oscillator, amplitude, plain, top)
     if top.mismatch >= plain:
         return ATTRACTIVE
@@ -137,7 +137,7 @@ def decide(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
 
 @kernel
 def side_reached_from_far(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
-    """Side on which the tip that comes from far reaches this amplitude, by averaging; see above."""
+    """Side on which the tip from far reaches this amplitude, by averaging, there and where its branch is narrowest."""
     p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
     worst = narrowest_amplitude_ratio(lever) * free
@@ -149,7 +149,7 @@ def side_reached_from_far(oscillator: Oscillator, amplitude: float, top: Maximum
 
 @kernel(shared=True)
 def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
-    """What decides which orbit of this amplitude a tip from far comes to; BY_AVERAGING with that in `harmonic`.
+    """Way to decide which orbit of this amplitude a tip from far comes to; BY_AVERAGING with that in `harmonic`.
 
     BY_FOLD the maximum of the mismatch is in `top`.
     """
@@ -159,7 +159,7 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: Harm
 
 @kernel
 def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
-    """What decides which orbit of this amplitude a tip from far comes to, if it does not rebound.
+    """Way to decide which orbit of this amplitude a tip from far comes to, if it does not rebound.
 
     BY_AVERAGING: that orbit is in `harmonic`. BY_FOLD: the maximum of the mismatch is in `top`.
     """
@@ -207,13 +207,13 @@ def fill_orbit_at_low_q(
 
 @kernel
 def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit) -> bool:
-    """Fill `harmonic` with the averaged orbit of this amplitude; False if there may be others or none.
+    """Fill `harmonic` with the averaged orbit of this amplitude; False if there may be several or none.
 
-    Where the sample takes so much, as where it is soft and lossy, that the lever is held before contact repels more
+    On a soft and lossy sample the lever may lose so much that it is held before contact repels more
     than the rest attracts. As the tip comes near the mismatch then rises through zero from well below it to well above,
     and never falls again.
     """
-    reach, plain = reach_of(oscillator.p), plain_mismatch(oscillator.lever, amplitude)
+    reach, plain = reach_of(oscillator.p), decisive_mismatch_beside_resonance(oscillator.lever, amplitude)
     gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
     while gap > deepest and gap > -2.0 * amplitude:
         h, _ = mismatch_at_gap(oscillator, amplitude, gap)

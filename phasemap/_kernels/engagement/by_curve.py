@@ -82,13 +82,13 @@ def detected_amplitude_wanted(oscillator: Oscillator, seen: float) -> Wanted:
 
 @kernel
 def rough_tip_amplitude(lever: np.ndarray, wanted: Wanted) -> float:
-    """Amplitude A [m] of the attractive orbit wanted, roughly where the detected one is wanted."""
+    """Amplitude A [m] of the attractive orbit wanted; roughly, where an amplitude of the detector is wanted."""
     return wanted.value if wanted.entry == ENTRY_A else likely_amplitude(lever, wanted.value, ATTRACTIVE)
 
 
 @kernel
 def pressed_in(oscillator: Oscillator, orbit: Orbit) -> bool:
-    """Whether the tip stays in contact with the lever pressed in farther than any instrument would."""
+    """True if the tip stays in contact with the lever pressed in farther than any instrument would."""
     return head_of(orbit).contacts == PERMANENT and head_of(orbit).tip_offset < lowest_tip_offset(oscillator)
 
 
@@ -104,7 +104,7 @@ class CurveDescent:
 def descend(
     path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: CurveDescent, found: Orbit
 ) -> int:
-    """Go on from one point of the curve to another, whose orbit is `near`, with no turn of the amplitude between.
+    """Go from a point of the curve to the next, whose orbit is `near`, without a turn of the amplitude between.
 
     GOOD where the tip stops, on the orbit `found`, PENDING where it goes on; NOT_CONVERGED where it comes to an orbit
     that is not stable.
@@ -157,7 +157,7 @@ def descend_by_turn(
 
 @kernel
 def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWorkspace) -> int:
-    """Follow the curve from `point` on to the orbit at which a tip that is lowered stops, in `curve.found`."""
+    """Follow the curve from `point` to the orbit at which a tip that is lowered stops, left in `curve.found`."""
     orbit, saved, found = curve
     amplitude, step, way = wanted.value, FIRST_ARC_STEP, CurveDescent()
     way.lowest = math.inf

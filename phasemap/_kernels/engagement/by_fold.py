@@ -109,7 +109,7 @@ def response_maximum(
 
 @kernel
 def highest_response_mismatch(oscillator: Oscillator, amplitude: float, workspace: ResponseWorkspace) -> Peak:
-    """`response_maximum` from the averaged one in `workspace.top`."""
+    """Maximum over the gap of the exact mismatch, sought from the averaged one in `workspace.top`."""
     top, nodes = workspace.top, workspace.nodes
     # Outside of contact the harmonics lift the tip, by which the maximum lies nearer to the surface than averaged.
     lifted = response_mismatch(oscillator, amplitude, 0.0, workspace)
@@ -130,9 +130,9 @@ def side_of(highest: float) -> int:
 def decide_by_response(
     oscillator: Oscillator, setpoint: float, amplitude: float, workspace: ResponseWorkspace
 ) -> tuple[int, Peak]:
-    """Side on which the tip passes the amplitude at which the attractive branch is nearest to its end, and the maximum.
+    """Side on which the tip passes this amplitude, where the attractive branch is nearest its end; the maximum there.
 
-    Where that is is known for harmonic orbits. Of the maxima around it, not below the setpoint, the least counts.
+    The amplitude is that of harmonic orbits: of the maxima around it, not below the setpoint, the least counts.
     """
     lever = oscillator.lever
     peak = highest_response_mismatch(oscillator, amplitude, workspace)
@@ -151,7 +151,7 @@ def decide_by_response(
 def fill_orbit_outside_maximum(
     oscillator: Oscillator, amplitude: float, peak: Peak, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
 ) -> bool:
-    """Fill `harmonic` with the exact orbit, roughly, at a gap above that of the maximum; False if it is not found.
+    """Fill `harmonic` with the attractive orbit at the zero of the exact mismatch outside its maximum; False without.
 
     The mismatch goes with the square of the distance from its maximum.
     """
@@ -204,7 +204,7 @@ def orbit_by_response(
 def averaging_suffices(
     lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState, limits: ErrorLimits, row: np.ndarray
 ) -> bool:
-    """Whether the averaged orbit is within `limits` of the exact one; then fills its row."""
+    """True if the averaged orbit is within `limits` of the exact one; then fills its row."""
     phase_error = (
         abs(phase_of(lever, harmonic.amplitude, harmonic.push, harmonic.drag) - state.phase) + state.phase_error
     )

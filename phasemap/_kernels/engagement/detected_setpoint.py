@@ -57,7 +57,7 @@ from phasemap._kernels.orbits.result_row import feedback_status
 def engaged_orbit_by_response(
     oscillator: Oscillator, amplitude: float, limits: ErrorLimits, harmonic: HarmonicOrbit, workspace: ResponseWorkspace
 ) -> bool:
-    """`orbit_by_response` on which a tip from far stops where the detector sees an amplitude [m].
+    """Orbit by `orbit_by_response` on which a tip from far stops where the detector sees an amplitude [m].
 
     Where that is not A, averaging has to be sure of the branch again at the A that is found.
     """
@@ -77,7 +77,7 @@ def engaged_orbit_by_response(
 
 @kernel
 def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.ndarray) -> None:
-    """Make errors and slope of the feedback of an orbit, which are those at its A, those at the amplitude seen [m]."""
+    """Convert errors and feedback slope of an orbit from those at its A to those at the amplitude seen [m]."""
     if sees_tip(lever):
         return
     a, phase, error = row[col.AMPLITUDE], row[col.PHASE], row[col.ERROR_PHASE]
@@ -96,7 +96,7 @@ def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.nd
 
 @kernel
 def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
-    """What changes with A along the curve, at an orbit that is linearised; NaN where that has no solution."""
+    """Derivatives by A along the curve, at an orbit that is linearised; NaN where that has no solution."""
     if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         return Along(math.nan, math.nan, math.nan)
     head, rate = head_of(orbit), orbit.system[:, RIGHT]
@@ -109,7 +109,7 @@ def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
 def move_to_detected_amplitude(
     oscillator: Oscillator, seen: float, tolerance: float, orbit: Orbit, row: np.ndarray
 ) -> tuple[int, Along]:
-    """Move an exact orbit to where it is seen with an amplitude [m]; fill in its row, return a status and its slopes.
+    """Move an exact orbit to where the detector sees an amplitude [m]; fill in its row, return a status and its slopes.
 
     `tolerance`: its last change [m].
     """

@@ -1,4 +1,4 @@
-"""What a motion in time is to hold, in which steps and to which errors it is marched."""
+"""Goal of a motion in time: the amplitude to hold, and the steps and errors of the march."""
 
 from __future__ import annotations
 

@@ -155,13 +155,13 @@ def come_to_mean(
 
 @kernel
 def astray(amplitude: float, of: Groups) -> bool:
-    """Whether the mean misses the amplitude that is held by so much that it is of another motion."""
+    """True if the mean misses the amplitude that is held by so much that it belongs to another motion."""
     return amplitude > 0.0 and abs(of.short) > MEAN_MISS * amplitude * of.groups
 
 
 @kernel
 def scatters_little(errors: Errors) -> bool:
-    """Whether averages scatter so little about their mean that it counts as held."""
+    """True if averages scatter so little about their mean that it counts as held."""
     return errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH
 
 

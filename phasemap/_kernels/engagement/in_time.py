@@ -1,4 +1,4 @@
-"""Which motion the controller finds, by engaging in time: the answer where no curve of periodic orbits gives it.
+"""Motion that the controller finds, by engaging in time: the answer where no curve of periodic orbits gives it.
 
 A lever that swings freely is lowered from far while the equation of motion is marched. As long as the motion repeats
 itself every period, the periodic orbit is followed by Newton's method on the map of one period (`period_map`). A

@@ -1,4 +1,4 @@
-"""How a tip is lowered to the setpoint: along periodic orbits, and where it is carried over its resonance, in time.
+"""Lowering of a tip to the setpoint: along periodic orbits, and where it is carried over its resonance, in time.
 
 Where a lever leaps it depends on its motion where it lands. There the tip is lowered so slowly that the way of a free
 amplitude takes a thousand ring-down times, and is seen behind a low-pass of one ring-down time: as it falls the
@@ -86,7 +86,7 @@ def deepest_offset(lever: np.ndarray) -> float:
 
 @kernel
 def too_far(lever: np.ndarray, from_z0: float, z0: float) -> bool:
-    """Whether a tip left the range of offsets: `deepest_offset`, and as far above both surface and where it began."""
+    """True if a tip left the range of offsets: `deepest_offset`, and as far above both surface and where it began."""
     lowest = deepest_offset(lever)
     return not lowest < z0 < max(from_z0, 0.0) - lowest
 
@@ -183,7 +183,7 @@ class FilteredMotion:
 
 @kernel
 def falls_gently(oscillator: Oscillator) -> bool:
-    """Whether a fall is smooth enough for many periods at once.
+    """True if a fall is smooth enough for many periods at once.
 
     A mode above the first turns by a part of a turn from each period to the next: its ringing allows no long steps.
     """
@@ -196,7 +196,7 @@ def falls_gently(oscillator: Oscillator) -> bool:
 def pass_ring_down_time(
     oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: PeriodFlow, motion: FilteredMotion
 ) -> bool:
-    """Let a ring-down time pass, in which the tip is lowered, or held by the feedback; False where marching fails."""
+    """March for a ring-down time, in which the tip is lowered, or held by the feedback; False where marching fails."""
     lever = oscillator.lever
     acc, passed, allowed = tip.acc, 0, MANY_PERIODS_MISS * reach_of(oscillator.p)
     motion.change = motion.missed = 0.0

@@ -98,7 +98,7 @@ def nodes_of(
 
 @kernel
 def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, workspace: RowWorkspace) -> bool:
-    """Fill the nodes of a row on this branch, whose orbit passes of the lever's response find."""
+    """Fill the nodes of a row on this branch, if passes of the lever's response find its orbit; else False."""
     amplitude, response, harmonic = row[col.AMPLITUDE], workspace.response, workspace.harmonic
     if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, harmonic)):
         return False

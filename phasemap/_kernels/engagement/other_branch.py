@@ -84,7 +84,7 @@ def start_outside_maximum(oscillator: Oscillator, amplitude: float, top: Maximum
 
 @kernel
 def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
-    """Mismatch where repulsion just makes up for attraction, P = 0; deeper the surface takes up more.
+    """Mismatch at P = 0, where repulsion balances attraction; deeper the surface dissipates more.
 
     Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
     for attraction, even in permanent contact.

@@ -28,7 +28,7 @@ LEAST_SQUARE = 0.25  # of w2^2, to which the square of the frequency may fall
 
 @kernel
 def begin_second_drive(lever: np.ndarray, u: np.ndarray) -> None:
-    """Drive the second mode as where it is free, and let it swing so in a state at which a period begins."""
+    """Begin the second drive, with the second mode swinging as when it is free, in a state at the begin of a period."""
     mode, size = mode_of(lever, 1), lever[col.SECOND_FREE]
     omega = math.sqrt(mode.square)
     lever[col.SECOND_FORCE] = 2.0 * mode.rate * omega * size / mode.share
@@ -38,7 +38,7 @@ def begin_second_drive(lever: np.ndarray, u: np.ndarray) -> None:
 
 @kernel
 def pass_period(lever: np.ndarray) -> None:
-    """Let the second drive's phase be where the next period of the first begins."""
+    """Advance the phase of the second drive to the begin of the first drive's next period."""
     turn = 2.0 * math.pi
     phase = lever[col.SECOND_PHASE] + lever[col.SECOND_OMEGA] * turn / lever[col.OMEGA]
     lever[col.SECOND_PHASE] = phase - turn * math.floor(phase / turn)
@@ -52,7 +52,7 @@ def window(i: int, count: int) -> float:
 
 @kernel
 def felt_by_second_mode(lever: np.ndarray, phasor: complex) -> complex:
-    """What the surface adds to the dynamic stiffness of the second mode [1], by its complex amplitude [m]."""
+    """Dynamic stiffness [1] that the surface adds to the second mode, by the mode's complex amplitude [m]."""
     mode = mode_of(lever, 1)
     own = dynamic_stiffness_at(mode, lever[col.SECOND_OMEGA])
     return mode.share * lever[col.SECOND_FORCE] / phasor - own

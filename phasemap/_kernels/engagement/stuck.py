@@ -1,4 +1,4 @@
-"""Whether a tip that fell onto the sample and sticks comes back to an amplitude before it comes free.
+"""Test whether a tip that fell onto the sample and sticks comes back to an amplitude before it comes free.
 
 It is raised until adhesion lets go, at the latest where the lever no longer rests in contact. If that is so far up that
 a free tip touches nothing, the lever swings freely from then on, is lowered again as it was before, and falls where it

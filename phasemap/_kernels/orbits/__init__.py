@@ -1,4 +1,4 @@
-"""What a periodic orbit is, given a guess of it.
+"""Solvers of a periodic orbit, given a guess of it.
 
 `averaged` gives it to first order, `response` exactly by the lever's response to the force (the fast way),
 `collocation` exactly by Newton's method on elements (the sure way). `time` marches the equation of motion, which

@@ -83,7 +83,7 @@ def _fill_load_harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: in
 def _sideband_compliances(lever: np.ndarray, slope: float, out: np.ndarray) -> None:
     """Fill in the compliance at the sidebands omega2 + n omega and omega2 - n omega, n from 0 on [m/N].
 
-    `slope`: what stiffens the second mode, whose drive follows that, or 0 [N/m].
+    `slope`: stiffness that the surface adds to the second mode, whose drive follows it, or 0 [N/m].
     `out` (complex, shape (2, 1 + SLOPE_HARMONICS)): of all modes but the second, and of that one.
     """
     second = mode_of(lever, 1)
@@ -101,7 +101,7 @@ def _sideband_compliances(lever: np.ndarray, slope: float, out: np.ndarray) -> N
 
 @kernel
 def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
-    """Fill in what the second mode finds softer than the mean slope, since modes yield at its sidebands [N/m].
+    """Fill in the stiffness [N/m] that the second mode feels less than the mean slope, as modes yield at sidebands.
 
     Where the second mode moves, the slope that comes and goes, with harmonics K_n, makes forces at the sidebands of its
     frequency. What the modes do there acts back: theory, Eq. (errors-5).
@@ -161,7 +161,7 @@ def _force_load(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.nda
 
 @kernel
 def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
-    """Fill in the harmonics of what the detector sees: the answer of the lever to those of the force."""
+    """Fill in the harmonics of the detector's signal: the lever's response to those of the force."""
     for n in range(col.HARMONICS):
         seen = -detected_compliance(lever, (n + 2) * lever[col.OMEGA]) * complex(waves[0, n], waves[1, n])
         row[WAVES + 2 * n], row[WAVES + 2 * n + 1] = seen.real, seen.imag
@@ -169,7 +169,7 @@ def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
 
 @kernel
 def _resolved_harmonics(at: OrbitNodes, count: int, load: np.ndarray) -> int:
-    """Number of harmonics that nodes resolve, by the widest of those at which the force is not small."""
+    """Number of harmonics that nodes resolve, by the largest weight of a node at which the force is not small."""
     most, widest = 0.0, 0.0
     for j in range(count):
         most = max(most, abs(load[0, j]) / at.weight[j])

@@ -18,9 +18,9 @@ from phasemap._kernels.orbits.response.nodes import (
     EXIT,
     N,
     Nodes,
-    counts,
     depth_at_node,
     first_of_element,
+    force_acts_on,
     parts_of,
     rate_at_node,
     weight_of_node,
@@ -58,7 +58,7 @@ def nodes_from_response(nodes: Nodes, amplitude: float, centre: float, at: Orbit
     """Fill nodes from those of passes of the lever's response."""
     count = 0
     for element in range(2 + parts_of(nodes)):
-        if not counts(nodes, element):
+        if not force_acts_on(nodes, element):
             continue
         first, in_contact = first_of_element(element), element != 0 and element != 2
         for j in range(N):
@@ -75,7 +75,7 @@ def nodes_from_response(nodes: Nodes, amplitude: float, centre: float, at: Orbit
 
 @kernel
 def nodes_from_collocation(oscillator: Oscillator, orbit: Orbit, at: OrbitNodes) -> None:
-    """Fill nodes from those of collocation; elements on which nothing acts are left out."""
+    """Fill nodes from those of collocation; elements without a force are left out."""
     head = head_of(orbit)
     at.count, at.begins, at.ends = 0, 0.0, 0.0
     for e in range(head.count):
@@ -98,7 +98,7 @@ def nodes_from_collocation(oscillator: Oscillator, orbit: Orbit, at: OrbitNodes)
 
 @kernel
 def read_nodes(row: np.ndarray, at: OrbitNodes) -> None:
-    """Fill nodes with those behind a row."""
+    """Fill nodes with those kept behind a row."""
     at.count, at.begins, at.ends = int(row[KEPT_COUNT]), row[KEPT_BEGINS], row[KEPT_ENDS]
     for j in range(at.count):
         first = KEPT_NODES + 6 * j
@@ -108,7 +108,7 @@ def read_nodes(row: np.ndarray, at: OrbitNodes) -> None:
 
 @kernel
 def keep_nodes(at: OrbitNodes, row: np.ndarray) -> None:
-    """Put nodes behind a row, where there is room for all."""
+    """Write nodes behind a row, if there is room for all."""
     row[KEPT_COUNT] = 0.0
     if at.count > MOST_KEPT_NODES:
         return

@@ -1,4 +1,4 @@
-"""What the result row of an orbit says of it."""
+"""Properties of an orbit by its result row."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def feedback_status(row: np.ndarray) -> int:
 
 @kernel
 def same_orbit(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two result rows are of the same orbit."""
+    """True if two result rows are of the same orbit."""
     apart = abs(one[col.TIP_OFFSET] - other[col.TIP_OFFSET]) / one[col.AMPLITUDE]
     return max(apart, abs(one[col.PHASE] - other[col.PHASE])) < SAME_ORBIT
 
 
 @kernel
 def has_periodic_orbit(row: np.ndarray) -> bool:
-    """Whether a result row has a periodic orbit."""
+    """True if a result row has a periodic orbit."""
     return math.isfinite(row[col.INDENTATION]) and row[col.AMPLITUDE] > 0.0 and not row[col.SPREAD_AMPLITUDE] > 0.0

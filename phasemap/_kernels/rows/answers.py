@@ -1,4 +1,4 @@
-"""What the loops over rows are given, and what they fill."""
+"""Arguments of the loops over rows, and the rows that they fill."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Answers(NamedTuple):
     solver: np.ndarray
 
     def of(self, chosen: np.ndarray | int) -> Answers:
-        """Those of some materials, an array of numbers; or of one slot."""
+        """Answers for some materials, an array of numbers; or of one slot."""
         return Answers(self.rows[chosen], self.status[chosen], self.solver[chosen])
 
     def put(self, chosen: np.ndarray, some: Answers) -> None:

@@ -74,7 +74,7 @@ def averaging_rows(pixels: Pixels, answers: Answers) -> int:
 
 @kernel
 def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
-    """Replace exact orbits, which told the branch, by the averaged ones next to them."""
+    """Replace exact orbits by the averaged ones next to them: the exact ones only told the branch."""
     out, status, solver = answers
     harmonic = HarmonicOrbit()
     for i in range(len(out)):

@@ -67,7 +67,7 @@ def store_collocation_orbit(orbit: Orbit, place: np.ndarray) -> None:
 def collocation_orbit_from_stored(
     oscillator: Oscillator, held: float, place: np.ndarray, orbit: Orbit, row: np.ndarray
 ) -> bool:
-    """Exact orbit that is seen with the amplitude held [m], from a stored one; False where none is found or held."""
+    """Exact orbit that the detector sees with amplitude `held` [m], from a stored one; False if none is held."""
     if math.isnan(place[0]):
         return False
     copy(place[:HEAD_WORDS], orbit.head[0])

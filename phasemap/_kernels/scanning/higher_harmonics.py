@@ -33,7 +33,7 @@ KAPPA = -0.000443869, -0.003018172, -0.008598364, -0.029201696, -0.03069339, 0.2
 
 
 class Shares(NamedTuple):
-    """Factors on what the higher harmonics carry the tip by, that bring it to the exact orbits: Eq. (slow-flow-5)."""
+    """Factors on the shift of the tip by higher harmonics that make it that of the exact orbits: Eq. (slow-flow-5)."""
 
     attraction: float
     push: float

@@ -1,4 +1,4 @@
-"""One line of a scan in time, whichever engine moves the tip: engage, then the segments of the surface in turn."""
+"""Line of a scan in time, whichever engine moves the tip: engage, then the segments of the surface in turn."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ def lock_in_rates(loop: Loop, y: np.ndarray) -> tuple[float, float]:
 
 @kernel
 def scanner_command(loop: Loop, y: np.ndarray) -> tuple[float, float, bool]:
-    """Height to which the controller sends the scanner [m], rate of I, and whether it is at an end of its range."""
+    """Height that the controller commands [m], rate of its integral term, and whether the scanner's range ends."""
     error = amplitude_shown(loop, y) - loop.setpoint
     wanted = -(loop.proportional * error + y[INTEGRAL])
     if loop.derivative != 0.0:

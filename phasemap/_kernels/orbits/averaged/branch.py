@@ -34,7 +34,7 @@ LONGEST_ROOT_STEP = 0.6  # of the scale of the mismatch
 
 
 class DetectorSignal(NamedTuple):
-    """What the detector sees of a harmonic orbit, and how far that is from an orbit."""
+    """Amplitude, phase and tip offset of a harmonic orbit as the detector sees it, and the mismatch of its drive."""
 
     mismatch: float  # of the drive, 0 on an orbit
     amplitude: float  # [m]
@@ -130,7 +130,7 @@ def detector_signal_of_harmonic_orbit(oscillator: Oscillator, amplitude: float, 
 def held_root(
     oscillator: Oscillator, held: float, side: int, search: bool, near: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Amplitude A [m] of the averaged orbit near (A, c) that is seen with the amplitude held, its c, the slope there.
+    """Amplitude A [m], root c and slope of the averaged orbit near (A, c) that the detector sees with amplitude `held`.
 
     A is that of an orbit without losses where it is not known to begin with (NaN).
     """

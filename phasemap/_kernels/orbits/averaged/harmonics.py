@@ -47,17 +47,17 @@ from phasemap._kernels.orbits.time.arms import remembers
 from phasemap._kernels.quadrature import gauss, gauss_on_half_line
 
 
-def _of_contact(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Squares of cosine and sine of psi at n nodes, and their weights."""
+def _contact_nodes(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Squares of cosine and sine of psi at n nodes over the contact, and their weights."""
     x, w = gauss(n)
     return np.cos(x * np.pi / 2) ** 2, np.sin(x * np.pi / 2) ** 2, w * np.pi * np.cos(x * np.pi / 2)
 
 
 _FAR_X, _FAR_W = gauss_on_half_line(16)  # u = u0 + delta _FAR_X; the weight has dtheta = 2 du/(1 + u^2)
 _FINE_X, _FINE_W = gauss_on_half_line(48)  # for a force that may repel or oscillate
-_TOUCH_COS2, _TOUCH_SIN2, _TOUCH_W = _of_contact(10)
+_TOUCH_COS2, _TOUCH_SIN2, _TOUCH_W = _contact_nodes(10)
 _NECK_X, _NECK_W = gauss(20)
-_DEEP_COS2, _DEEP_SIN2, _DEEP_W = _of_contact(40)
+_DEEP_COS2, _DEEP_SIN2, _DEEP_W = _contact_nodes(40)
 _ALL_ROUND = np.cos((np.arange(48) + 0.5) * np.pi / 48)
 
 DEEP_CONTACT = -0.6  # below this c the contact integrals need the finer nodes
@@ -65,7 +65,7 @@ DEEP_CONTACT = -0.6  # below this c the contact integrals need the finer nodes
 
 @kernel
 def _neck_integrals(law: Law, p: np.ndarray, amplitude: float, c: float, caught: bool) -> tuple[float, float, float]:
-    """What the neck adds to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
+    """Contributions of the neck to the integrals of F, F cos and F sin over 0 ... pi, c < 1.
 
     On the way out it takes the place of the long-range force, which acts on the way in: half of the difference counts.
     See theory, Eq. (averaging-9). A tip that is caught in it is never released, and has no way in.
@@ -144,7 +144,7 @@ def _over_stiffness(
 
 @kernel(fastmath=ANY_ORDER)
 def _without_neck(oscillator: Oscillator, amplitude: float, c: float, outside: bool) -> tuple[float, float, float]:
-    """P, S and A0 [m] without a neck: the same way in and out; without the long-range force unless `outside`."""
+    """P, S and A0 [m] of a contact without a neck; without the long-range force unless `outside`."""
     law, p, lever = oscillator
     mean, push, loss = 0.0, 0.0, 0.0  # integrals of F, F cos and alpha_s sin^2 over 0 ... pi
     damped = p[DAMPING] != 0.0
@@ -199,7 +199,7 @@ def harmonics(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float
 def _harmonics_of_known(
     known: Known, inverse_k: float, omega: float, amplitude: float, c: float
 ) -> tuple[float, float, float]:
-    """`_without_neck` of the forces that kernels know."""
+    """P, S and A0 [m] without a neck, of forces that have integrals in closed form."""
     mean, push, loss = contact_integrals(known, amplitude, c) if c < 1.0 else (0.0, 0.0, 0.0)
     if known.longrange != 0.0:
         more_mean, more_push = attraction_integrals(known, amplitude, c)
@@ -209,7 +209,7 @@ def _harmonics_of_known(
 
 @kernel(shared=True)
 def _harmonics_of_one_mode(oscillator: Oscillator, amplitude: float, c: float) -> tuple[float, float, float]:
-    """P, S and what A0 would be if the lever had its first mode alone [m]."""
+    """P, S and the mean A0 [m] that a lever with its first mode alone would have."""
     law, p, lever = oscillator
     if law.memory != 0 and abs(c) < 1.0 and remembers(p):
         return remembered_harmonics(oscillator, amplitude, c)

@@ -43,7 +43,7 @@ _POLYNOMIALS = _polynomials()
 
 
 class Known(NamedTuple):
-    """What of a row of parameters the integrals have."""
+    """Constants of the forces whose integrals are known in closed form."""
 
     contact: float
     pull: float
@@ -60,14 +60,14 @@ def constants_of(p: np.ndarray) -> Known:
 
 @kernel(inline=True)
 def knows_all(law: Law, p: np.ndarray, c: float) -> bool:
-    """Whether a tip that first touches at cos(theta) = c feels forces of known integrals only."""
+    """True if the integrals of all forces on a tip that first touches at cos(theta) = c are known in closed form."""
     outside = law.longrange_force == 0 or not has_longrange(p)
     return outside and law.memory == 0 and not has_hysteresis(p) and c > -1.0 and (c >= 1.0 or knows_contact(law, p, c))
 
 
 @kernel
 def knows_contact(law: Law, p: np.ndarray, c: float) -> bool:
-    """Whether `contact_integrals` are those of this law, for a tip that first touches at cos(theta) = c."""
+    """True if `contact_integrals` holds for this law and a tip that first touches at cos(theta) = c."""
     damped = p[DAMPING] == 0.0 or (law.damping == 0 and p[EXPONENT] == 0.5)
     return bool(law.contact_force == 0 and damped and c > LEAST_CONTACT_COSINE)
 

@@ -26,7 +26,7 @@ TapSums = tuple[float, float, float]  # integrals of F, F cos(theta), F sin(thet
 
 
 class Angle(NamedTuple):
-    """Where in retraction the edge of the contact is again where it was on the way in."""
+    """Angle in retraction at which the edge of the contact is again where it was on the way in."""
 
     theta: float
     depth: float  # d over A

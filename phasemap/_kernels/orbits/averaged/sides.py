@@ -80,7 +80,7 @@ def attractive_mismatch_at_gap(oscillator: Oscillator, amplitude: float, gap: fl
 
 @kernel
 def balance_depth(law: Law, p: np.ndarray) -> float:
-    """Indentation [m] at which the elastic force makes up for the attraction, taking it to rise as d^(3/2)."""
+    """Indentation [m] at which the elastic force balances the attraction, if it rises as d^(3/2)."""
     reach = reach_of(p)
     d = TRIAL_DEPTH * reach
     rise = contact_force(law, d, p) - contact_force(law, 0.0, p)
@@ -149,7 +149,7 @@ def gap_of_crossing(
 def gap_of_push(
     oscillator: Oscillator, amplitude: float, wanted: float, one: tuple[float, float], two: tuple[float, float]
 ) -> float:
-    """Gap [m] at which P is what is wanted [m], between two points (gap, P); that of the first where both are above."""
+    """Gap [m] at which the in-phase force is `wanted` [m], between two points (gap, P); the first gap if at none."""
     (a, f_a), (b, f_b) = one, two
     f_a, f_b, x = f_a - wanted, f_b - wanted, a
     for _ in range(MOST_CROSSING_STEPS if (f_a > 0.0) != (f_b > 0.0) else 0):
@@ -163,7 +163,7 @@ def gap_of_push(
 
 @kernel
 def repelled(lever: np.ndarray, amplitude: float, push: float) -> bool:
-    """Whether repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
+    """True if repulsion outweighs attraction, P > 0, and the lever's detuning above resonance, X > 0."""
     return push > 0.0 and push + amplitude * lever[col.DYNAMIC_STIFFNESS] > 0.0
 
 

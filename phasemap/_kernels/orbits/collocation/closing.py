@@ -34,7 +34,7 @@ from phasemap._kernels.quadrature import NODES
 
 @kernel
 def _drive_surplus(lever: np.ndarray, head: Head) -> float:
-    """Drive needed, squared, over the base amplitude, less the base amplitude [m]."""
+    """Drive needed, squared, over the base amplitude u0, less u0 [m]: zero on an orbit."""
     base = lever[DRIVE]
     x, y = drive_needed(lever, head.amplitude, head.push, head.drag)
     return (x * x + y * y) / base - base
@@ -70,9 +70,9 @@ def _fill_held_equations(held: tuple[Equation, Equation], row: int, system: np.n
 
 @kernel
 def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
-    """Solve the chained equations, the drive's, and two for what is held, for the unknowns; False if singular.
+    """Solve the chained equations, that of the drive, and two that hold something, for the unknowns; False if singular.
 
-    Where no parameter moves, the second of what is held is `hold_parameter`.
+    Where no parameter moves, the second equation that holds something is `hold_parameter`.
     """
     head, system, row = head_of(orbit), orbit.system, _append_drive(lever, orbit, drift)
     _fill_held_equations(held, row, system)

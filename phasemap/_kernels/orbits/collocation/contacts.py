@@ -131,7 +131,7 @@ def _least_depth(orbit: Orbit) -> float:
 
 @kernel
 def _find_releases(p: np.ndarray, orbit: Orbit) -> None:
-    """Fill in where the neck of each contact breaks: at the next contact where it does not."""
+    """Fill in the angle where the neck of each contact breaks; the start of the next contact where it does not."""
     head = head_of(orbit)
     contacts, count = head.contacts, head.count
     begin = element_of(orbit, 0).edge

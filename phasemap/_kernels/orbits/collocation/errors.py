@@ -76,7 +76,7 @@ def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> No
 
 @kernel
 def _have_same_elements(orbit: Orbit, places: Orbit) -> bool:
-    """Whether two orbits have as many elements, at almost the same angles."""
+    """True if two orbits have as many elements, at almost the same angles."""
     count = head_of(orbit).count
     if head_of(places).count != count:
         return False

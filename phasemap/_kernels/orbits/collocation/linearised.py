@@ -46,7 +46,7 @@ from phasemap._kernels.records import column, record
 
 @kernel
 def _fill_drift_of_motion(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, by_m: np.ndarray) -> None:
-    """Fill the change of the motion over an element with the path's parameter m, at a given force: as if by a force.
+    """Fill the forces that would change the motion over an element as the path's parameter m does at a given force.
 
     by_m[i] (shape (modes, NODES)) becomes the force on mode i.
     """
@@ -101,7 +101,7 @@ def _fill_drift_of_force(
 
 @kernel(fastmath=ANY_ORDER, inline=True)
 def add_times(factor: float, x: np.ndarray, to: np.ndarray) -> None:
-    """Add a multiple of the numbers at the nodes; written out, and all read before any is written: in vectors."""
+    """Add a multiple of a row at the nodes to another; written out, and read before any is written: in vectors."""
     a, b, c, d, e, f, g, h = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]
     to[0], to[1], to[2], to[3], to[4], to[5], to[6], to[7] = (
         to[0] + factor * a, to[1] + factor * b, to[2] + factor * c, to[3] + factor * d,
@@ -186,13 +186,13 @@ def _force_in_element(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.nd
 
 @kernel
 def border_between(p: np.ndarray, before: int, after: int) -> float:
-    """The depth [m] at which one side becomes another."""
+    """Depth [m] of the border between two sides of the surface."""
     return p[RELEASE] if before == IN_NECK and after == OUT_OF_CONTACT else 0.0
 
 
 @kernel
 def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: float) -> float:
-    """Return how w' jumps per metre of depth at the start of an element, where the force itself may jump.
+    """Jump of w' per metre of depth at the start of an element, where the force itself may jump.
 
     A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long: theory,
     Eq. (collocation-5).

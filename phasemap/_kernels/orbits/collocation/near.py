@@ -43,7 +43,7 @@ MOST_STEPS_NEARBY = 12  # of Newton's method
 
 @kernel
 def tolerance_of(oscillator: Oscillator) -> float:
-    """Last change [m] of an orbit that is converged."""
+    """Largest last change [m] of a converged orbit."""
     lever = oscillator.lever
     free = free_amplitude(lever)
     return min(min(LAST_CHANGE, LAST_CHANGE_RELATIVE * free), 1e-3 * scale_of(oscillator))
@@ -85,7 +85,7 @@ def solve_near(
 ) -> tuple[int, float, float]:  # fmt: skip
     """Solve from a harmonic orbit for the exact one at a path's parameter m.
 
-    `hold`: whether its z0 or its A is kept. Returns a status, and tip offset and depth [m] of where the solver began.
+    `hold`: HOLD_OFFSET or HOLD_AMPLITUDE. Returns a status, and tip offset and depth [m] of where the solver began.
     Where elements may be `fine`, finer ones are tried, which change less by a step.
     """
     oscillator, head, done, start, deep = standing_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
@@ -124,7 +124,7 @@ def collocation_orbit_from_harmonic(
 
 @kernel
 def collocation_orbit_from_near(oscillator: Oscillator, harmonic: HarmonicOrbit, orbit: Orbit, row: np.ndarray) -> int:
-    """Exact orbit from another one, with amplitude, tip offset, P and S of a harmonic one: its status and row."""
+    """Exact orbit from a near one, with amplitude, tip offset, P and S of a harmonic one; fills its row. Status."""
     head = head_of(orbit)
     head.amplitude, head.tip_offset = harmonic.amplitude, harmonic.tip_offset
     head.push, head.drag = harmonic.push, harmonic.drag

@@ -52,7 +52,7 @@ COARSE_DRIVE = 1e-2  # the same for points on the way along the curve
 
 
 class NewtonLimits(NamedTuple):
-    """How finely and how exactly an orbit is solved for."""
+    """Refinement of the elements, and tolerance to which an orbit is solved for."""
 
     level: int  # of refinement of its elements
     tolerance: float  # last change [m]: the error left is its square over the size of the contact
@@ -64,7 +64,7 @@ class NewtonLimits(NamedTuple):
 
 @kernel
 def begin_harmonic(oscillator: Oscillator, orbit: Orbit, harmonic: HarmonicOrbit, level: int) -> bool:
-    """Set a harmonic orbit; False if it takes too many elements."""
+    """Set an orbit to a harmonic one, with elements laid for it; False if it takes too many elements."""
     p = oscillator.p
     z0, mean, amplitude = harmonic.tip_offset, harmonic.mean_deflection, harmonic.amplitude
     head = head_of(orbit)
@@ -108,7 +108,7 @@ def share_motion(lever: np.ndarray, orbit: Orbit) -> None:
 
 @kernel
 def contact_size(head: Head, reach: float) -> float:
-    """Depth [m] that matters to where elements lie: of the shallowest contact, or of the gap and the force's reach."""
+    """Depth [m] on which elements are placed: that of the shallowest contact, or the gap and the force's reach."""
     contacts = head.contacts
     if contacts <= 0:
         return abs(head.nearest_depth) + reach
@@ -159,7 +159,7 @@ def take_newton_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: 
 
 @kernel(shared=True)
 def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) -> tuple[int, int]:
-    """Newton's method to a periodic orbit at which an equation holds; return status and steps.
+    """Solve for a periodic orbit at which an equation holds, by Newton's method; returns status and number of steps.
 
     Along a curve the equations of the last step stand for those of the orbit where it changed nothing any more: by
     less than TANGENT_ERROR of the contact and the tolerance of an exact orbit, or, on the way, than STILL_ON_THE_WAY of
@@ -200,7 +200,7 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
 
 @kernel
 def is_seen(lever: np.ndarray, head: Head, seen: float) -> bool:
-    """Whether the detector sees an amplitude [m], or need not."""
+    """True if the detector sees the amplitude `seen` [m], or need not."""
     if seen <= 0.0:
         return True
     return abs(seen - detected_amplitude_of_orbit(lever, head.amplitude, head.push, head.drag)) < HELD_EXACTLY * seen

@@ -1,4 +1,4 @@
-"""How the law and the lever change along a curve of periodic orbits, and what is held.
+"""Dependence of law and lever on the parameter of a curve of periodic orbits, and what is held.
 
 A curve of orbits is followed in a plane of two of three numbers: tip offset z0, amplitude A, and m in [-1, 1], on which
 the law's parameters and the lever may depend. Either everything but z0 and A is fixed, or m is swept and z0 (a
@@ -28,7 +28,7 @@ HELD_ROW = -1
 
 
 class Path(NamedTuple):
-    """A curve's law and lever, and what its orbits are solved with."""
+    """Law and lever along a curve of orbits, and the value held."""
 
     law: Law
     kind: int  # FIXED_PATH, HELD_OFFSET or HELD_AMPLITUDE
@@ -86,7 +86,7 @@ def standing_at(path: Path, m: float) -> Oscillator:
 
 @kernel
 def drift_at(path: Path, m: float) -> np.ndarray:
-    """The law's parameters and the lever beside m, shape (2, ROW + len(lever)): their differences are the drift."""
+    """Parameters of law and lever just above and below m, shape (2, ROW + len(lever)): drift is their difference."""
     if path.kind == FIXED_PATH:
         return no_drift()
     drift = np.empty((2, len(path.table) - 1))
@@ -103,7 +103,7 @@ def held_value(path: Path, m: float) -> float:
 
 @kernel
 def held_equation(path: Path, m: float) -> Equation:
-    """Equation of what is held, linearised at m: of a fixed path, m itself."""
+    """Linearised equation at m of the tip offset or amplitude that is held; of a fixed path, of m itself."""
     if path.kind == FIXED_PATH:
         return Equation(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     value = held_value(path, m)

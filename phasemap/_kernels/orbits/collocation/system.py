@@ -240,13 +240,13 @@ def hold_parameter(orbit: Orbit) -> Equation:
 
 @kernel
 def no_drift() -> np.ndarray:
-    """`drift` where no parameter moves."""
+    """Empty drift, where no parameter moves."""
     return np.empty((0, 0))
 
 
 @kernel
 def depth_on_side(p: np.ndarray, side: int, d: float) -> float:
-    """The depth on this side of the surface that is nearest to d: elements may lie a little beside it.
+    """Depth on this side of the surface that is nearest to d: elements may lie a little beside it.
 
     Where a neck breaks the force may fall like a root, so the neck is kept a millionth of its length away.
     """

@@ -1,4 +1,4 @@
-"""Where an orbit of passes, or the part of it between two nodes, is deepest."""
+"""Deepest point of an orbit by passes, or of the part of it between two nodes."""
 
 from __future__ import annotations
 

@@ -21,10 +21,10 @@ from phasemap._kernels.orbits.response.nodes import (
     N,
     Nodes,
     count_of,
-    counts,
     fill_mode,
     first_of,
     first_of_element,
+    force_acts_on,
     parts_of,
     periods_before,
     response_to_first_harmonic,
@@ -36,7 +36,7 @@ UNRESOLVED_SHARE = 0.1
 
 @kernel(fastmath=ANY_ORDER)
 def respond(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float) -> None:
-    """Replace w and w' by the lever's response to g."""
+    """Replace deflection w and rate w' at the nodes by the lever's response to the force g."""
     nodes.missed = 0.0
     for i in range(modes_of(lever)):
         mode = mode_of(lever, i)
@@ -52,8 +52,8 @@ def respond(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: flo
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
-def _upto(g: np.ndarray, to: np.ndarray) -> None:
-    """Integrals of g from an element's start to its nodes; eight nodes at once, which stay in registers."""
+def _integrate_force(g: np.ndarray, to: np.ndarray) -> None:
+    """Fill in the integrals of g from an element's start to its nodes; eight nodes at once, which stay in registers."""
     for j in range(N):
         to[j] = 0.0
     for k in range(0, N, 8):
@@ -66,11 +66,11 @@ def _upto(g: np.ndarray, to: np.ndarray) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def _running(nodes: Nodes, first: int) -> tuple[float, float]:
+def _integrate_kicks(nodes: Nodes, first: int) -> tuple[float, float]:
     """Integrals of g exp(-lambda theta) from an element's start to its nodes; returns those over all of it."""
     re, im = nodes.re[first : first + N], nodes.im[first : first + N]
-    _upto(re, nodes.sum_re[first : first + N])
-    _upto(im, nodes.sum_im[first : first + N])
+    _integrate_force(re, nodes.sum_re[first : first + N])
+    _integrate_force(im, nodes.sum_im[first : first + N])
     total_re, total_im = 0.0, 0.0
     for k in range(N):
         total_re += GAUSS_WEIGHTS[k] * re[k]
@@ -89,12 +89,12 @@ def _sum_up(nodes: Nodes) -> tuple[float, float]:
         nodes.re[j], nodes.im[j] = share * nodes.turn_cos[j], -share * nodes.turn_sin[j]
     in_re, in_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0
     if nodes.outside == 1:
-        in_re, in_im = _running(nodes, IN)
-        out_re, out_im = _running(nodes, OUT)
+        in_re, in_im = _integrate_kicks(nodes, IN)
+        out_re, out_im = _integrate_kicks(nodes, OUT)
     at_re, at_im = in_re, in_im
     for part in range(parts_of(nodes) if nodes.touches == 1 else 0):
         first = first_of(part)
-        part_re, part_im = _running(nodes, first)
+        part_re, part_im = _integrate_kicks(nodes, first)
         for j in range(first, first + N):
             nodes.sum_re[j] += at_re
             nodes.sum_im[j] += at_im
@@ -138,7 +138,7 @@ def _unresolved(nodes: Nodes, again: float) -> float:
     """
     rest = 0.0
     for element in range(2 + parts_of(nodes)):
-        if not counts(nodes, element):
+        if not force_acts_on(nodes, element):
             continue
         first = first_of_element(element)
         re, im, re_before, im_before, size = 0.0, 0.0, 0.0, 0.0, 1e-300

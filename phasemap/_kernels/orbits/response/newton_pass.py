@@ -77,7 +77,7 @@ def keep_motion(nodes: Nodes, workspace: NewtonWorkspace) -> None:
 
 @kernel
 def surface_stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
-    """(kappa, gamma): change of g with depth d and with d', in contact."""
+    """Derivatives (kappa, gamma) of the force g by depth d and by d', in contact."""
     law, p, lever = oscillator
     kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
     if p[DAMPING] != 0.0:
@@ -89,7 +89,7 @@ def surface_stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[fl
 
 @kernel(fastmath=ANY_ORDER)
 def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) -> None:
-    """Fill in 1 - kappa R - gamma R'."""
+    """Fill in the matrix 1 - kappa R - gamma R' of the changes of g at the nodes, R the lever's response."""
     omega, parts, m, (kappa, gamma) = lever[OMEGA], parts_of(nodes), workspace.system, workspace.answer
     n, mean, along, across = N * parts, 0.0, 0.0, 0.0
     m[:, :] = 0.0
@@ -180,7 +180,7 @@ def _fill_changes(oscillator: Oscillator, nodes: Nodes, state: PassState, worksp
 
 @kernel
 def _newton_step(lever: np.ndarray, state: PassState, h: float, hold: bool, rates: np.ndarray) -> tuple[float, float]:
-    """Changes of e and A [m] that leave neither the mismatch h nor a wrong amplitude seen; the slopes of the state."""
+    """Changes of e and A [m] that remove the mismatch h and the error of the amplitude seen; sets slopes in `state`."""
     orbit = (state.amplitude, state.push, state.drag)
     x, y = drive_needed(lever, *orbit)
     twice = 2.0 / (lever[DRIVE] * lever[DRIVE])
@@ -226,7 +226,7 @@ def _cut_short(nodes: Nodes, state: PassState, centre: float, amplitude: float, 
 
 @kernel
 def shortened_lift(nodes: Nodes, state: PassState, lift: float, workspace: NewtonWorkspace) -> float:
-    """The lift [m] by a plain pass, which is cut short with it."""
+    """Lift of the tip [m] by a plain pass, cut short together with the motion of the pass."""
     return _cut_short(nodes, state, lift, 0.0, workspace) * lift
 
 

@@ -93,7 +93,7 @@ def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray
 
 @kernel
 def grade_outer_nodes(nodes: Nodes, amplitude: float, centre: float, reach: float, edge: float) -> None:
-    """Where the nodes outside contact lie, over the angle from its edge to the far end: sinh(X x)/sinh(X).
+    """Place the nodes outside contact, over the angle from its edge to the far end: sinh(X x)/sinh(X).
 
     The long-range force has its pole at a distance that sinh then takes away from the nodes.
     """
@@ -174,8 +174,8 @@ def first_of_element(element: int) -> int:
 
 
 @kernel
-def counts(nodes: Nodes, element: int) -> bool:
-    """Whether a force acts at the nodes of an element, counted as for `first_of_element`."""
+def force_acts_on(nodes: Nodes, element: int) -> bool:
+    """True if a force acts at the nodes of an element, counted as for `first_of_element`."""
     return (nodes.outside if element == 0 or element == 2 else nodes.touches) == 1
 
 
@@ -187,7 +187,7 @@ def count_of(nodes: Nodes) -> int:
 
 @kernel
 def parts_needed(oscillator: Oscillator, half: float, depth: float) -> int:
-    """Into how many elements a contact is cut, for its nodes to follow the fastest mode that the surface stiffens.
+    """Number of elements into which a contact is cut, for nodes to follow the fastest mode that the surface stiffens.
 
     `half`: of its length [rad].
     `depth`: [m].
@@ -247,7 +247,7 @@ def rate_at_node(nodes: Nodes, amplitude: float, i: int) -> float:
 def fill_force(
     oscillator: Oscillator, nodes: Nodes, amplitude: float, centre: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Fill in the force g at the nodes; returns its mean, P, S, its work, that of damping apart, and the virial."""
+    """Fill in the force g at the nodes; returns its mean, P, S, work without damping, work of damping, and virial."""
     law, p, lever = oscillator
     inverse_k, omega = 1.0 / lever[STIFFNESS], lever[OMEGA]
     mean, push, drag, work, loss, virial = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -288,7 +288,7 @@ def fill_force(
 
 @kernel(fastmath=ANY_ORDER)
 def periods_before(a: float, nu: float) -> tuple[float, float]:
-    """E = 1/(exp(-2 pi lambda) - 1), lambda = a + i nu: what a kick of all periods before it adds up to."""
+    """E = 1/(exp(-2 pi lambda) - 1), lambda = a + i nu: sum of the effects of a kick in all periods before."""
     size = math.exp(-2 * math.pi * a)
     re, im = size * math.cos(2 * math.pi * nu) - 1.0, -size * math.sin(2 * math.pi * nu)
     below = 1.0 / (re * re + im * im)

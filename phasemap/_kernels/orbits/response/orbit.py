@@ -79,9 +79,9 @@ def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits,
 def _orbit_by_passes(
     oscillator: Oscillator, harmonic: HarmonicOrbit, centre: float, limits: ErrorLimits, workspace: ResponseWorkspace
 ) -> bool:
-    """Passes from a harmonic orbit with this e, which settles whether the tip touches.
+    """Solve by passes from a harmonic orbit with this centre e, by which the tip touches or not; False if not found.
 
-    Beside resonance, where contacts are long, they go on at nodes that cut them in two.
+    Beside resonance, where contacts are long, passes go on at nodes that cut each contact in two.
     """
     lever, f, state = oscillator.lever, workspace.nodes, workspace.state
     clear(state)
@@ -147,7 +147,7 @@ def _move_to_detected_amplitude(
 
 @kernel
 def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState) -> bool:
-    """Whether an orbit is on the branch of the averaged one."""
+    """True if an exact orbit is on the branch of the averaged one."""
     same = (state.push > 0.0) == (harmonic.push > 0.0)
     if low_q(lever) and higher_modes_forget(lever):
         return same
@@ -157,7 +157,7 @@ def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState)
 
 @kernel
 def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
-    """Whether the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
+    """True if the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
     f, here, there = nodes_of_solution(workspace), workspace.state, workspace.other
     if workspace.seen > 0.0:
         return here.offset_by_a > LEAST_SLOPE_ALONG

@@ -31,8 +31,8 @@ from phasemap._kernels.orbits.response.nodes import (
     N,
     Nodes,
     clear_motion,
-    counts,
     first_of_element,
+    force_acts_on,
     grade_outer_nodes,
     lay_nodes,
     middle_of,
@@ -67,7 +67,7 @@ LEAST_EDGE_COSINE = -0.98  # cosine of the contact's edge below which the nodes 
 
 @kernel
 def passes_contract_slowly(lever: np.ndarray) -> bool:
-    """Whether passes leave much of the error, or do not converge at all, for what a contact makes of the motion.
+    """True if passes leave much of the error, or do not converge at all, by the response to the contact force.
 
     Where a higher mode remembers the tap before, there may be several orbits: only passes that converge tell which.
     """
@@ -76,7 +76,7 @@ def passes_contract_slowly(lever: np.ndarray) -> bool:
 
 @kernel
 def by_newton(lever: np.ndarray, state: PassState) -> bool:
-    """Whether Newton's method takes the place of passes in contact."""
+    """True if Newton's method takes the place of passes in contact."""
     return passes_contract_slowly(lever) or state.seen > 0.0
 
 
@@ -90,7 +90,7 @@ def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState) -> float
     """
     rest = 0.0
     for element in range(2 + parts_of(nodes)):
-        if not counts(nodes, element):
+        if not force_acts_on(nodes, element):
             continue
         even, odd, size, first = 0.0, 0.0, 0.0, first_of_element(element)
         for j in range(N):
@@ -119,7 +119,7 @@ def tip_offset_error_factor(lever: np.ndarray, state: PassState) -> float:
 def estimate_pass_errors(
     lever: np.ndarray, state: PassState, rest: float, phase_left: float, height_left: float, nodes: float
 ) -> None:
-    """Fill in the errors left behind a last change of so much, if changes go on with the ratio `rest`."""
+    """Fill in the errors of phase and tip offset after last changes of this size, if they go on by the ratio `rest`."""
     share = PASS_SAFETY * rest / (1.0 - rest)
     # The conservative force does no work round an orbit.
     wrong = nodes + 3.0 * abs(state.work) / (math.pi * state.amplitude)
@@ -185,7 +185,7 @@ def update_slopes(state: PassState, move: float, h: float, before: tuple[float, 
 
 @kernel
 def first_pass(lever: np.ndarray, state: PassState) -> None:
-    """Forget the changes of passes made before; of a harmonic orbit the first pass changes phase and tip offset."""
+    """Forget the changes of earlier passes; before any, note phase and tip offset of the harmonic orbit."""
     state.phase = state.tip_offset = state.last_w = math.nan
     state.phase_change = state.tip_offset_change = math.nan
     state.lacks, state.last_ratio, state.defect, state.slow = 0.0, 1.0, math.inf, 0
@@ -232,7 +232,7 @@ def outcome_of_pass(
     lever: np.ndarray, state: PassState, nodes: float, newton: bool, hold: bool, early: bool, limit_phase: float,
     limit_height: float,
 ) -> int:  # fmt: skip
-    """FOUND, UNRESOLVED or NO_ORBIT after a pass whose errors are estimated, or GO_ON; what is `early` is not given up.
+    """FOUND, UNRESOLVED or NO_ORBIT after a pass with estimated errors, or GO_ON; an `early` pass is not given up.
 
     `nodes`: error of P, S and mean deflection from the finite number of nodes [m].
     """

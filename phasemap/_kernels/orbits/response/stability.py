@@ -1,4 +1,4 @@
-"""Whether a tip keeps to a converged orbit of the lever's response: it touches where it was taken to, and is stable.
+"""Checks of a converged orbit by passes: the tip touches where it was taken to touch, and the orbit is stable.
 
 A small motion of each mode, x cos(nu theta) + y sin(nu theta), goes on freely between nodes and is kicked at them by
 what the surface makes of it: its stiffness, its damping. What a period makes of it is the monodromy matrix, of one mode
@@ -72,7 +72,7 @@ def force_length(p: np.ndarray, state: PassState) -> float:
 
 @kernel
 def _is_sound(lever: np.ndarray, state: PassState, length: float) -> bool:
-    """Whether the mismatch falls clearly as the tip rises by this length [m], so no fold is near, and energy closes."""
+    """True if the mismatch falls clearly as the tip rises by this length [m], for no fold is near; energy closes."""
     falls = slope_by_tip_offset(lever, state) * length < -LEAST_MISMATCH_SLOPE
     return falls and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
 
@@ -119,7 +119,7 @@ def trace_of_one_mode(oscillator: Oscillator, nodes: Nodes, state: PassState) ->
 
 @kernel(shared=True)
 def orbit_is_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
-    """Whether a converged orbit touches where it was taken to, and period doubling and the end of its branch are far.
+    """True if a converged orbit touches where assumed, far from period doubling and from the end of its branch.
 
     A period doubles where the trace is -1 less the determinant, which all damping makes smaller.
     """
@@ -132,7 +132,7 @@ def orbit_is_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> boo
 
 @kernel
 def _several_modes_are_kept(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
-    """Whether an orbit of several modes is accepted: contact as assumed, no fold near, energy balanced, stable."""
+    """True if an orbit of several modes is accepted: contact as assumed, no fold near, energy balanced, stable."""
     lever = oscillator.lever
     if nodes.touches == 1:
         if not touches_once(oscillator, nodes, state):
@@ -144,12 +144,12 @@ def _several_modes_are_kept(oscillator: Oscillator, nodes: Nodes, state: PassSta
     # At low Q the length is the amplitude: a stiff sample turns several modes back within far less than the length
     # over which the drive is balanced.
     length = state.amplitude if low_q(lever) else force_length(oscillator.p, state)
-    return _is_sound(lever, state, length) and is_held(oscillator, nodes, state)
+    return _is_sound(lever, state, length) and multipliers_are_within_one(oscillator, nodes, state)
 
 
 @kernel
 def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
-    """Whether the tip touches at the nodes in contact and nowhere else."""
+    """True if the tip touches at the nodes in contact and nowhere else."""
     p, lever = oscillator.p, oscillator.lever
     amplitude, e, deepest = state.amplitude, state.centre, 0.0
     if nodes.outside == 0:  # no force, so no nodes yet
@@ -182,8 +182,8 @@ def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool
 
 
 @kernel
-def is_held(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
-    """Whether all multipliers of a lever of several modes are within one, and clearly so."""
+def multipliers_are_within_one(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
+    """True if all Floquet multipliers of a lever of several modes are clearly within the unit circle."""
     lever, slowest = oscillator.lever, -math.inf
     size = 2 * modes_of(lever)
     for i in range(modes_of(lever)):

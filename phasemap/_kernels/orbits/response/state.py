@@ -1,4 +1,4 @@
-"""What passes know of an orbit, and the result row that it makes."""
+"""State of an orbit between passes, and the result row that it makes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ENERGY_LEFT = 5e-7  # largest energy imbalance
 
 
 class Along(NamedTuple):
-    """What changes with A along the curve of orbits."""
+    """Derivatives by the amplitude A along the curve of orbits."""
 
     seen: float  # amplitude that the detector sees [1]
     phase: float  # [rad/m]
@@ -91,7 +91,7 @@ def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
 
 @kernel
 def slopes_of(state: PassState) -> Along:
-    """What changes with A, where `seen` holds the orbit."""
+    """Derivatives by A along the curve, where `seen` holds the orbit."""
     return Along(state.seen_by_a, state.phase_by_a, state.offset_by_a)
 
 

@@ -75,7 +75,7 @@ def multiply_by(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> N
 
 @kernel
 def convert(matrix: np.ndarray, arms: Arms) -> None:
-    """Multiply what was found of an element by a matrix."""
+    """Multiply the value, slope and curvature of an element, in all arms, by a matrix of `Arms`."""
     for of in (arms.value, arms.slope, arms.curve):
         multiply_by(matrix, arms.count, of, arms.converted)
         of[: arms.count] = arms.converted[: arms.count]
@@ -112,7 +112,7 @@ def fill_kelvin(recovery: float, arms: Arms) -> None:
 
 @kernel(inline=True)
 def remembers(p: np.ndarray) -> bool:
-    """Whether a material of a law with a memory relaxes, or is viscous."""
+    """True if a material of a law with a memory relaxes, or is viscous."""
     return p[col.RELAXATION] > 0.0 or p[col.DAMPING] > 0.0
 
 
@@ -126,7 +126,7 @@ def recovery_of(p: Any, lever: np.ndarray) -> float:
 
 @kernel
 def lingering(oscillator: Oscillator) -> float:
-    """Share of a dent that a period of the drive leaves; 0 where that is less than 3 %."""
+    """Share of a dent that is left after a period of the drive; 0 where that is less than 3 %."""
     law, p, lever = oscillator
     if law.memory == 0 or not remembers(p):
         return 0.0

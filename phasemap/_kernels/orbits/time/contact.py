@@ -1,4 +1,4 @@
-"""What a contact is to the march: a plug-in, and what a step moves.
+"""Interface between the march and a contact, which is a plug-in, and the numbers that a step moves.
 
 A kind of contact is a file of its own, with a named tuple that has the fields law, p, compliance, pull, edge_force and
 edge_slope, as `Elastic` has them, and now, a record whose mode says what the contact does; with a kernel for each
@@ -40,7 +40,7 @@ TURNED = -2  # the tip is deepest
 
 @record
 class Moved:
-    """What a step moves, and integrals over it; or the slopes of all that by s."""
+    """Numbers that a step moves, and integrals over it; or the derivatives of all these by s."""
 
     # Of each arm of a contact that relaxes, the last one first: depth to which its dashpots have crept [m], and the
     # integral of what elements remember over the contact [m^(3/2)].
@@ -105,7 +105,7 @@ class Here(NamedTuple):
 
 
 class Push(NamedTuple):
-    """Force of a contact on the tip, and what it depends on."""
+    """Force of a contact on the tip, with the depth, the drag, and the slope of time."""
 
     w: float  # slope of time
     depth: float  # of the tip [m]
@@ -121,7 +121,7 @@ def push_of(contact: Any, off: bool, time: float, y: Moved) -> Push:
 
 @Chosen
 def first_moved(contact: Any) -> int:
-    """Index in `Moved` of the first number that a step in contact moves: x, or one before where it has its own."""
+    """Index in `Moved` of the first number that a step in contact moves: x, or before it those of the contact's own."""
     raise NotImplementedError
 
 
@@ -142,7 +142,7 @@ def step_length(contact: Any, beam: Beam, step_size: float, motion: Motion) -> f
 
 @Chosen
 def edge_of(contact: Any, event: int, time: float) -> tuple[float, float]:
-    """Value of x at which an event happens that x decides, and its rate off the surface."""
+    """Value of x at which an event that x decides happens, and its rate off the surface."""
     raise NotImplementedError
 
 

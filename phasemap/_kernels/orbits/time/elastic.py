@@ -99,8 +99,8 @@ def outer_loss(d: float, p: Row) -> float:
 
 
 @kernel(inline=True)
-def withdraws(contact: Any) -> bool:
-    """Whether the force is another one on the way out of contact."""
+def has_withdrawal_force(contact: Any) -> bool:
+    """True if the force is another one on the way out of contact."""
     return contact.law.lossy != 0 and contact.p[col.WITHDRAWN] > 0.0
 
 
@@ -173,7 +173,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
         stop_at_touch(here, motion)
         return
     in_neck = now.mode == NECK_DRAWN
-    if u.v > 0 > end.v and now.withdrawing == 0 and withdraws(contact):
+    if u.v > 0 > end.v and now.withdrawing == 0 and has_withdrawal_force(contact):
         end_step_at_event(here, motion, TURNED)
         return
     if u.v > 0 > end.v:
@@ -210,7 +210,7 @@ def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
 @pass_event.of(Elastic)
 @kernel(inline=True)
 def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
-    """Let the contact be what it is behind the event at which the step ended, and count the energy lost there."""
+    """Change the contact as the event at the end of the step demands, and count the energy lost there."""
     event, u = motion.event, motion.here.at
     if event == NO_EVENT:
         return True
@@ -247,7 +247,7 @@ def march_elastic(oscillator: Oscillator, z0: float, step_size: float, y: np.nda
     contact = Elastic(law, row, compliance, pull, edge_force, edge_slope, neck, Touch())
     if u.x > 0 or (u.x == 0 and u.v > 0):
         _enter_contact(contact, beam, math.sqrt(u.x), motion)
-        if withdraws(contact) and (y[TOUCHES] == WITHDRAWING or u.v < 0.0):
+        if has_withdrawal_force(contact) and (y[TOUCHES] == WITHDRAWING or u.v < 0.0):
             contact.now.withdrawing = 1
     elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
         _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)

@@ -79,7 +79,7 @@ def advance(here: Here, motion: Motion, h: float) -> None:
 
 @kernel
 def try_turn(here: Here, motion: Motion) -> tuple[float, float]:
-    """Take a trial step to where x turns inside the step, by the cubic; returns its length, and what x has there."""
+    """Take a trial step to where x turns inside the step, by the cubic; returns its length, and x at the turn."""
     u, end, top = motion.here.at, motion.end.at, motion.trial.at
     sign = 1.0 if u.v > 0 else -1.0
     h = time_of_turn(sign * u.x, sign * u.v, sign * end.x, sign * end.v, motion.h)
@@ -168,7 +168,7 @@ def _step_to_event(here: Here, step_size: float, motion: Motion) -> None:
 
 @kernel(inline=True)
 def _move_on(here: Here, motion: Motion) -> None:
-    """Take up the end of a step as where the next one starts, and add up its integrals."""
+    """Take the end of a step as the start of the next one, and add up its integrals."""
     u, end, sums, beam = motion.here.at, motion.end.at, motion.sums, here.beam
     angle = beam.omega * end.passed
     sums.cos += end.cos
@@ -217,7 +217,7 @@ def beam_over(lever: np.ndarray, z0: float, modes: Modes) -> Beam:
 
 @kernel
 def begin_period(beam: Beam, y: np.ndarray, motion: Motion) -> None:
-    """Put the lever where a state has it."""
+    """Set the lever's motion to that of a state."""
     u, begin = motion.here.at, y[PERIOD_BEGIN] if len(y) > PERIOD_BEGIN else 0.0
     u.x, u.v = y[Z] - beam.z0, y[V]
     for j in range(2 * beam.modes.count - 2):
@@ -228,7 +228,7 @@ def begin_period(beam: Beam, y: np.ndarray, motion: Motion) -> None:
 
 @kernel
 def end_period(lever: np.ndarray, here: Here, motion: Motion, depth: float, y: np.ndarray, acc: PeriodResult) -> None:
-    """Put a tip that is this deep [m] into a state, and turn integrals over the period into what it gives."""
+    """Store the motion of a tip at this depth [m] in a state, and turn integrals over the period into observables."""
     sums, omega, stiffness = motion.sums, lever[col.OMEGA], lever[col.STIFFNESS]
     y[Z], y[V] = here.beam.z0 + depth, motion.here.at.v
     for j in range(2 * here.beam.modes.count - 2):

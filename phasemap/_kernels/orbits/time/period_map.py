@@ -66,7 +66,7 @@ DISTURBANCE = 1e-6  # of the motion, by which it is moved off an orbit that its 
 
 
 class Tolerance(NamedTuple):
-    """When a motion counts as one that repeats itself: size of the steps, errors allowed in (z, z') and in z0 [m]."""
+    """Tolerance within which a motion repeats itself: size of the steps, errors in (z, z') and in z0 [m]."""
 
     step_size: float
     state: float
@@ -82,7 +82,7 @@ def march_tip(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
 
 @kernel
 def march_beside(oscillator: Oscillator, step_size: float, tip: Tip, way: Way, y: np.ndarray, to: Change) -> bool:
-    """March a period in y that begins a way beside tip.u, and fill in what it changes.
+    """March a period, in y, that begins at tip.u moved by a way, and fill in its changes.
 
     The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
     period owes to this one counts in its derivatives. False if it does not end, as it began, in contact or out of it.
@@ -107,7 +107,7 @@ def march_beside(oscillator: Oscillator, step_size: float, tip: Tip, way: Way, y
 
 @kernel
 def linearise_period(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
-    """Fill tip.linear from a period and those beside it; says whether all stay in contact or out of it."""
+    """Fill tip.linear from a period and periods beside it; True if all stay in contact or all out of it."""
     linear, count, y = tip.linear, coordinate_count(oscillator.lever), np.empty(len(tip.u))
     size = (DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP) * motion_scale(oscillator.lever, tip.u)
     way, beside, linear.count = Way(), Change(), count
@@ -139,9 +139,9 @@ def way_left(way: Way, tolerance: Tolerance) -> float:
 def pass_along(
     oscillator: Oscillator, tolerance: Tolerance, target: float, part: float, tip: Tip, way: Way, y: np.ndarray
 ) -> float:
-    """Go a part of a way, let a period pass there, and fill in the way from where it begins by the same derivatives.
+    """Move the state by a share of a way, march a period there, and fill in the way from its begin, linearly.
 
-    Returns that over the tolerance; infinite where there is none.
+    Returns the length of that way over the tolerance; infinite where there is none.
     """
     now = Change()
     move_state(oscillator.lever, way, part, tip.u)
@@ -295,7 +295,7 @@ def hold_periodic(
 
 @kernel
 def fill_row_of_period(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -> None:
-    """Fill a result row of z from what a period gave, or many in the mean: their balances are linear, so the same.
+    """Fill a result row of z from the observables of a period, or their means over many: balances are linear in them.
 
     What that does not say is NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in energy, what
     the drive gives is dissipated.

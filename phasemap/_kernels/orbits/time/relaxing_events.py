@@ -1,4 +1,4 @@
-"""What happens to a contact that relaxes at the end of a step: it begins, ends, turns or passes an old turn.
+"""Events of a contact that relaxes, at the end of a step: it begins, ends, turns or passes an old turn.
 
 The contact turns where q' changes its sign and ends where q falls through 0. At each end of a step `lay_edge` lays down
 what the surface is to remember.
@@ -143,8 +143,8 @@ def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
 
 
 @kernel(inline=True)
-def broken(contact: Relaxing, motion: Motion, point: MotionPoint) -> bool:
-    """Whether a neck of liquid would have broken at a point of the step."""
+def neck_would_break(contact: Relaxing, motion: Motion, point: MotionPoint) -> bool:
+    """True if a neck of liquid would have broken at a point of the step."""
     return point.at.x < edge_of(contact, NECK_BREAKS, motion.time + point.at.passed)[0]
 
 
@@ -159,10 +159,10 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
     if now.mode == OFF_SURFACE:
         if now.held == 1 and u.v < 0 < end.at.v:
             h, _ = try_turn(here, motion)
-            if broken(contact, motion, motion.trial):
+            if neck_would_break(contact, motion, motion.trial):
                 stop_at_turn(motion, h)
         stop_at_touch(here, motion)
-        if now.held == 1 and broken(contact, motion, end):
+        if now.held == 1 and neck_would_break(contact, motion, end):
             end_step_at_event(here, motion, NECK_BREAKS)
         return
     find_slopes(here, motion, end)
@@ -344,7 +344,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
 
 @kernel
 def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """March one period over a surface that remembers, as `march_period` does; y is as `surface_memory` names it."""
+    """March one period over a surface that remembers, as `march_period` does; `surface_memory` names entries of y."""
     law, p, lever = oscillator
     motion, modes, now, arms, compliance = Motion(), Modes(), Memory(), Arms(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)

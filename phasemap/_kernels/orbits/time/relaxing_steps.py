@@ -1,4 +1,4 @@
-"""How long the steps of the march are over a surface that remembers.
+"""Lengths of the steps of the march over a surface that remembers.
 
 As over others, and shorter where a solid relaxes fast, next to a turn of the contact, and over dents.
 """
@@ -70,7 +70,7 @@ def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
 
 @kernel
 def pace_over(dent: float, free: float, kelvin: bool) -> Pace:
-    """Return what steps depend on over a dent [m], of a lever with this free amplitude [m].
+    """Numbers that set the lengths of steps over a dent [m], of a lever with this free amplitude [m].
 
     They go with the dent met, over the free amplitude: the error that a dent adds is of order 6 in them.
     """
@@ -84,15 +84,15 @@ def pace_over(dent: float, free: float, kelvin: bool) -> Pace:
 
 @kernel
 def off_line(first: float, last: float, way: float, h: float) -> bool:
-    """Whether what moves by `way` in a step strays from a line between the slopes at both ends."""
+    """True if a quantity that changes by `way` in a step strays from a line between the slopes at both ends."""
     return not abs(way - 0.5 * h * (first + last)) <= STRAY_SHARE * h * max(abs(first), abs(last))
 
 
 @kernel
 def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
-    """Whether a step is too long for dents that nearly fit the tip, over which its edge runs far faster than it falls.
+    """True if a step is too long for a dent that nearly fits the tip, over which the contact's edge runs fast.
 
-    Then the edge or the speed moves otherwise than slopes at both ends say, or the edge passes many nodes of a dent.
+    Then the edge or the tip's speed does not follow the slopes at both ends, or the edge passes many nodes of a dent.
     """
     u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
     if off_line(of.x, to.x, end.x - u.x, h) or off_line(of.v, to.v, end.v - u.v, h):
@@ -124,7 +124,7 @@ def _contact_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motio
 
 @kernel(inline=True)
 def _flight_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
-    """Length of a step out of contact [1/omega_c]; what is next to nothing of a dent comes back at once."""
+    """Length of a step out of contact [1/omega_c]; the last faint remains of a dent are taken away at once."""
     law, p, u, held = contact.law, contact.p, motion.here.at, contact.now.held == 1
     dent, rise = dent_at(contact, motion.time)
     if 0.0 < dent < DENT_FORGOTTEN * contact.pace.free:

@@ -1,4 +1,4 @@
-"""One step of the equation of motion: the 12-stage explicit Runge-Kutta method of order 8 behind DOP853.
+"""Step of the equation of motion: the 12-stage explicit Runge-Kutta method of order 8 behind DOP853.
 
 E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), section II.5.
 
@@ -35,7 +35,7 @@ Numbers = tuple[float, ...]
 
 
 class StepStart(NamedTuple):
-    """When a step starts: time since the period began [1/omega_c], and cosine and sine of the drive's phase."""
+    """Start of a step: time since the period began [1/omega_c], and cosine and sine of the drive's phase."""
 
     time: float
     cos: float
@@ -88,7 +88,7 @@ TABLEAU: tuple[dict[int, float], ...] = (  # of each stage after the first, and 
 
 @intrinsic
 def along_tableau(_context: Any, y: Any, h: Any, slopes: Any) -> Any:
-    """y + h times the row of the tableau for so many slopes, in their order: only the newest is waited for."""
+    """y + h times the weighted slopes of a stage of the tableau, summed so that only the newest slope is waited for."""
     row, number, flags = TABLEAU[len(slopes) - 1], types.float64, sorted(ANY_ORDER)
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -162,7 +162,7 @@ def _fill_slopes(here: Here, start: StepStart, off: bool, many: bool, y: Moved, 
 
 @kernel(inline=True, fastmath=ANY_ORDER)
 def _step(here: Here, start: StepStart, off: bool, many: bool, point: MotionPoint, h: float, end: Moved) -> None:
-    """One step of length h of Dormand and Prince's method of order 8, from `point` to `end`.
+    """Take a step of length h of Dormand and Prince's method of order 8, from `point` to `end`.
 
     `off`: whether the tip is off the surface. `many`: whether the lever has several modes, or the contact arms.
     """
@@ -221,25 +221,25 @@ def _step(here: Here, start: StepStart, off: bool, many: bool, point: MotionPoin
 
 @kernel
 def _step_off_surface(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
-    """One step of a lever of one mode off the surface."""
+    """Take a step of a lever of one mode off the surface."""
     _step(here, start, True, False, point, h, end)
 
 
 @kernel
 def _step_in_contact(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
-    """One step of a lever of one mode in contact with a surface that remembers nothing."""
+    """Take a step of a lever of one mode in contact with a surface that remembers nothing."""
     _step(here, start, False, False, point, h, end)
 
 
 @kernel(fastmath=ANY_ORDER)
 def _step_of_many(here: Here, start: StepStart, point: MotionPoint, h: float, end: Moved) -> None:
-    """One step of a lever of several modes, or in contact with a surface that relaxes."""
+    """Take a step of a lever of several modes, or in contact with a surface that relaxes."""
     _step(here, start, here.contact.now.mode == OFF_SURFACE, True, point, h, end)
 
 
 @kernel(inline=True)
 def _has_many(here: Here) -> bool:
-    """Whether the lever has several modes, or a contact that the tip is in arms."""
+    """True if the lever has several modes, or the tip is in a contact with arms."""
     if here.beam.modes.count > 1:
         return True
     return here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) < PLACE_OF_X

@@ -1,4 +1,4 @@
-"""What a surface remembers: how far its elements were pushed in, inside the contact and outside it.
+"""Memory of a surface: how far its elements were pushed in, inside the contact and outside it.
 
 A linear viscoelastic half-space under a sphere, or a film on a rigid base, is a row of independent elements under a
 parabola: that at x has to go d - x^2 deep (lengths along x over sqrt(R), theory, Eqs. (memory-2) and (memory-16)). A
@@ -67,13 +67,13 @@ class Layer(NamedTuple):
 
 @kernel(inline=True)
 def layer_of(p: Any) -> Layer:
-    """The film that a material is, which has no neck of liquid."""
+    """Film on a rigid base that a material is; of thinness 0, a half-space, under a neck of liquid."""
     return Layer(p[col.THINNESS] if p[col.RELEASE] == 0.0 else 0.0, p[col.FILM_SERIES])
 
 
 @kernel(inline=True)
 def pressed_to(layer: Layer, q: float, d: float) -> tuple[float, float]:
-    """Force of all elements within the edge q that are pushed to depth d, over (3/2) K sqrt(R), and weight of the last.
+    """Force of all elements within the edge q, pushed to depth d, over (3/2) K sqrt(R), and weight of the last element.
 
     On a half-space the integral of d - x^2; on a film weights m are such that to q = sqrt(d) it is the force of the
     film's law, and their integral its slope: theory, Eq. (memory-17).
@@ -164,7 +164,7 @@ def fill_dents_outside(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
 
 @kernel
 def fill_creep_inside(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
-    """Fill in what is left of b in each arm for an element in the contact, and its slopes by xi."""
+    """Fill in the decayed b = D - xi - y of each arm for an element in the contact, and its slopes by xi."""
     j = int(m[INNER_COUNT]) - 1
     while j > 1 and m[node_at(m, False, j - 1) + NODE_XI] > xi:
         j -= 1
@@ -206,7 +206,7 @@ def edge_of_old_turn(m: np.ndarray) -> float:
 
 @kernel
 def drop_covered_nodes(m: np.ndarray, xi: float) -> None:
-    """Take from the outer stack what the contact has grown over, but for the node just below its edge."""
+    """Take from the outer stack the nodes that the contact has grown over, but for the one just below its edge."""
     count = int(m[OUTER_COUNT])
     if count > 0 and m[node_at(m, True, 0) + NODE_XI] <= xi:
         count = 0
@@ -217,7 +217,7 @@ def drop_covered_nodes(m: np.ndarray, xi: float) -> None:
 
 @kernel
 def drop_released_nodes(m: np.ndarray, xi: float) -> None:
-    """Take from the inner stack what the contact has let go, but for the node just above its edge."""
+    """Take from the inner stack the nodes that the contact has released, but for the one just above its edge."""
     count = int(m[INNER_COUNT])
     while count > 2 and m[node_at(m, False, count - 2) + NODE_XI] >= xi:
         count -= 1

@@ -59,7 +59,7 @@ class Change:
 
 @record
 class PeriodMap:
-    """The map of one period: what it changes now, and the derivatives of that by the coordinates and z0."""
+    """Map of one period: the changes in it, and their derivatives by the coordinates and z0."""
 
     count: int  # of coordinates
     now: Change
@@ -78,14 +78,14 @@ class Way:
 
 @record
 class Periods:
-    """Periods of a tip."""
+    """Counts of a tip's periods."""
 
     marched: int
     formed: int  # 1 when lasting dents have formed under it
 
 
 class Tip(NamedTuple):
-    """A tip in time."""
+    """State of a tip in time, with its last period and the map of a period."""
 
     # State at the beginning of a period, shape (PLAIN_STATE + 2 (modes - 1),): at drive phase 0. Over a surface that
     # remembers it has the length `memory_size`, and a period begins where `swing_state` puts it.
@@ -165,7 +165,7 @@ def amplitude_of(lever: np.ndarray, acc: PeriodResult) -> float:
 
 @kernel
 def add_period(total: PeriodResult, one: PeriodResult) -> None:
-    """Add what a period gave to a total, whose depth is the largest."""
+    """Add the observables of a period to a total, whose depth is the largest."""
     deepest, to, more = max(total.deepest, one.deepest), numbers_of(total), numbers_of(one)
     for j in range(len(to)):
         to[j] += more[j]
@@ -174,7 +174,7 @@ def add_period(total: PeriodResult, one: PeriodResult) -> None:
 
 @kernel
 def divide_result(total: PeriodResult, count: float) -> None:
-    """Turn a total of so many periods into their mean."""
+    """Turn a total over so many periods into means."""
     deepest, of = total.deepest, numbers_of(total)
     for j in range(len(of)):
         of[j] /= count
@@ -212,7 +212,7 @@ def motion_scale(lever: np.ndarray, u: np.ndarray) -> float:
 
 @kernel
 def differentiate(beside: Change, now: Change, size: float) -> None:
-    """Turn what a period changes `size` beside a motion into the derivative of that."""
+    """Turn the change in a period that begins `size` beside a motion into a difference quotient."""
     for i in range(len(beside.motion)):
         beside.motion[i] = (beside.motion[i] - now.motion[i]) / size
     beside.amplitude = (beside.amplitude - now.amplitude) / size
@@ -243,7 +243,7 @@ def amplitude_along(linear: PeriodMap, way: np.ndarray) -> float:
 
 @kernel
 def slopes_of_orbit(linear: PeriodMap, slopes: Way) -> float:
-    """Fill in how the periodic orbit moves with z0; returns dA/dz0 after the transient."""
+    """Fill in the derivatives of the periodic orbit by z0; returns dA/dz0 after the transient."""
     slopes.z0 = 1.0
     fill_way_of_decay(linear, linear.by_z0.motion, slopes.motion)
     return linear.by_z0.amplitude + amplitude_along(linear, slopes.motion)
@@ -268,7 +268,7 @@ def multiplier_of(linear: PeriodMap) -> float:
 
 @kernel
 def fill_way_to_rest(linear: PeriodMap, now: Change, target: float, way: Way) -> None:
-    """Fill in the way to rest, at this z0 or with a `target` amplitude > 0 at the z0 where that is expected."""
+    """Fill in the way to the periodic orbit at this z0, or of an amplitude `target` > 0, at the z0 expected for it."""
     fill_way_of_decay(linear, now.motion, way.motion)
     way.z0 = 0.0
     if target > 0.0:
