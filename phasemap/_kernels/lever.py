@@ -14,6 +14,7 @@ from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 
 LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averaging no safe guide
 FORGOTTEN = 2.0  # ring-down rate over a period from which on a motion counts as forgotten in the next
+FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
 
 
@@ -225,8 +226,13 @@ def higher_modes_forget(lever: np.ndarray) -> bool:
 
 @kernel
 def lowest_tip_offset(oscillator: Oscillator) -> float:
-    """Tip offset [m] below which the lever is pressed in farther than any instrument would."""
+    """Tip offset [m] below which the lever is pressed in farther than any instrument would, and no orbit is looked for.
+
+    Above resonance a soft contact makes up for the lever's detuning only where the tip is pressed in far.
+    """
     lever = oscillator.lever
+    if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
+        return -FARTHEST_AT_ALL
     return -(30.0 * free_amplitude(lever) + 20.0 * bend_by_adhesion(oscillator) + 1e-7)
 
 

@@ -83,8 +83,8 @@ def newton_in_bracket(
 
 
 @kernel
-def pivot(m: np.ndarray, k: int, n: int, width: int) -> int:
-    """Exchange row k, up to `width`, with the row of largest entry below in column k; its index, -1 if all are 0."""
+def pivot(m: np.ndarray, k: int, n: int) -> int:
+    """Exchange row k, up to n, with the row of largest entry below in column k; its index, -1 if all are 0."""
     best, size = k, abs(m[k, k])
     for i in range(k + 1, n):
         if abs(m[i, k]) > size:
@@ -93,34 +93,16 @@ def pivot(m: np.ndarray, k: int, n: int, width: int) -> int:
         return -1
     if best != k:
         up, down = m[best], m[k]
-        for j in range(width):
+        for j in range(n):
             down[j], up[j] = up[j], down[j]
     return best
 
 
 @kernel
-def eliminate(m: np.ndarray, n: int) -> bool:
-    """Solve for the first n columns in place (Gauss-Jordan); the other columns become solutions. False if singular."""
-    width = m.shape[1]
-    for k in range(n):
-        if pivot(m, k, n, width) < 0:
-            return False
-        inverse = 1.0 / m[k, k]
-        for j in range(width):
-            m[k, j] *= inverse
-        for i in range(n):
-            if i != k:
-                factor = m[i, k]
-                for j in range(width):
-                    m[i, j] -= factor * m[k, j]
-    return True
-
-
-@kernel
 def eliminate_columns(m: np.ndarray, count: int) -> bool:
-    """`eliminate` for NODES equations with column j in m[j], in all `count` of them.
+    """Solve NODES equations whose column j is m[j], for the right sides m[NODES:count]; False if they are singular.
 
-    Each step adds a multiple of one column to the others.
+    The right sides become the solutions. Each step adds a multiple of one column to the others.
     """
     for k in range(NODES):
         column = m[k]
@@ -182,7 +164,7 @@ def spectral_radius(m: np.ndarray, squarings: int) -> float:
 def factor(m: np.ndarray, n: int, order: np.ndarray) -> bool:
     """Factor the first n columns into triangular matrices in place, rows exchanged as in `order`; False if singular."""
     for k in range(n):
-        order[k] = pivot(m, k, n, n)
+        order[k] = pivot(m, k, n)
         if order[k] < 0:
             return False
         up = m[k]
@@ -212,3 +194,18 @@ def substitute(m: np.ndarray, n: int, order: np.ndarray, x: np.ndarray) -> None:
         for j in range(i + 1, n):
             total -= m[i, j] * x[j]
         x[i] = total / m[i, i]
+
+
+@kernel
+def solve_equations(m: np.ndarray) -> bool:
+    """Solve n equations for as many unknowns, which replace the right sides in the last column; False if singular.
+
+    `m` (shape (n, n + 1)): coefficients and right sides.
+    """
+    n = len(m)
+    order, x = np.empty(n, np.int64), m[:, n].copy()
+    if not factor(m, n, order):
+        return False
+    substitute(m, n, order, x)
+    m[:, n] = x
+    return True

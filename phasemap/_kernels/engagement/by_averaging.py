@@ -25,7 +25,7 @@ from phasemap._kernels.engagement.beside_resonance import (
     rebounds,
 )
 from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange
-from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance, reach_of
+from phasemap._kernels.lever import free_amplitude, low_q, near_resonance, reach_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.sides import (
     ATTRACTIVE,
@@ -214,8 +214,8 @@ def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, harmonic:
     and never falls again.
     """
     reach, plain = reach_of(oscillator.p), decisive_mismatch_beside_resonance(oscillator.lever, amplitude)
-    gap, deepest, highest = FARTHEST_FOLD * reach, lowest_tip_offset(oscillator), -math.inf
-    while gap > deepest and gap > -2.0 * amplitude:
+    gap, highest = FARTHEST_FOLD * reach, -math.inf
+    while gap > -2.0 * amplitude:
         h, _ = mismatch_at_gap(oscillator, amplitude, gap)
         if h < min(highest, plain) and highest > -plain:
             return False

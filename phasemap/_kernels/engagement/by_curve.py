@@ -37,8 +37,8 @@ from phasemap._kernels.engagement.by_averaging import (
 )
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, has_longrange
-from phasemap._kernels.lever import free_amplitude, low_q, lowest_tip_offset, near_resonance
-from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, FARTHEST_AT_ALL, Maximum
+from phasemap._kernels.lever import FARTHEST_AT_ALL, free_amplitude, low_q, lowest_tip_offset, near_resonance
+from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.contacts import PERMANENT
 from phasemap._kernels.orbits.collocation.near import (
     MOST_STEPS_NEARBY,

@@ -22,9 +22,8 @@ from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator, has_hysteresis, has_longrange, longrange_force
-from phasemap._kernels.lever import free_amplitude, near_resonance, reach_of
+from phasemap._kernels.lever import FARTHEST_AT_ALL, free_amplitude, near_resonance, reach_of
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.averaged.sides import FARTHEST_AT_ALL
 from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import (

@@ -15,7 +15,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.by_averaging import decide, forces_are_plain, low_q_margin_factor
 from phasemap._kernels.engagement.by_fold import highest_response_mismatch, side_of
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
-from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever import lowest_tip_offset, reach_of
 from phasemap._kernels.orbits.averaged.branch import fill_averaged_orbit_near
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import (
@@ -33,7 +33,6 @@ from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, s
 from phasemap._kernels.records import assign, clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
-DEEPEST = -6.0  # gap over amplitude: there the lever presses the tip down
 STEP_OUTSIDE = 0.5  # of depth and reach of the strongest pull, out of it
 
 
@@ -91,7 +90,7 @@ def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> f
     """
     before, gap = (top.gap, top.push), top.behind
     _, push = mismatch_at_gap(oscillator, amplitude, gap)
-    while push <= 0.0 and gap >= DEEPEST * amplitude:
+    while push <= 0.0 and gap >= lowest_tip_offset(oscillator):
         before, gap = (gap, push), 2.0 * gap
         _, push = mismatch_at_gap(oscillator, amplitude, gap)
     if not push > 0.0:

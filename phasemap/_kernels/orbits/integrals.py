@@ -219,10 +219,11 @@ def new_load_workspace(harmonics: int) -> LoadWorkspace:
 def fill_force_integrals(
     oscillator: Oscillator, at: OrbitNodes, second: int, workspace: LoadWorkspace, row: np.ndarray
 ) -> None:
-    """Fill in GRADIENT and DRAG of a row from the nodes of its orbit, and what else is asked for.
+    """Fill the row of an orbit with the mean slope and damping of the force, and with what follows from its harmonics.
 
-    SIDEBANDS are filled in where the `second` mode is driven, AT_REST or IN_LOOP; WAVES where the workspace is for
-    col.HARMONICS of the force, or for LOSS_HARMONICS, which LOSSES take.
+    The columns of the sidebands are filled where the `second` mode is driven, AT_REST or IN_LOOP. The number of
+    harmonics the workspace has room for says what else is filled: with none nothing, with col.HARMONICS the harmonics
+    that the detector sees (WAVES), with LOSS_HARMONICS the losses in each mode (LOSSES) too.
     """
     law, p, lever = oscillator
     count, (load, slopes, yields, waves) = at.count, workspace

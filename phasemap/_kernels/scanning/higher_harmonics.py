@@ -21,7 +21,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, parameters
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.averaged.harmonics import longrange_integrals
-from phasemap._kernels.orbits.averaged.orbits import averaged_orbits, mismatch_slope
+from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.averaged.sides import fill_averaged_orbit_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine
 from phasemap._kernels.records import clear, record
@@ -99,7 +100,7 @@ def share_rows(
         orbits = averaged_orbits(oscillator, amplitude)
         for j in range(len(orbits)):
             load_harmonic_orbit(orbits[j], harmonic)
-            harmonic.mismatch_slope = mismatch_slope(oscillator, harmonic)
+            fill_averaged_orbit_at_gap(oscillator, amplitude, centre_height(harmonic) - amplitude, harmonic)
             if refine(oscillator, harmonic, limits, workspace):
                 c, push = centre_height(harmonic) / amplitude, harmonic.push
                 pull = pull_of(oscillator, amplitude, c)

@@ -58,19 +58,23 @@ def phase_and_offset(
 
 @kernel
 def root_near(oscillator: Oscillator, amplitude: float, side: int, c: float) -> tuple[float, float]:
-    """Root c of the mismatch near a guess, and its slope; NaN if Newton's method leaves the stable branch."""
+    """Ratio c of an averaged orbit near a guess, by Newton's method, and the slope of the mismatch there.
+
+    c is the height of the middle of the oscillation over the amplitude. NaN where the steps, which are shares of
+    the scale on which the mismatch changes with c, leave the stable branch.
+    """
     lever, reach, slope = oscillator.lever, reach_of(oscillator.p), math.nan
     for _ in range(MOST_ROOT_STEPS):
-        depth = mismatch_scale(reach, amplitude, c)
+        scale = mismatch_scale(reach, amplitude, c)
         push, drag, _mean = harmonics(oscillator, amplitude, c)
         h = mismatch(lever, amplitude, push, drag)
-        near, far, _mean = harmonics(oscillator, amplitude, c + C_DIFFERENCE * depth)
-        slope = (mismatch(lever, amplitude, near, far) - h) / (C_DIFFERENCE * depth)
+        near, far, _mean = harmonics(oscillator, amplitude, c + C_DIFFERENCE * scale)
+        slope = (mismatch(lever, amplitude, near, far) - h) / (C_DIFFERENCE * scale)
         if not slope < 0.0:
             return math.nan, math.nan
-        step = min(max(-h / slope, -LONGEST_ROOT_STEP * depth), LONGEST_ROOT_STEP * depth)
+        step = min(max(-h / slope, -LONGEST_ROOT_STEP * scale), LONGEST_ROOT_STEP * scale)
         c += step
-        if abs(step) < LAST_ROOT_STEP * depth:
+        if abs(step) < LAST_ROOT_STEP * scale:
             return (c, slope) if (push > 0.0) == (side > 0) else (math.nan, math.nan)
     return math.nan, math.nan
 

@@ -9,13 +9,12 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_longrange
-from phasemap._kernels.lever import free_amplitude, mismatch, reach_of, scale_of
+from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import UNCLEAR, gap_of_crossing, gap_of_push, mismatch_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import (
     HARMONIC_WORDS,
     HarmonicOrbit,
-    centre_height,
     fill_harmonic_orbit,
     store_harmonic_orbit,
 )
@@ -36,16 +35,6 @@ def ratio_far_from_surface(oscillator: Oscillator, amplitude: float) -> float:
             break
         away *= 1.5
     return 1.0 + away - p[col.FORMING] / free
-
-
-@kernel
-def mismatch_slope(oscillator: Oscillator, harmonic: HarmonicOrbit) -> float:
-    """Change of the mismatch with the tip offset at fixed amplitude [1/m]."""
-    lever = oscillator.lever
-    reach, amplitude, e = reach_of(oscillator.p), harmonic.amplitude, centre_height(harmonic)
-    small = 1e-5 * (reach if reach > 0.0 else abs(e - amplitude))
-    push, drag, _ = harmonics(oscillator, amplitude, (e + small) / amplitude)
-    return (mismatch(lever, amplitude, push, drag) - mismatch(lever, amplitude, harmonic.push, harmonic.drag)) / small
 
 
 @kernel(shared=True)

@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
-from phasemap._kernels.lever import beside_resonance, lowest_tip_offset, mismatch, reach_of
+from phasemap._kernels.lever import lowest_tip_offset, mismatch, reach_of
 from phasemap._kernels.numerics import narrowed, parabola
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
@@ -25,7 +25,6 @@ UNCLEAR = 0
 CROSSING_TOLERANCE = 1e-7  # mismatch left at a crossing, far below what averaging is wrong by
 LEAST_MISMATCH = -0.999999  # mismatch, where its logarithm is taken
 STEEPEST = 0.2  # least dz0/dA of an averaged orbit that is far from a fold
-FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
 FIRST_DEPTH = 0.12  # of `balance_depth`: the first depth at which the maximum of the mismatch is sought, then doubled
 TRIAL_DEPTH = 0.1  # of the reach, depth at which the elastic force is asked for
 MOST_DEPTHS_OF_BALANCE = 10.0  # in reaches, at which attraction still outweighs what is elastic: a soft sample
@@ -33,9 +32,7 @@ MOST_GAPS = 60  # that are tried for a maximum or a crossing: each grows by a sh
 MOST_CROSSING_STEPS = 50  # of regula falsi, whose bracket is decades wide
 FARTHER = 2.0  # times the height over the pole, by which the gap grows on the way out to the attractive crossing
 NOT_REPULSIVE = -0.5  # value in place of the logarithm of 1 + mismatch where the orbit is no repulsive one, or less
-OVERSHOOT = (
-    1.1  # of the depth at which P, rising as its square, would reach what is wanted: the crossing is then inside
-)
+OVERSHOOT = 1.1  # of the depth at which P, rising as its square, would be what is wanted: the crossing is then inside
 LEAST_DEPTH_GROWTH, MOST_DEPTH_GROWTH = 1.15, 4.0  # of that depth from one gap to the next
 LEAST_RISE = 0.02  # of what P has to rise by, the least that counts as its rise
 DIFFERENCE = 1e-5  # of reach, gap or amplitude, by which derivatives are taken
@@ -192,25 +189,13 @@ def attractive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> fl
 
 
 @kernel
-def deepest_tip_offset(oscillator: Oscillator) -> float:
-    """Tip offset [m] down to which a repulsive orbit is looked for.
-
-    Above resonance a soft contact makes up for the lever's detuning only where the tip is pressed in far.
-    """
-    lever = oscillator.lever
-    if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
-        return -FARTHEST_AT_ALL
-    return lowest_tip_offset(oscillator)
-
-
-@kernel
 def repulsive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
     """Gap of the repulsive crossing, behind the strongest attraction; NaN if it is not found."""
     lever = oscillator.lever
     stiff = amplitude * lever[col.DYNAMIC_STIFFNESS]
     peak, want = top.gap, lever[col.DRIVE] - stiff - top.push
     near, f_near = peak, min(NOT_REPULSIVE, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
-    gap, last = top.behind, deepest_tip_offset(oscillator)
+    gap, last = top.behind, lowest_tip_offset(oscillator)
     for _ in range(MOST_GAPS):
         h, push = mismatch_at_gap(oscillator, amplitude, gap)
         if h > 0.0 and push > 0.0:
@@ -255,5 +240,5 @@ def fill_averaged_orbit_on_side(
     if math.isnan(gap):
         return False
     along = fill_averaged_orbit_at_gap(oscillator, amplitude, gap, harmonic)
-    inside = harmonic.tip_offset > deepest_tip_offset(oscillator)
+    inside = harmonic.tip_offset > lowest_tip_offset(oscillator)
     return along > STEEPEST and (harmonic.push > 0.0) == (side == REPULSIVE) and inside

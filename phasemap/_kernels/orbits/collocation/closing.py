@@ -7,7 +7,7 @@ import numpy as np
 from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, ROW
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of
-from phasemap._kernels.numerics import copy_rows, eliminate
+from phasemap._kernels.numerics import copy_rows, solve_equations
 from phasemap._kernels.orbits.collocation.linearised import add_times
 from phasemap._kernels.orbits.collocation.mode_motion import add_response, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
@@ -78,7 +78,7 @@ def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[E
     _fill_held_equations(held, row, system)
     for i in range(2):
         system[row + i, RIGHT] = held[i].equals - held[i].normal_m * head.parameter
-    return eliminate(system, len(system))
+    return solve_equations(system)
 
 
 @kernel
@@ -91,7 +91,7 @@ def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: t
     _fill_held_equations(held, row, system)
     system[:, RIGHT] = 0.0
     system[row + 1, RIGHT] = 1.0
-    return eliminate(system, len(system))
+    return solve_equations(system)
 
 
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)

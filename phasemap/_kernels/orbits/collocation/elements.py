@@ -61,14 +61,13 @@ def append_element(orbit: Orbit, n: int, side: int, origin: float, scale: float)
     if e + 1 >= len(orbit.elements):
         return False
     one, table = element_of(orbit, e), orbit.tables[n]
-    place = one
-    place.table, place.side, place.origin, place.scale = n, side, origin, scale
+    one.table, one.side, one.origin, one.scale = n, side, origin, scale
     for j in range(NODES):
         theta = origin + scale * table[T_S, j]
         one.theta[j] = theta
         one.cos[j] = math.cos(theta)
         one.sin[j] = math.sin(theta)
-    place.edge = origin + scale * table[T_NUMBERS, T_FIRST]
+    one.edge = origin + scale * table[T_NUMBERS, T_FIRST]
     element_of(orbit, e + 1).edge = origin + scale * table[T_NUMBERS, T_LAST]
     head_of(orbit).count = e + 1
     return True

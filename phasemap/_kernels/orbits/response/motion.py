@@ -15,7 +15,6 @@ from phasemap._kernels.orbits.response.nodes import (
     GAUSS_WEIGHTS,
     HIGHEST,
     IN,
-    LATE,
     OUT,
     UPTO,
     N,
@@ -80,11 +79,13 @@ def _integrate_kicks(nodes: Nodes, first: int) -> tuple[float, float]:
 
 @kernel(fastmath=ANY_ORDER)
 def _sum_up(nodes: Nodes) -> tuple[float, float]:
-    """Fill in g exp(-lambda theta) and its integrals from the start of the period; returns those over all of it."""
-    for j in range(3 * N):
-        share = nodes.g[j] * nodes.weight[j] * nodes.growth[j]
-        nodes.re[j], nodes.im[j] = share * nodes.turn_cos[j], -share * nodes.turn_sin[j]
-    for j in range(LATE, LATE + (parts_of(nodes) - 1) * N):
+    """Fill in running integrals over the angle of the force, weighted by a mode's free decay; returns those of all.
+
+    The integrand is g exp(-lambda theta), with the force over stiffness g and the lambda that `fill_mode` filled in.
+    The elements are in the order of time IN, before contact, the parts of the contact, and OUT, after it. IN is laid
+    out backwards, from the contact on; without a force outside contact, IN and OUT add nothing.
+    """
+    for j in range(count_of(nodes)):
         share = nodes.g[j] * nodes.weight[j] * nodes.growth[j]
         nodes.re[j], nodes.im[j] = share * nodes.turn_cos[j], -share * nodes.turn_sin[j]
     in_re, in_im, out_re, out_im = 0.0, 0.0, 0.0, 0.0

@@ -15,7 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import detected_amplitude
 from phasemap._kernels.lever import modes_of, slowest_decay, static_share
-from phasemap._kernels.numerics import MOST_SQUARINGS, eliminate, spectral_radius
+from phasemap._kernels.numerics import MOST_SQUARINGS, solve_equations, spectral_radius
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, PERIOD_BEGIN, memory_size
 from phasemap._kernels.records import column, numbers_of, record
@@ -227,7 +227,7 @@ def fill_way_of_decay(linear: PeriodMap, change: np.ndarray, way: np.ndarray) ->
         for j in range(n):
             m[i, j] = -linear.motion[n * j + i]
         m[i, n] = change[i]
-    solved = eliminate(m, n)
+    solved = solve_equations(m)
     for i in range(n):
         way[i] = m[i, n] if solved else math.nan
 
