@@ -180,15 +180,15 @@ def colours_of(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _by_name(text: str | None) -> float | str | dict[str, float | str] | None:
-    """A number, text, or what is said of each name."""
+    """Number or text, or a number or text for each name, from "name=value,name=value"."""
     if text is None or "=" not in text:
-        return text if text is None else _value(text)
+        return text if text is None else _number_or_text(text)
     parts = [part.partition("=") for part in text.split(",")]
-    return {name.strip(): _value(value.strip()) for name, _, value in parts}
+    return {name.strip(): _number_or_text(value.strip()) for name, _, value in parts}
 
 
-def _value(text: str) -> float | str:
-    """A plain number as one."""
+def _number_or_text(text: str) -> float | str:
+    """Number in a text as a float, or else the text."""
     try:
         return float(text)
     except ValueError:

@@ -80,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.overrides += rest
     asking = strict_units() if getattr(arguments, "strict_units", False) else once()
     with interrupted_once(), plain_warnings(), asking:
-        code = _called(arguments)
+        code = _run_command(arguments)
         if still_busy():
             sys.stdout.flush()
             sys.stderr.flush()
@@ -88,8 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _called(arguments: argparse.Namespace) -> int:
-    """Call the command, and say what it raises; the exit code."""
+def _run_command(arguments: argparse.Namespace) -> int:
+    """Run the command, print the error that it raises, and return the exit code."""
     if getattr(arguments, "quiet", False):
         os.environ["PHASEMAP_QUIET"] = "1"  # which kernels know
     try:
@@ -99,7 +99,7 @@ def _called(arguments: argparse.Namespace) -> int:
         if not _replaced(sentence):
             return _complain(sentence)
         arguments.overwrite = True
-        return _called(arguments)
+        return _run_command(arguments)
     except InputErrors as found:
         return max(_complain(str(error)) for error in found.errors)
     except PhasemapError as error:

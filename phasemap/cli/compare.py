@@ -75,14 +75,14 @@ def compare(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     if arguments.row is not None and arguments.plot is None:
         raise InputError("--row", arguments.row, "with --plot only")
-    direction = _parts("--direction", arguments.direction)
+    direction = _split_names("--direction", arguments.direction)
     options: dict[str, Any] = {
         "offset": _offset(arguments.offset),
         "sign": arguments.sign if arguments.sign in ("recorded", "free") else int(arguments.sign),
         "regions": arguments.regions if arguments.regions > 1 else None,
         "limit": arguments.limit,
         "direction": direction[0] if direction and len(direction) == 1 else direction,
-        "names": _parts("--names", arguments.names, exactly=2) or NAMES,
+        "names": _split_names("--names", arguments.names, exactly=2) or NAMES,
     }
     images = [read_image(path) for path in (arguments.measured, arguments.simulated)]
     for image in images:
@@ -103,14 +103,14 @@ def summary(found: xr.Dataset) -> list[str]:
 
 
 def _offset(text: str) -> str | float:
-    """A word, or a number of degrees."""
+    """Offset as a word, or as a number of degrees."""
     if text in ("recorded", "free", "fixed"):
         return text
     return numbers_in("--offset", text, "degree", "recorded, free, fixed, or a number of degrees")[0]
 
 
-def _parts(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:
-    """Name, or two with a comma between them."""
+def _split_names(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:
+    """Name, or two with a comma between them, as a tuple."""
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(","))
@@ -168,7 +168,7 @@ def _surface(arguments: argparse.Namespace) -> Surface | None:
 
 
 def _checked(image: xr.Dataset, surface: Surface | None, arguments: argparse.Namespace) -> Check:
-    """Check, with a bar on stderr."""
+    """Check of the image, with a bar on stderr."""
     from phasemap.validation.check import check as check_image
 
     with progress_bar("", arguments.quiet) as progress:

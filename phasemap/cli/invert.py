@@ -114,7 +114,7 @@ def invert(arguments: argparse.Namespace) -> None:
     given = _load([Path(word) for word in arguments.images if "=" not in word], setup, arguments, overrides)
     options: dict[str, Any] = {"setpoints": given.setpoints, "prior_factor": arguments.prior_factor}
     for name in ("phase_zero", "phase_zero_error", "phase_error", "height_error", "height_zero_error"):
-        if (values := _list(name, arguments, len(given.images))) is not None:
+        if (values := _numbers_of(name, arguments, len(given.images))) is not None:
             options[name] = values
     if arguments.prior is not None:
         options["prior"] = _material(setup, "--prior", arguments.prior)
@@ -130,11 +130,11 @@ def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overri
 
     if not paths:
         raise PhasemapError(f"there is no image behind the scene. {NEEDED}")
-    images = [_signed(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
+    images = [_with_sign(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
     scope = setup.microscope
     loss = scope.drive.free_amplitude / scope.driven_amplitude
     setpoints, amplitudes = (
-        _list(name, arguments, len(images)) or [None] * len(images) for name in ("setpoints", "free_amplitudes")
+        _numbers_of(name, arguments, len(images)) or [None] * len(images) for name in ("setpoints", "free_amplitudes")
     )
     fixed = any(word.partition("=")[0].strip() == "drive.free_amplitude" for word in overrides)
     scopes = []
@@ -152,8 +152,8 @@ def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overri
     return _Given(images, scopes, setpoints)
 
 
-def _signed(image: xr.Dataset, sign: str) -> xr.Dataset:
-    """An image with the phase, and its zero, the other way round if asked for."""
+def _with_sign(image: xr.Dataset, sign: str) -> xr.Dataset:
+    """Image whose phase, and its zero, have the sign asked for."""
     if sign == "1":
         return image
     turned = image.assign(phase=-image["phase"])
@@ -241,8 +241,8 @@ def _material(setup: Setup, option: str, name: str) -> Material:
     return setup.materials[name]
 
 
-def _list(name: str, arguments: argparse.Namespace, count: int) -> Any:
-    """Numbers, one an image, or a word."""
+def _numbers_of(name: str, arguments: argparse.Namespace, count: int) -> Any:
+    """Numbers of an argument, one an image, or a word."""
     words = ("shared", "free") if name == "phase_zero" else ()
     return one_each(name, getattr(arguments, name), UNITS.get(name.partition("_")[0], "1"), count, "an image", words)
 

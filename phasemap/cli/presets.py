@@ -45,7 +45,7 @@ def tables() -> Iterator[tuple[str, list[list[str]]]]:
         ones = list(every)
         columns = list(ones[0].numbers)
         heads = ["name", "", *(HEADS.get(name, name) for name in columns)]
-        rows = ([one.name, _description(one), *(_said(column, one) for column in columns)] for one in ones)
+        rows = ([one.name, _description(one), *(_number_in_words(column, one) for column in columns)] for one in ones)
         yield kind, [heads, *rows]
 
 
@@ -71,8 +71,8 @@ Numbers of levers are mostly from memory, and in air; pm.Cantilever.preset(NAME)
 one in water, as is liquid = {} beside the preset in a scene."""
 
 
-def _said(name: str, preset: Preset) -> str:
-    """A number of a preset with its unit, and whether it is an estimate, or why it has none."""
+def _number_in_words(name: str, preset: Preset) -> str:
+    """Number of a preset with its unit, and whether it is an estimate, or why it has none."""
     if name not in preset.numbers:
         return "relaxes" if name == "viscosity" else "V-shaped"
     quoted = preset.numbers[name]
@@ -85,7 +85,7 @@ def _in_unit(name: str, value: float) -> str:
 
 
 def _shown(preset: Preset) -> Iterator[str]:
-    """A preset with everything that is known of it."""
+    """Text with everything that is known of a preset."""
     yield f"{preset.name}: {preset.title} ({preset.kind})"
     if preset.also:
         yield f"  {'also called':<20}{', '.join(preset.also)}"

@@ -90,7 +90,7 @@ def sweep(arguments: argparse.Namespace) -> None:
 
     started = time.perf_counter()
     check_choice("AXIS", arguments.axis, dict.fromkeys(("distance", "setpoint", "frequency", *UNITS)))
-    ends, points, overrides = _words(arguments.overrides, arguments.axis, arguments.points)
+    ends, points, overrides = _split_words(arguments.overrides, arguments.axis, arguments.points)
     setup = load_setup(arguments.scene, overrides)
     name, material = _material(setup, arguments.material)
     values = _axis_values(arguments, ends, points, material, setup.microscope)
@@ -100,8 +100,8 @@ def sweep(arguments: argparse.Namespace) -> None:
     conclude(arguments, found, "curve", said_of_sweep(found), started)
 
 
-def _words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
-    """START and STOP if given, the number of values, and the keys of the scene to set."""
+def _split_words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
+    """START and STOP if given, number of values, and overrides of the scene, from words of the command line."""
     overrides = [word for word in words if "=" in word]
     ends = [word for word in words if "=" not in word]
     if len(ends) == 1 and ":" in ends[0]:
@@ -185,14 +185,14 @@ def _sweep_along_axis(
         raise PhasemapError("the scene has no setpoint: give --setpoint or --tip-offset.")
     if axis == "frequency":
         if height is None:
-            height = _engaged(material, scope, setpoint)
+            height = _offset_after_engaging(material, scope, setpoint)
         return by.sweep_frequency(material, scope, values, tip_offset=height, samples=samples)
     held: dict[str, Any] = {"setpoint": setpoint} if height is None else {"tip_offset": height}
     return by.sweep_parameter(material, scope, axis, values, **held, samples=samples)
 
 
-def _engaged(material: Material, scope: Microscope, setpoint: float | None) -> float:
-    """The tip offset at which a feedback stops that engages from far."""
+def _offset_after_engaging(material: Material, scope: Microscope, setpoint: float | None) -> float:
+    """Tip offset [m] at which a feedback stops that engages from far."""
     from phasemap.solvers.problem import check_setpoint
     from phasemap.sweeps.sweep import sweep_setpoint
 

@@ -29,7 +29,7 @@ def pair_of(
     `names`: what the images are called in messages.
     """
     images = first, second
-    each = _each(direction, images)
+    each = _directions_of(direction, images)
     both = [_from_corner(channels_of(name, ds, one, needed)) for name, ds, one in zip(names, images, each, strict=True)]
     sizes = [[ds.sizes[dim] * pitch_of(ds, dim) for dim in ("x", "y")] for ds in both]
     if not np.allclose(sizes[1], sizes[0], rtol=SAME_SIZE):
@@ -40,8 +40,8 @@ def pair_of(
     return both[0], both[1]
 
 
-def _each(direction: Directions, images: tuple[xr.Dataset, xr.Dataset]) -> tuple[str | None, str | None]:
-    """The direction of each image."""
+def _directions_of(direction: Directions, images: tuple[xr.Dataset, xr.Dataset]) -> tuple[str | None, str | None]:
+    """Direction that is asked for of each image."""
     if direction is None:
         return None, None
     if not isinstance(direction, str):
@@ -55,7 +55,7 @@ def _each(direction: Directions, images: tuple[xr.Dataset, xr.Dataset]) -> tuple
 
 
 def _direction(ds: xr.Dataset) -> str | None:
-    """The direction of an image of one, if it says so."""
+    """Direction of an image without such a dim, if it says so."""
     known = ds.coords["direction"].item() if "direction" in ds.coords else ds.attrs.get("direction")
     return None if known is None else str(known)
 

@@ -143,7 +143,7 @@ def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) 
 
 
 def _shift(fixed: xr.Dataset, moving: xr.Dataset, limit: float) -> tuple[float, float]:
-    """The best shift, (y, x) [m]; found again on what both images show, for the first pass takes them as periodic."""
+    """Best shift (y, x) [m], found twice: first as if images were periodic, then on what both show."""
     find = skimage("registration", "registering images").phase_cross_correlation
     shift = 0.0, 0.0
     for _ in range(PASSES):
@@ -168,7 +168,7 @@ def _overlap(fixed: xr.Dataset, moving: xr.Dataset, shift: tuple[float, float]) 
 
 
 def _shifted(moving: xr.Dataset, shift: tuple[float, float]) -> xr.Dataset:
-    """The image at another place."""
+    """Image at another place."""
     return moving.assign_coords(y=moving["y"] + shift[0], x=moving["x"] + shift[1])
 
 

@@ -180,7 +180,7 @@ def _sign(sign: str | int, measured: xr.Dataset, simulated: xr.Dataset) -> tuple
 
 
 def _frame(measured: Array, simulated: Array, zero: tuple[float, float] | None, sign: str | int) -> _Frame:
-    """The offset and the sign asked for, or those that leave the least RMSE."""
+    """Frame with the offset and the sign asked for, or with those that leave the least RMSE."""
 
     def best(s: int) -> _Frame:
         if zero is None:

@@ -79,7 +79,7 @@ def preset_of(kind: str, name: object, said: str = "preset") -> Preset:
 
 
 def _letters(name: str) -> str:
-    """The letters and digits of a name, in lower case."""
+    """Letters and digits of a name, in lower case."""
     return re.sub(r"[\W_]", "", name).lower()
 
 
@@ -103,7 +103,7 @@ def stated_by(kind: str, name: object) -> set[str]:
 
 @cache
 def _read() -> dict[str, Mapping[str, Preset]]:
-    """The file, once."""
+    """Presets of the file, which is read once."""
     tables = tomllib.loads(files("phasemap.experiment").joinpath("presets.toml").read_text(encoding="utf-8"))
     return {
         which: MappingProxyType({

@@ -228,7 +228,7 @@ class Prony(Shown):
 
 @cache
 def _tables() -> dict[str, Any]:
-    """The presets by their names."""
+    """Presets of spectra by their names."""
     return tomllib.loads(files("phasemap.experiment").joinpath("spectra.toml").read_text(encoding="utf-8"))
 
 
@@ -286,7 +286,7 @@ def keys_of(relaxation: Any) -> Any:
 
 
 def _band(band: tuple[float, float]) -> tuple[float, float]:
-    """Frequencies [Hz] in order."""
+    """Frequencies [Hz] in order, checked."""
     if not isinstance(band, Sequence) or isinstance(band, str) or len(band) != 2:
         raise InputError("band", band, "two frequencies, such as (1e3, 1e6)")
     low, high = (number("band", one, "Hz", above=0) for one in band)

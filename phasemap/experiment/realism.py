@@ -135,7 +135,7 @@ class Realism(Shown):
 
 
 def _drift(value: object) -> tuple[float, float, float]:
-    """Three lengths."""
+    """Drift as three lengths [m]."""
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence) or len(value) != 3:
         raise InputError("drift", value, "three lengths in m, (x, y, z)")
     x, y, z = (number(f"drift {axis}", one, "m") for axis, one in zip("xyz", value, strict=True))

@@ -233,7 +233,7 @@ def matched(
 
 
 def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:
-    """Say what one material does."""
+    """Motion that engaging from far finds on one material, for the sentences."""
     values = {key: ds[key].values.tolist()[material] for key in VARIABLES}
     words = {}
     for key in ("branch", "motion", "solver"):
@@ -267,13 +267,13 @@ def _second_shown(motion: Motion) -> str:
 
 
 def _plain(found: Found, setting: Setting) -> dict[str, Any]:
-    """A material as JSON has it."""
+    """Material as JSON has it."""
     values = {**found._asdict(), "phase": setting.counted(found.phase)}
     return {key: None if value != value or value in INFINITE else value for key, value in values.items()}
 
 
 def _curve(setting: Setting, material: Material) -> dict[str, Any]:
-    """The curve of one material."""
+    """Amplitude and phase of one material against the distance, for the page."""
     scope = setting.scope
     pixel = solve_pixel(material, scope, setting.setpoint, setting.solver, accuracy_of(scope))
     free = scope.driven_amplitude

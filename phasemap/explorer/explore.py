@@ -164,7 +164,7 @@ def serve(given: Opened | None = None, port: int = 0, browser: bool = False, fra
 
 
 def _given(explored: object, scope: Microscope | None, setpoint: float | None) -> Opened | None:
-    """Read what the user gives to begin with."""
+    """Subject that the user gives to begin with."""
     if explored is None:
         if scope is not None or setpoint is not None:
             raise InputError("surface_or_scene", None, "a Surface or a Scene where scope or setpoint is given")

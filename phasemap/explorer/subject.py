@@ -138,7 +138,7 @@ def subject_of(
 
 @unquestioned()  # its numbers were looked at when the scene was read
 def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
-    """The subject that a scene is."""
+    """Subject of a scene."""
     options = {**scene.options, **({} if setpoint is None else {"setpoint": check_setpoint(setpoint)})}
     if scene.config["surface"]["kind"] == "maps":
         hint = "Maps of few materials can be explored in Python: pm.explore(scene.surface, scene.microscope)."
@@ -158,7 +158,7 @@ def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
 
 @unquestioned()
 def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any]) -> Subject:
-    """The subject that a surface and a microscope are."""
+    """Subject of a surface and a microscope."""
     if surface.lazy:
         raise InputError("surface", Word("in Dask arrays"), "maps in memory", "Take surface.compute().")
     rows, labels = surface.unique()

@@ -152,7 +152,7 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
 
 
 def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
-    """Fill the canvas."""
+    """Fill the canvas with the pixels of an image or a part of it."""
     if plan.materials is not None and plan.values is not None:
         _put(job, canvas, plan.values, numbers_of(job, plan.materials), 0, job.pixels)
     elif plan.interpolants is not None:
@@ -309,22 +309,22 @@ def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:
     if exact.functions != FUNCTIONS and len(sample):
         known = exact(sample[:SOME], in_time=False)
         known = known[np.isfinite(known).all(axis=1)]
-        limits |= _of_integrals(exact.functions, known)
+        limits |= _integral_limits(exact.functions, known)
         asked = {column for name in job.names for column in OF_ORBITS.get(name, ())}
-        limits |= {column: limit for column, limit in _of_answer(job, exact, known).items() if column not in asked}
+        limits |= {column: limit for column, limit in _answer_limits(job, exact, known).items() if column not in asked}
     return np.array([limits.get(column, TINY) for column in exact.functions])
 
 
-def _of_integrals(functions: tuple[int, ...], known: Array) -> dict[int, float]:
-    """A share of the usual size, of both parts of a complex number alike."""
+def _integral_limits(functions: tuple[int, ...], known: Array) -> dict[int, float]:
+    """Tolerance of integrals: a share of their usual size, of both parts of a complex number alike."""
     usual = abs(known).mean(axis=0) if len(known) else np.ones(len(functions))
     size = dict(zip(functions, usual.tolist(), strict=True))
     pairs = {pair for pair in OF_ORBITS.values() if pair[0] in size}
     return {part: SHARE * max(*(size[one] for one in pair), TINY) for pair in pairs for part in pair if part in size}
 
 
-def _of_answer(job: Job, exact: ExactOrbits, known: Array) -> dict[int, float]:
-    """Largest errors of the integrals that a second mode needs: what changes its answer by so much.
+def _answer_limits(job: Job, exact: ExactOrbits, known: Array) -> dict[int, float]:
+    """Tolerance of the integrals that a second mode needs: errors that change its response by so much.
 
     What the surface adds to its stiffness and damping counts over k2, and together with its own 1/Q2 unless a loop
     holds its phase.

@@ -90,7 +90,7 @@ def _progress_of(job: Job, block: Block) -> Progress:
 
 
 def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -> TipState:
-    """Fill in lines to which the tip comes, and return how it leaves them."""
+    """Fill in lines to which the tip comes in a state, and return the state in which it leaves them."""
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
     orbits = StableOrbits(*(np.ascontiguousarray(table.values[name]) for name in WALKED))
@@ -117,14 +117,14 @@ def _fill_interpolated(job: Job, plan: Interpolants, canvas: Canvas, tip: TipSta
         known = Distinct(len(materials))
         known.add(materials)
         numbers = known.numbers(materials).reshape(-1, pixels)
-        table = _passed(job, plan, known.materials, numbers, tip)
+        table = _table_on_way(job, plan, known.materials, numbers, tip)
         tip = _walk(job, canvas, Block(first, last, known.materials, numbers_in(job, known)), table, tip)
         job.report(last * pixels)
     return tip
 
 
-def _passed(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.int32], tip: TipState) -> Table:
-    """A table of materials that has what a tip meets on its way over lines of them, shape (lines, pixels).
+def _table_on_way(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.int32], tip: TipState) -> Table:
+    """Table of materials with all that a tip meets on its way over lines of them, shape (lines, pixels).
 
     How far it stays on a branch of which is not known whether it is there shows step by step: it is asked of twice as
     many pixels ahead each time.

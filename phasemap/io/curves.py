@@ -65,7 +65,7 @@ def read_curve(
     if not os.path.isfile(path):  # nor is a name that is no name
         raise FileError(f"cannot read {path}: {'it is a folder' if os.path.isdir(path) else 'there is no such file'}.")
     if path.suffix.lower() in NETCDF:
-        parts, scan = _of_sweep(path), ScanData()
+        parts, scan = _curve_of_sweep(path), ScanData()
     elif path.suffix.lower() == ".ibw":
         parts, scan = of_wave(path)
     elif path.suffix.lower() in ARCHIVES:
@@ -92,8 +92,8 @@ def is_curve(path: Path) -> bool:
     return int.from_bytes(head[140:144], "little") == 0  # no third dimension
 
 
-def _of_sweep(path: Path) -> Parts:
-    """A distance sweep as a curve."""
+def _curve_of_sweep(path: Path) -> Parts:
+    """Curve of a simulated distance sweep."""
     ds = load(path)
     if "tip_offset" not in ds.dims or "direction" not in ds.dims:
         raise FileError(

@@ -77,7 +77,7 @@ def export(
     if direction is not None:
         ds = one_scan(ds, (), direction)
     if variable is not None:
-        ds = ds[[_known(ds, variable), *_status(ds)]]
+        ds = ds[[_chosen_variable(ds, variable), *_status(ds)]]
     return _write_gwy(ds, path, overwrite)
 
 
@@ -116,7 +116,7 @@ def _write_gsf(
     if Path(path).suffix != ".gsf":  # gsffile knows no other
         raise InputError("the suffix", Path(path).suffix, ".gsf")
     gsffile = extra("gsffile", "writing .gsf files", "gwy")
-    name = _known(ds, variable)
+    name = _chosen_variable(ds, variable)
     _, title, values, bad = next(_fields(one_scan(ds[[name, *_status(ds)]], [name], direction)))
     yreal, xreal = _size(ds)
     texts = {key: text.replace("=", ":").replace("\n", " ") for key, text in _notes(ds).items()}
@@ -161,8 +161,8 @@ def _status(ds: xr.Dataset) -> list[str]:
     return ["status"] if "status" in ds else []
 
 
-def _known(ds: xr.Dataset, variable: str | None) -> str:
-    """The variable asked for, or the only one."""
+def _chosen_variable(ds: xr.Dataset, variable: str | None) -> str:
+    """Name of the variable asked for, or of the only one."""
     known = _real(ds)
     if variable is None and len(known) == 1:
         return known[0]

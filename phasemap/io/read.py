@@ -165,7 +165,7 @@ def _is_sensors(group: Group) -> bool:
 def _assemble(
     path: Path, chosen: dict[str, Group], directions: tuple[str, ...], size: tuple[float, float] | None
 ) -> xr.Dataset:
-    """The channels as variables."""
+    """Dataset with the channels as variables."""
     first, *others = [one for group in chosen.values() for one in group.values()]
     if not all(0 < side < math.inf for side in first.size):
         raise FileError(f"cannot use {path}: {first.name!r} is {_sides(first.size)} m in size.")
@@ -231,12 +231,12 @@ def _remarks(ds: xr.Dataset, chosen: dict[str, Group]) -> list[str]:
 
 
 def _sides(sides: tuple[float, ...]) -> str:
-    """Height and width, for a sentence."""
+    """Height and width in words."""
     return " x ".join(f"{side:g}" for side in sides)
 
 
 def _listed(channels: Iterable[Channel]) -> str:
-    """Names of channels, for a sentence."""
+    """Names of channels in words."""
     return ", ".join(repr(channel.name) for channel in channels)
 
 

@@ -161,7 +161,7 @@ def _draw_quantity(axes: Axes, ds: xr.Dataset, name: str) -> None:
     for i, colour in enumerate(COLOURS if name == "phase" else ("0.1",)):
         y = ds[name].values[i] if name == "phase" else ds[name].values
         jumps = ds.isel(jump=ds["jump_material"].values == i) if name == "phase" else ds
-        axes.plot(*_broken(x, y, jumps, name), color=colour, linewidth=1.6, gid=name)
+        axes.plot(*_with_gaps(x, y, jumps, name), color=colour, linewidth=1.6, gid=name)
         if len(x) <= FEW:
             axes.plot(x, y, "o", markersize=3.0, color=colour, gid="points")
         ends = [jumps[f"jump_{word}_{name}"].values for word in ("from", "to")]
@@ -195,7 +195,7 @@ def _draw_strip(axes: Axes, ds: xr.Dataset, names: list[str]) -> None:
     axes.spines[["left", "bottom"]].set_visible(False)
 
 
-def _broken(x: np.ndarray, y: np.ndarray, ds: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _with_gaps(x: np.ndarray, y: np.ndarray, ds: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
     """A line with a gap at each jump, drawn up to it on both sides."""
     at = np.searchsorted(x, ds["jump_setpoint"].values).repeat(3)
     jumps = ds["jump_setpoint"].values.repeat(3)

@@ -121,14 +121,14 @@ def plot(
     if is_comparison(ds):
         return comparison(ds, path, overwrite, **colours)
     if is_measured_curve(ds):
-        return fit(ds, path, overwrite, **_unused(colours, "a measured curve"))
+        return fit(ds, path, overwrite, **_refuse_colours(colours, "a measured curve"))
     if is_sweep(ds):
-        return curve(ds, path, overwrite, quantities=variables, ax=ax, lag=lag, **_unused(colours, "a sweep"))
+        return curve(ds, path, overwrite, quantities=variables, ax=ax, lag=lag, **_refuse_colours(colours, "a sweep"))
     if is_force_curve(ds):
-        return force(ds, path, overwrite, ax=ax, **_unused(colours, "a force curve"))
+        return force(ds, path, overwrite, ax=ax, **_refuse_colours(colours, "a force curve"))
     for asks, draw, what in ((is_inversion, inversion, "an inversion"), (is_series, series, "a series")):
         if asks(ds):
-            return draw(ds, path, overwrite=overwrite, **_unused(colours, what))
+            return draw(ds, path, overwrite=overwrite, **_refuse_colours(colours, what))
     usual = ("phase",) if ax is not None and np.size(np.asarray(ax, object)) == 1 else ("height", "phase")
     names = usual if variables is None else tuple(variables)
     _check(ds, names, mark_irregular)
@@ -144,7 +144,7 @@ def plot(
     return _page(ds, scales, mark_irregular).finished(path, overwrite)
 
 
-def _unused(colours: dict[str, Any], what: str) -> dict[str, Any]:
+def _refuse_colours(colours: dict[str, Any], what: str) -> dict[str, Any]:
     """Refuse colours where the picture has no colour map; returns no arguments."""
     for name, value in colours.items():
         if value is not None:

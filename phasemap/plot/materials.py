@@ -181,7 +181,7 @@ def is_inversion(ds: xr.Dataset) -> bool:
 
 
 def _mark(axes: Axes, hatched: np.ndarray, lost: np.ndarray, extent: tuple[float, float, float, float]) -> None:
-    """Show one set of pixels grey and hatched, and another green."""
+    """Mark one set of pixels grey and hatched, and another green."""
     for pixels, color in ((hatched, UNSURE), (lost, FAILED)):
         if pixels.any():
             overlay = np.ma.masked_where(~pixels, np.ones(pixels.shape))

@@ -210,7 +210,7 @@ def is_sweep(ds: xr.Dataset) -> bool:
 
 
 def _check(ds: xr.Dataset, quantities: Sequence[str] | str | None) -> list[str]:
-    """The quantities to draw."""
+    """Quantities to draw, of a Dataset that is a sweep."""
     if not is_sweep(ds):
         raise InputError("the dataset", sorted(map(str, ds.data_vars)), "what a sweep such as sweep_distance returned")
     dims = ds["status"].dims

@@ -107,7 +107,7 @@ def channels(
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
     if not is_sign(sign):
         raise InputError("sign", sign, "1 or -1")
-    lever, said = _lever(image, scope)
+    lever, said = _scope_and_settings(image, scope)
     wanted = _chosen(names, image, lever)
     phase, amplitude = _phase(image, lever, said, phase_zero, sign), _amplitude(image, lever, said, setpoint)
     spread = _spread(image, uncertainty)
@@ -125,7 +125,7 @@ def channels(
 
 def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -> list[Channel]:
     """The channels asked for, or all that the image has; those of modes where there are several."""
-    known = {name: channel for name, channel in CHANNELS.items() if _has(scope, channel)}
+    known = {name: channel for name, channel in CHANNELS.items() if _has_mode_of(scope, channel)}
     if names is None:
         several = len(scope.cantilever.eigenmodes) > 1
         by_default = (one for one in known.values() if several or one.mode == 0)
@@ -142,8 +142,8 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -
 
 
 @unquestioned()  # who made the image was told then
-def _lever(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dict[str, Any]]:
-    """The microscope, as far as the formulas need it, and what the image says of its scan."""
+def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dict[str, Any]]:
+    """Microscope, as far as the formulas need it, and settings of the scan that the image states."""
     said = {**image.attrs, **of_simulation(image.attrs)}
     if scope is not None:
         return scope, said
@@ -191,7 +191,7 @@ def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], se
 
 
 def _spread(image: xr.Dataset, uncertainty: Mapping[str, Scalar] | None) -> dict[str, Any]:
-    """Standard deviations, of pixels or of all."""
+    """Standard deviations of the inputs, of each pixel or of all."""
     spread: dict[str, Any] = {}
     for name, value in (uncertainty or {}).items():
         if name not in UNCERTAIN:
@@ -226,7 +226,7 @@ def _derive(
 def _apply(
     channel: Channel, scope: Microscope, amplitude: xr.DataArray, phase: xr.DataArray, orbit: dict[str, xr.DataArray]
 ) -> xr.DataArray:
-    """A channel of arrays that may be lazy."""
+    """Values of a channel, from arrays that may be lazy."""
 
     def channel_of_motion(size: Array, angle: Array, *integrals: Array) -> Array:
         return np.asarray(channel.value(motion_seen(scope, size, angle, dict(zip(orbit, integrals, strict=True)))))
@@ -241,7 +241,7 @@ def _deviation(
     channel: Channel, scope: Microscope, amplitude: xr.DataArray, phase: xr.DataArray, orbit: dict[str, xr.DataArray],
     spread: dict[str, Any],
 ) -> xr.DataArray:  # fmt: skip
-    """Half of what each deviation, up and down, changes; their root of squares."""
+    """Standard deviation of a channel: half the change by each deviation, up and down, summed in squares."""
     total: Any = 0.0
     for name, width in spread.items():
         ends = []
@@ -249,15 +249,15 @@ def _deviation(
             step = way * width
             size = amplitude + step if name == "amplitude" else amplitude
             angle = phase + step if name == "phase" else phase
-            ends.append(_apply(channel, _moved(scope, name, step), size, angle, orbit))
+            ends.append(_apply(channel, _with_step(scope, name, step), size, angle, orbit))
         total = total + (0.5 * (ends[0] - ends[1])) ** 2
     root: xr.DataArray = total**0.5
     return root
 
 
 @unquestioned()
-def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
-    """The microscope with another stiffness, quality factor or free amplitude."""
+def _with_step(scope: Microscope, name: str, step: Any) -> Microscope:
+    """Microscope with another stiffness, quality factor or free amplitude."""
     if name in ("stiffness", "quality_factor"):
         lever = replace(scope.cantilever, **{name: getattr(scope.cantilever, name) + step})
         # The amplitude of the free lever at resonance is what was measured: the drive follows.
@@ -267,8 +267,8 @@ def _moved(scope: Microscope, name: str, step: Any) -> Microscope:
     return scope
 
 
-def _has(scope: Microscope, channel: Channel) -> bool:
-    """True if lever and drive have the mode that a channel is of."""
+def _has_mode_of(scope: Microscope, channel: Channel) -> bool:
+    """True if lever and drive have the mode of a channel."""
     return channel.mode <= len(scope.cantilever.eigenmodes) and (not channel.bimodal or scope.drive.second is not None)
 
 
@@ -291,7 +291,7 @@ def split(variables: object, control: Control, scope: Microscope) -> tuple[tuple
     more = tuple(
         name
         for name, channel in CHANNELS.items()
-        if name not in known and set(channel.needs) <= set(known) and _has(scope, channel)
+        if name not in known and set(channel.needs) <= set(known) and _has_mode_of(scope, channel)
     )
     if variables is None:
         return variables_of(control), tuple(name for name in more if CHANNELS[name].bimodal)

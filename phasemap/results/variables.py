@@ -40,19 +40,19 @@ class Variable(NamedTuple):
 
 
 def _column(long_name: str, units: str, index: int, description: str = "") -> Variable:
-    """A variable that is a column; angles are in radians there."""
+    """Variable that is a column of result rows; angles are in radians there."""
     if units == "degree":
         return Variable(long_name, units, lambda rows: rows[..., index] * (180 / np.pi), description)
     return Variable(long_name, units, lambda rows: rows[..., index], description)
 
 
 def _wide(long_name: str, units: str, index: int, description: str = "") -> Variable:
-    """A variable that is a column of wide rows."""
+    """Variable that is a column of wide rows."""
     return _column(long_name, units, index, description)._replace(wide=(index,))
 
 
 def _spread(long_name: str, units: str, index: int) -> Variable:
-    """A spread, which no solver of periodic orbits fills in: 0 there, NaN where there is no motion."""
+    """Variable of a spread, which no solver of periodic orbits fills in: 0 there, NaN where there is no motion."""
     one = _column(long_name, units, index, LOCK_IN)
     value = one.value
     return one._replace(
@@ -69,7 +69,7 @@ def _multiplier(rows: Array) -> Array:
 
 
 def _harmonic(n: int) -> dict[str, Variable]:
-    """Amplitude and phase of a harmonic."""
+    """Variables of a harmonic: amplitude and phase."""
     real, imaginary = both = (WAVES + 2 * (n - 2), WAVES + 2 * (n - 2) + 1)
 
     def wave(rows: Array) -> Array:

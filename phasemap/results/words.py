@@ -110,9 +110,9 @@ def titles(ds: xr.Dataset) -> list[str]:
     lines = [
         [ds.attrs["title"]] if "title" in ds.attrs else [],
         [
-            *_said(material, swept, modulus=("modulus {}", "Pa"), adhesion=("adhesion {}", "J m-2")),
-            *_said(material, swept, **_loss(material)),
-            *_said(about, swept, setpoint=("setpoint held at {}", "1"), tip_offset=("tip offset held at {}", "m")),
+            *_in_words(material, swept, modulus=("modulus {}", "Pa"), adhesion=("adhesion {}", "J m-2")),
+            *_in_words(material, swept, **_loss(material)),
+            *_in_words(about, swept, setpoint=("setpoint held at {}", "1"), tip_offset=("tip offset held at {}", "m")),
         ],
         microscope_in_words(scope, swept),
     ]
@@ -123,10 +123,10 @@ def microscope_in_words(scope: dict[str, Any], swept: str = "") -> list[str]:
     """Lever, tip and drive of a ``configuration`` in words, as far as they are known, without what is swept."""
     lever, tip, drive = (scope.get(part, {}) for part in ("cantilever", "tip", "drive"))
     return [
-        *_said(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),
-        *_said(lever, swept, quality_factor=("Q {}", "1")),
-        *_said(tip, swept, radius=("tip radius {}", "m")),
-        *_said(drive, swept, free_amplitude=("free amplitude {}", "m"), frequency=("driven at {}", "Hz")),
+        *_in_words(lever, swept, stiffness=("lever {}", "N m-1"), resonance_frequency=("{}", "Hz")),
+        *_in_words(lever, swept, quality_factor=("Q {}", "1")),
+        *_in_words(tip, swept, radius=("tip radius {}", "m")),
+        *_in_words(drive, swept, free_amplitude=("free amplitude {}", "m"), frequency=("driven at {}", "Hz")),
     ]
 
 
@@ -139,8 +139,8 @@ def _loss(material: dict[str, Any]) -> dict[str, tuple[str, str]]:
     return {"damping": ("damping {}", "1")}
 
 
-def _said(table: dict[str, Any], swept: str, **words: tuple[str, str]) -> list[str]:
-    """The values of a table that are given and not swept, in words."""
+def _in_words(table: dict[str, Any], swept: str, **words: tuple[str, str]) -> list[str]:
+    """Values of a table that are given and not swept, in words."""
     return [
         phrase.format(say(table[name], units, 5))
         for name, (phrase, units) in words.items()

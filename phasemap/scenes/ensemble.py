@@ -77,7 +77,7 @@ class Ensemble:
             From 0.
         """
         whole("sample", sample, 0, len(self) - 1)
-        with _named(sample):
+        with _naming_sample(sample):
             return scene_from_tables(self._tables(sample), self.folder)
 
     @once()
@@ -93,7 +93,7 @@ class Ensemble:
         first = self.scene(0)
         same_surface = not any(key.startswith("surface.") for key in self.keys) or not every_surface
         for sample in range(1, len(self)):
-            with _named(sample):
+            with _naming_sample(sample):
                 made = scene_from_tables(self._tables(sample), self.folder, first.surface if same_surface else None)
                 _check_form(made, _form(first))
 
@@ -258,8 +258,8 @@ def _check_form(scene: Scene, first: Form) -> None:
 
 
 @contextmanager
-def _named(sample: int) -> Iterator[None]:
-    """Say of which sample an error is."""
+def _naming_sample(sample: int) -> Iterator[None]:
+    """Name the sample in errors that are raised within."""
     try:
         yield
     except (InputError, FileError) as error:
@@ -275,7 +275,7 @@ def _named(sample: int) -> Iterator[None]:
 def _make(job: tuple[int, Table, Path], folder: Path, form: Form, named: bool) -> Path:
     """Simulate a sample into its file, with the numbers among its attributes, but for the time it took."""
     sample, tables, file = job
-    with _named(sample):
+    with _naming_sample(sample):
         scene = scene_from_tables(tables, folder)
         _check_form(scene, form)
         with untold():  # status is in the file, and counted when all are done

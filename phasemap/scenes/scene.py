@@ -163,7 +163,7 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
     scan, complaints = table_of(tables, "scan"), Complaints()
     setpoint = complaints.of(scan_of, scan) if "setpoint" in scan else None
-    with _asking(scan):
+    with _strictness_of(scan):
         microscope, materials = complaints.of(microscope_of, tables), complaints.of(materials_of, tables)
         complaints.make()
         assert microscope is not None and materials is not None
@@ -198,7 +198,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
 def scene_from_tables(tables: Table, folder: Path, surface: Surface | None = None) -> Scene:
     """Check tables of a scene and make what they describe, but for the surface where that is given."""
     check_keys("the scene's table", tables, TABLES, REQUIRED_TABLES)
-    with _asking(table_of(tables, "scan")):
+    with _strictness_of(table_of(tables, "scan")):
         return _scene(tables, folder, surface)
 
 
@@ -270,7 +270,7 @@ def scene_from_json(text: str, folder: Path) -> Scene:
     return scene
 
 
-def _asking(scan: Table) -> AbstractContextManager[None]:
+def _strictness_of(scan: Table) -> AbstractContextManager[None]:
     """Context in which numbers outside all practice are errors, if the scene asks for that."""
     return strict_units() if switch("[scan]", scan, "strict_units") else nullcontext()
 

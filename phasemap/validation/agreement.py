@@ -133,14 +133,14 @@ def _decided(again: Again) -> Mask:
 
 
 def _status(again: Again, decided: Mask, by: str) -> Claim:
-    """There is a solution where the image has one, and none where it says that there is none."""
+    """Claim that there is a solution where the image has one, and none where it says that there is none."""
     wrong = (again.at(again.picture.good) != (again.status == col.GOOD)) & decided
     found = f"{again.materials} materials, {by}"
     return again.judged("solved again: solutions where the status says", wrong, wrong, decided, found)
 
 
 def _motion(again: Again, both: Mask) -> Claim:
-    """The motion is periodic where the image says so; one that hardly spreads may be called either."""
+    """Claim that the motion is periodic where the image says so; one that hardly spreads may be called either."""
     claimed, found = again.at(again.picture.irregular), again.values["motion"] == 1
     phase, amplitude = again.spread("phase"), again.spread("amplitude")
     bad = (claimed != found) & ((phase > IRREGULAR[0]) | (amplitude > IRREGULAR[1]))
@@ -149,14 +149,14 @@ def _motion(again: Again, both: Mask) -> Claim:
 
 
 def _branch(again: Again, both: Mask, same: Mask) -> Claim:
-    """The tip is on the branch to which the control brings it."""
+    """Claim that the tip is on the branch to which the control brings it."""
     branch = again.raw("branch")[both]
     found = f"{np.count_nonzero(branch == 0)} attractive, {np.count_nonzero(branch == 1)} repulsive"
     return again.judged("solved again: the same branch", ~same, ~same, both, found)
 
 
 def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Claim:
-    """The image is as near to the other solution as it says."""
+    """Claim that the image is as near to the other solution as it says."""
     unit, scale = UNITS[FLOATS[name].units]
     whose = "estimated" if name in Errors._fields else "its"  # which follows from those that are estimated
     about = f"solved again: {name.replace('_', ' ')} within {whose} error"
@@ -185,7 +185,7 @@ def _quantities(again: Again) -> dict[str, _Quantity]:
 
 
 def _dataset(again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
-    """The sampled pixels, both ways."""
+    """Dataset of the sampled pixels, in the image and as found again."""
     places = zip(("direction", "row", "column"), np.unravel_index(again.pixels, again.picture.shape), strict=True)
     data: dict[str, Any] = {name: ("pixel", values, {"long_name": f"{name} of the pixel"}) for name, values in places}
     flags = flag_attributes("status")

@@ -111,7 +111,7 @@ def check(
     if surface is None:
         scene = scene_of(image, folders, claims.shape)
         surface = scene.surface
-        everywhere.append(_same(claims, scene))
+        everywhere.append(_scene_is_configuration(claims, scene))
     surface = surface.compute()
     if (surface.shape, surface.pixel_size) != (claims.shape, claims.pixel_size):
         size = f"{surface.shape} pixels of {surface.pixel_size} m"
@@ -127,7 +127,7 @@ def check(
     made = image_again(picture, surface, threads, after(progress, 0, total))
     repeated, differ = repeat(made)
     judges = np.union1d(drawn, differ[: len(drawn)])
-    other, by = _another(claims, surface)
+    other, by = _independent_solver(claims, surface)
     again = solve_again(picture, surface, judges, other, threads, after(progress, every, total))
     found, sampled = compare(again, by)
     differs = f"{len(differ) or 'none'} {'differs' if len(differ) < 2 else 'differ'}"
@@ -139,8 +139,8 @@ def check(
     return Check((*everywhere, repeated, *found), sampled, judged, unseen)
 
 
-def _another(claims: Claims, surface: Surface) -> tuple[Solver, str]:
-    """A solver that shares nothing with that of the image, in words too: time, or periodic orbits for what time made.
+def _independent_solver(claims: Claims, surface: Surface) -> tuple[Solver, str]:
+    """Solver that shares nothing with that of the image, in words too: time, or periodic orbits for an image by time.
 
     What remembers or is wet, or is marched under two drives, has no orbits that stand for its march.
     """
@@ -151,8 +151,8 @@ def _another(claims: Claims, surface: Surface) -> tuple[Solver, str]:
     return FromFar(), "by the equation of motion in time"
 
 
-def _same(claims: Claims, scene: Scene) -> Claim:
-    """The scene that the image carries is that of its configuration."""
+def _scene_is_configuration(claims: Claims, scene: Scene) -> Claim:
+    """Claim that the scene that the image carries is that of its configuration."""
     options = {name: scene.options[name] for name in ("setpoint", "solver", "control", "accuracy", "realism")}
     both = {name: (getattr(claims, name), value) for name, value in options.items()}
     both["microscope"] = claims.microscope, scene.microscope

@@ -27,8 +27,8 @@ OF_ORBITS = ("error_phase", "error_height", "energy_closure")  # what only a per
 
 
 def layout(image: xr.Dataset, claims: Claims) -> Claim:
-    """Judge the layout; nothing else can be looked at where it fails."""
-    wrong = list(_wrong(image, claims))
+    """Claim on the layout; nothing else can be looked at where it fails."""
+    wrong = list(_faults_of_layout(image, claims))
     found = "; ".join(wrong[:3]) if wrong else f"{len(image.data_vars)} variables"
     pixels = int(np.prod([image.sizes[dim] for dim in _dims(claims) if dim in image.sizes]))
     return Claim("dims, coordinates, units, flags are as agreed", FAILS if wrong else HOLDS, pixels, found)
@@ -38,8 +38,8 @@ def _dims(claims: Claims) -> tuple[str, ...]:
     return ("direction", "y", "x") if claims.control.directions else ("y", "x")
 
 
-def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
-    """Say what is not as agreed."""
+def _faults_of_layout(image: xr.Dataset, claims: Claims) -> Iterator[str]:
+    """Sentences on a layout that is not as agreed."""
     dims, known = _dims(claims), all_variables_of(claims.control)
     sizes = dict(zip(("y", "x"), claims.shape, strict=True), direction=len(claims.control.directions))
     for dim in dims:
@@ -57,7 +57,7 @@ def _wrong(image: xr.Dataset, claims: Claims) -> Iterator[str]:
             yield f"{name} has dims {variable.dims}, not {dims}"
         elif name in FLAGS:
             yield from _wrong_flags(name, variable)
-        elif variable.dtype.kind != "f" or about is None or not _says(variable, "units", about.units):
+        elif variable.dtype.kind != "f" or about is None or not _has_attribute(variable, "units", about.units):
             unit = None if about is None else about.units
             yield f"{name} is {variable.dtype} in {variable.attrs.get('units')!r}, not numbers in {unit!r}"
 
@@ -78,13 +78,13 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
 def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
     _, values, meanings = FLAGS[name]
     said = np.atleast_1d(variable.attrs.get("flag_values", ()))
-    if said.tolist() != list(values) or not _says(variable, "flag_meanings", " ".join(meanings)):
+    if said.tolist() != list(values) or not _has_attribute(variable, "flag_meanings", " ".join(meanings)):
         yield f"the flags of {name} have other values or meanings"
     elif variable.dtype.kind not in "iu" or not np.isin(variable.values, values).all():
         yield f"{name} has values that are none of its flags"
 
 
-def _says(variable: xr.DataArray, name: str, text: str) -> bool:
+def _has_attribute(variable: xr.DataArray, name: str, text: str) -> bool:
     """True if an attribute is this text: it may be an array, too."""
     said = variable.attrs.get(name)
     return isinstance(said, str) and said == text
@@ -92,13 +92,13 @@ def _says(variable: xr.DataArray, name: str, text: str) -> bool:
 
 def _from_the_corner(places: xr.DataArray) -> NDArray[Any]:
     """Places along x or y as they rise from the top left corner."""
-    falls = places.dims == ("y",) and not _says(places, "long_name", RISING)
+    falls = places.dims == ("y",) and not _has_attribute(places, "long_name", RISING)
     values: NDArray[Any] = places.values
     return values[::-1] if falls else values
 
 
 def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
-    """Judge what all pixels claim. `surface`: as it passed under the tip, drift and all."""
+    """Claims on all pixels. `surface`: as it passed under the tip, drift and all."""
     yield _numbers(picture)
     if picture.claims.realism.bits is not None:
         yield _digits(picture)
@@ -111,7 +111,7 @@ def invariants(picture: Picture, surface: Surface) -> Iterator[Claim]:
 
 
 def _numbers(picture: Picture) -> Claim:
-    """Numbers where there is a solution, NaN and no branch elsewhere."""
+    """Claim that there are numbers where there is a solution, and NaN and no branch elsewhere."""
     solved, wrong = picture.solved, np.zeros(picture.shape, bool)
     for name in picture.floats():
         without = name.startswith("error_") and picture.claims.solver == "averaging"
@@ -127,7 +127,7 @@ def _numbers(picture: Picture) -> Claim:
 
 
 def _digits(picture: Picture) -> Claim:
-    """Channels that an instrument records take no values between those of its converter."""
+    """Claim that recorded channels take no values between those of the converter."""
     apart, allowed = np.zeros(picture.shape), np.zeros(picture.shape)
     for name in filter(picture.__contains__, DIGITISED):
         values, step = picture.raw(name), 2 * picture.coarse(name)
@@ -140,7 +140,7 @@ def _digits(picture: Picture) -> Claim:
 
 
 def _height(picture: Picture, surface: Surface) -> Claim:
-    """Height is topography + tip offset - amplitude; of a scan, over the mean ground of each pixel."""
+    """Claim that height is topography + tip offset - amplitude; of a scan, over the mean ground of each pixel."""
     relief = np.zeros(surface.shape) if surface.topography is None else surface.topography
     amplitude: Array | float = picture.claims.amplitude
     if picture.claims.control.in_time:
@@ -164,7 +164,7 @@ def _amplitude_error(picture: Picture) -> Claim:
 
 
 def _one_material(picture: Picture, surface: Surface) -> Claim:
-    """Pixels of one material, under one tip, show the same."""
+    """Claim that pixels of one material, under one tip, show the same."""
     _, numbers = surface.unique()
     change = picture.claims.realism.tip_change
     changed = np.arange(surface.shape[0])[:, np.newaxis] >= (surface.shape[0] if change is None else change.line)
@@ -177,7 +177,7 @@ def _one_material(picture: Picture, surface: Surface) -> Claim:
     for name in map(str, picture.image.data_vars) if len(shared) else ():
         if name not in others:
             values = picture[name].astype(np.float64).reshape(-1)[shared]
-            usual = _usual(values, kinds[shared])
+            usual = _median_of_kind(values, kinds[shared])
             apart = np.abs(values - usual)
             same = (apart <= 1e-9 * np.abs(usual) + 2 * picture.coarse(name)) | (np.isnan(values) & np.isnan(usual))
             bad[shared] += ~same
@@ -188,8 +188,8 @@ def _one_material(picture: Picture, surface: Surface) -> Claim:
     return judged("pixels of one material show the same", picture, wrong > 0, wrong, of, found)
 
 
-def _usual(values: Array, kinds: NDArray[np.int64]) -> Array:
-    """The value of the middle one of the pixels of each kind, for every pixel: one that was changed does not show."""
+def _median_of_kind(values: Array, kinds: NDArray[np.int64]) -> Array:
+    """Median of the pixels of each kind, for every pixel: a single one that was changed does not show."""
     order = np.lexsort((values, kinds))
     _, first, inverse, count = np.unique(kinds[order], return_index=True, return_inverse=True, return_counts=True)
     usual = np.empty(values.size)

@@ -101,7 +101,7 @@ class Picture:
         return [str(name) for name in self.image.data_vars if name in FLOATS and name not in FLAGS]
 
     def places(self, places: Sequence[tuple[int, int, int]]) -> str:
-        """Say where pixels are."""
+        """Text with the places of pixels."""
         names = self.claims.control.directions
         return "; ".join(f"row {y}, column {x}" + (f" ({names[d]})" if names else "") for d, y, x in places)
 

@@ -260,7 +260,7 @@ class Lines:
             before.march(self.work.lever)
             made, _ = self._scan(row, before)
             tip.engine, tip.state, tip.loop = before.engine, before.state, before.loop
-        self._put(row, made, tip.engine)
+        self._put_line(row, made, tip.engine)
 
     def _scan(self, row: int, tip: TipState) -> tuple[Recorded, int]:
         """Rows recorded along a line, and GOOD or the status that ended it."""
@@ -281,8 +281,8 @@ class Lines:
         topography = self.job.surface.topography
         return np.zeros(self.job.surface.shape[1]) if topography is None else topography[row]
 
-    def _put(self, row: int, made: Recorded, engine: int) -> None:
-        """Turn what was recorded along a line into variables of its pixels."""
+    def _put_line(self, row: int, made: Recorded, engine: int) -> None:
+        """Put the rows recorded along a line into the canvas, as variables of its pixels."""
         (out, status), ground, job = made, self._ground(row), self.job
         nx = len(ground)
         out[:, col.STIFFENING] = stiffening(job.scope, out[:, col.AMPLITUDE], out[:, col.PHASE])

@@ -133,7 +133,7 @@ def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobia
             rising = np.linalg.solve(lever, -lifted) @ [seen.real, seen.imag]
             # The feedback holds an orbit that is stable and whose amplitude grows with distance.
             if (np.linalg.eigvals(lever).real < 0).all() and rising > 0:
-                kept = _moving(loop)
+                kept = _moving_entries(loop)
                 still, first, second = (jacobian[np.ix_(kept, kept)] for jacobian in gains)
                 parts.append((still, first - still, second - still))
     if not parts:
@@ -154,8 +154,8 @@ def _orbits(work: Work, p: tuple[float, ...], amplitude: float) -> Array:
     return np.array(rows).reshape(-1, 5)
 
 
-def _moving(loop: of.Loop) -> Array:
-    """Entries of the state that move."""
+def _moving_entries(loop: of.Loop) -> Array:
+    """Indices of the entries of the loop's state that move."""
     still = () if loop.spring else (of.SCANNER, of.SCANNER_SPEED)
     return np.array([j for j in range(of.state_length(loop)) if j not in still])
 
@@ -174,7 +174,7 @@ def _steady(work: Work, p: tuple[float, ...], orbit: Array) -> tuple[Array, floa
 
 
 def _jacobian(work: Work, p: tuple[float, ...], loop: of.Loop, state: Array, shift: float) -> Array:
-    """Central differences of the loop's rates."""
+    """Jacobian of the loop's rates, by central differences."""
     sample = Sample(Oscillator(work.law, p, work.lever), TYPICAL_SHARES)  # will do for ringing
     size = NUDGE * loop.setpoint
     out = np.zeros((of.LOOP_STATE, of.LOOP_STATE))

@@ -255,11 +255,11 @@ class _Builder:
         for side, half, part in zip(
             (2, 3), cell.halves(found.axis, at), (materials[~above], materials[above]), strict=True
         ):
-            self.nodes[node][side] = self._again(half, part, depth + 1)
+            self.nodes[node][side] = self._half_cell(half, part, depth + 1)
         return node
 
-    def _again(self, cell: Cell, materials: Array, depth: int) -> int:
-        """A half of a cell: where no border was known, there may be one in it."""
+    def _half_cell(self, cell: Cell, materials: Array, depth: int) -> int:
+        """Half of a cell as a new cell: where no border was known, there may be one in it."""
         if isinstance(cell.lower, Border) or isinstance(cell.upper, Border):
             return self.cell(cell, materials, depth)
         low, high = (cell.level(u) for u in cell.side(2))

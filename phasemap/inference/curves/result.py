@@ -172,7 +172,7 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
     else:
         curve = sweep_distance(setup.material, setup.scope, data.values + setup.height)
     off, excused = _off_branch(setup, data, choice, curve)
-    _add(curve, data, choice, off)
+    _add_data(curve, data, choice, off)
     own = np.sqrt(np.diag(solution.covariance))
     correlation = correlation_of(solution.covariance)
     codes = _codes(problem, solution)
@@ -186,8 +186,8 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
     lost = bool((codes[of_material] != DETERMINED).any())
     wrong = [_unlikely(solution, degrees)] if chance(solution.chi2, degrees) < UNLIKELY else []
     wrong += _run_away(problem, q)
-    aside = _named(data, off & excused, "next to a jump")
-    wrong += _named(data, off & ~excused, "that its sweep does not visit")
+    aside = _other_branch_in_words(data, off & excused, "next to a jump")
+    wrong += _other_branch_in_words(data, off & ~excused, "that its sweep does not visit")
     wrong += [said] if lost else []
     if not wrong and solution.tried > 1:
         aside.append(f"it needed {solution.tried} starting points.")
@@ -272,8 +272,8 @@ def _jumps_of(curve: xr.Dataset, axis: str, direction: str) -> np.ndarray:
     return between
 
 
-def _add(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None:
-    """Put what was measured and fitted beside the sweep."""
+def _add_data(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None:
+    """Add measured and fitted values to the Dataset of the sweep."""
     everything = DIRECTIONS[data.axis]
     rows = [everything.index(direction) for direction in data.directions]
     dims = ("direction", data.axis)
@@ -301,8 +301,8 @@ def _unlikely(solution: Solution, degrees: int) -> str:
     )
 
 
-def _named(data: Data, off: np.ndarray, where: str) -> list[str]:
-    """A sentence on data that are on another branch."""
+def _other_branch_in_words(data: Data, off: np.ndarray, where: str) -> list[str]:
+    """Sentence on data that are on another branch."""
     said, (word, factor) = [], SHOWN["Hz" if data.axis == "frequency" else "m"]
     for direction, at in zip(data.directions, off, strict=True):
         if at.any():

@@ -132,7 +132,7 @@ def moments_of_zeros(found: Fitted, drawn: Array) -> tuple[Array, Array]:
 
 
 def _draw(problem: Problem, modes: int) -> Problem:
-    """Data, zeros and materials that might as well have been those of the problem, the same for each solution."""
+    """Data, zeros and materials drawn as they might have been, the same for each solution."""
     rng = np.random.default_rng(SEED)
 
     def mirrored(*shape: int) -> Array:

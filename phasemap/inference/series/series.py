@@ -48,10 +48,10 @@ def dataset_of(
     names = {"file": list(settings.names), "region": np.arange(len(problem.values)), "property": list(PARAMETERS)}
     ds = xr.Dataset(coords=names)
     _add_contrasts(ds, problem, seen, fit)
-    _add(ds, "setpoint", "file", state.ratios, "1", "setpoint")
-    _add(ds, "free_amplitude", "file", state.amplitudes, "m", "free amplitude at the drive frequency")
-    _add(ds, "discrepancy", (), state.growth, "1", "factor by which errors are larger than stated, 1 at least")
-    _add(ds, "phase_zero", "file", fit.zeros, "degree", "recorded phase of the free lever")
+    _add_interval(ds, "setpoint", "file", state.ratios, "1", "setpoint")
+    _add_interval(ds, "free_amplitude", "file", state.amplitudes, "m", "free amplitude at the drive frequency")
+    _add_interval(ds, "discrepancy", (), state.growth, "1", "factor by which errors are larger than stated, 1 at least")
+    _add_interval(ds, "phase_zero", "file", fit.zeros, "degree", "recorded phase of the free lever")
     for name, kind, values in (
         ("setpoint", settings.setpoint, settings.ratios),
         ("free_amplitude", settings.amplitude, settings.relative * settings.scale),
@@ -79,8 +79,8 @@ def dataset_of(
     return ds
 
 
-def _add(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Array, units: str, said: str) -> None:
-    """Median and ends of the 95 % of draws."""
+def _add_interval(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Array, units: str, said: str) -> None:
+    """Add the median of draws and the ends of their 95 % interval to a Dataset."""
     low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
     put(ds, name, dims, middle, said, units)
     put(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
@@ -111,7 +111,7 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     regions, unknown = len(problem.values), problem.unknown
     reference = problem.model.reference
     for i, name in enumerate(PARAMETERS):
-        _add(ds, name, "region", reference[i] * np.exp(state.logs[:, :, i]), UNITS[name], name)
+        _add_interval(ds, name, "region", reference[i] * np.exp(state.logs[:, :, i]), UNITS[name], name)
     codes = np.full((regions, 3), GIVEN, np.int8)
     logs = state.logs[:, unknown].reshape(len(state.logs), -1)
     covariance = np.cov(logs.T)
@@ -321,7 +321,7 @@ def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str
 
 
 def _widths(prior: Material, factors: Any) -> Array:
-    """Standard deviations of the logarithms."""
+    """Standard deviations of the logarithms of a material's properties."""
     allowed = "a number above 1, or three"
     given = as_list("prior_factor", factors, allowed)
     if len(given) not in (1, 3):

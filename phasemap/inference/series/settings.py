@@ -235,7 +235,7 @@ def _is_word(name: str, given: Any, unit: str) -> bool:
 
 
 def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tuple[str, float, float, Array]:
-    """Kind, scale [m], its factor, and free amplitudes over it."""
+    """Kind of the free amplitudes, scale [m], its factor, and free amplitudes over it."""
     word = _is_word("free_amplitudes", given, "m")
     metres, volts, drive = (
         _all_of(known, name) for name in ("free_amplitude", "free_amplitude_voltage", "drive_voltage")
@@ -262,7 +262,7 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
 def _setpoints(
     known: list[dict[str, Any]], relative: Array, amplitude: str, scale: float, given: Any, told: list[str]
 ) -> tuple[str, bool, Array]:
-    """Kind, whether in metres, and setpoints or what is recorded of them over the free amplitude."""
+    """Kind of the setpoints, whether they are in metres, and setpoints or recorded ones over the free amplitude."""
     if given is not None:
         ratios = numbers_of("setpoints", given, "1", len(known), above=0)
         if ratios.max() >= 1:
@@ -296,7 +296,7 @@ def _setpoints(
 
 
 def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str]) -> tuple[str, Any, Any]:
-    """Kind, zeros and their errors [degree]."""
+    """Kind of the zeros of the phase, their values and errors [degree]."""
     count = len(known)
     if _is_word("phase_zero", given, "degree"):
         return given, np.zeros(count), error

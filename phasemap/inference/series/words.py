@@ -98,7 +98,7 @@ def turns(ds: xr.Dataset) -> list[str]:
 
 
 def _contrasts(problem: Problem) -> int:
-    """Data less the zeros that they have to give."""
+    """Number of contrasts: data less the zeros that they have to give."""
     seen = np.isfinite(problem.errors)
     settings = problem.settings
     there = seen.any(axis=0)

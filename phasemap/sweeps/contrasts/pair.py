@@ -165,7 +165,7 @@ def borders(
 
     def follow(first: int, last: int) -> None:
         for i in range(first, last):
-            found[i] = _follow(pair, lines[i])
+            found[i] = _changes_on_line(pair, lines[i])
 
     spread(follow, range(len(lines) + 1), workers, progress)
     contrast = np.nan_to_num(phases[1] - phases[0])
@@ -190,7 +190,7 @@ def _lines_with_jump(axis: int, axes: Axes, phases: Array, branch: Array, sure: 
         yield _Line(start, stop, phases[(slice(None), *begin)], phases[(slice(None), *end)])
 
 
-def _follow(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversion]]:
+def _changes_on_line(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversion]]:
     """Jumps and inversions on one line."""
     least = max(JUMP, CERTAIN * pair.accuracy.phase)
     begin, end = _Place(0.0, line.before), _Place(1.0, line.after)

@@ -105,7 +105,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, ju
     for grade, allowed in enumerate((safe, single, found)):
         largest = size[allowed].max(initial=0.0)
         if largest >= NOTABLE:
-            place = _first(np.where(allowed & (size >= min(SHARE * largest, AMPLE)), depth, np.inf))
+            place = _index_of_least(np.where(allowed & (size >= min(SHARE * largest, AMPLE)), depth, np.inf))
             words = (
                 f"{names[1]} minus {names[0]} is {contrast[place]:.1f} degrees",
                 _regimes(names, regime[(slice(None), *place)]),
@@ -114,7 +114,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, ju
             return Choice(place, f"{_where(axes, place)}: {', '.join(words)}")
     if not found.any():
         return Choice(None, "no point of the map holds both materials; change the setpoints or the free amplitudes.")
-    place = _first(np.where(found, -np.abs(height), np.inf))
+    place = _index_of_least(np.where(found, -np.abs(height), np.inf))
     return Choice(
         place,
         f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[found].max():.2g} degrees "
@@ -122,7 +122,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, ju
     )
 
 
-def _first(values: Array) -> tuple[int, int, int]:
+def _index_of_least(values: Array) -> tuple[int, int, int]:
     """Indices of the smallest value."""
     frequency, free_amplitude, setpoint = np.unravel_index(int(np.argmin(values)), values.shape)
     return int(frequency), int(free_amplitude), int(setpoint)
