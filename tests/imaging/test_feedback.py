@@ -16,7 +16,7 @@ from numba import njit
 from scipy import integrate, signal
 
 import phasemap as pm
-from phasemap._kernels.scanning import loop as of
+from phasemap._kernels.scanning import feedback_loop as of
 from phasemap._kernels.scanning.line import move_over, start_swinging
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow

@@ -15,8 +15,8 @@ from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state
+from phasemap._kernels.scanning.feedback_loop import Setup
 from phasemap._kernels.scanning.line import approach_in_time
-from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap.experiment.lever import lever_of, one_mode
 from phasemap.imaging.feedback.lines import loop_of

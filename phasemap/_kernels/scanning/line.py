@@ -14,7 +14,7 @@ from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude, free_phasor, slowest_decay
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.records import assign, clear
-from phasemap._kernels.scanning.loop import (
+from phasemap._kernels.scanning.feedback_loop import (
     A_IMAG,
     A_REAL,
     FILTERS,

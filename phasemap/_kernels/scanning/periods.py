@@ -18,7 +18,7 @@ from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z, fill_higher_modes
 from phasemap._kernels.records import record
-from phasemap._kernels.scanning.loop import (
+from phasemap._kernels.scanning.feedback_loop import (
     A_IMAG,
     A_REAL,
     INTEGRAL,

@@ -29,8 +29,7 @@ from phasemap._kernels.lever import inverse_inertia, reach_of
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.records import assign, record
-from phasemap._kernels.scanning.higher_harmonics import Shares, tip_shift
-from phasemap._kernels.scanning.loop import (
+from phasemap._kernels.scanning.feedback_loop import (
     A_IMAG,
     A_REAL,
     FILTERS,
@@ -48,6 +47,7 @@ from phasemap._kernels.scanning.loop import (
     lock_in_rates,
     scanner_command,
 )
+from phasemap._kernels.scanning.higher_harmonics import Shares, tip_shift
 
 LEAST_AMPLITUDE = 1e-6  # of the setpoint amplitude: a has no phase at 0
 EXACT_DEPTH = 1e-7  # of the setpoint amplitude: error of the depth that needs no correction

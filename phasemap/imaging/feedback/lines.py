@@ -11,9 +11,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
+from phasemap._kernels.scanning.feedback_loop import A_IMAG, A_REAL, Loop, Setup
 from phasemap._kernels.scanning.higher_harmonics import share_rows
 from phasemap._kernels.scanning.line import Program, Recorded, Start, scan_line
-from phasemap._kernels.scanning.loop import A_IMAG, A_REAL, Loop, Setup
 from phasemap._kernels.scanning.periods import begin_periods, new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap._shared.errors import InputError

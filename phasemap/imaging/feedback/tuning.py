@@ -18,10 +18,10 @@ from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.orbits.averaged.branch import held_root
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.scanning import loop as of
+from phasemap._kernels.scanning import feedback_loop as of
+from phasemap._kernels.scanning.feedback_loop import Setup
 from phasemap._kernels.scanning.higher_harmonics import TYPICAL_SHARES, tip_shift
 from phasemap._kernels.scanning.line import engage_in_time
-from phasemap._kernels.scanning.loop import Setup
 from phasemap._kernels.scanning.slow_flow import FlowMemory, Sample, slow_flow_rhs
 from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
