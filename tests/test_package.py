@@ -16,6 +16,7 @@ from packaging.specifiers import SpecifierSet
 
 import phasemap
 import phasemap.cli.warm
+from phasemap._kernels.compilation.numba_versions import BEYOND, FIRST
 from phasemap.cli import main
 
 HEAVY = ("llvmlite", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "scipy", "tqdm", "xarray")
@@ -94,6 +95,8 @@ def test_the_version_is_that_of_the_metadata_and_the_changelog_has_it() -> None:
 def test_only_numba_whose_compiler_is_changed_has_an_upper_bound_and_the_installed_one_is_below_it() -> None:
     (bounded,) = [line for line in project()["project"]["dependencies"] if "<" in line]
     assert bounded.startswith("numba>") and version("numba") in SpecifierSet(bounded.removeprefix("numba"))
+    first, beyond = (".".join(map(str, one)) for one in (FIRST, BEYOND))
+    assert bounded == f"numba>={first},<{beyond}"
 
 
 # .ci/fresh.py installs exactly these versions, on exactly these interpreters.

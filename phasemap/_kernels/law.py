@@ -16,6 +16,7 @@ import numpy as np
 from phasemap._kernels import forces, loaded_sources
 from phasemap._kernels.columns import BIAS, LONGRANGE, RELEASE, ROW, WITHDRAWN
 from phasemap._kernels.compilation import COMPILES, LIBRARY, kernel
+from phasemap._kernels.compilation.numba_versions import check_numba
 from phasemap._kernels.compilation.of_numba import cgutils, intrinsic, ir, types
 
 Formula = Callable[[float, Any], float]
@@ -65,7 +66,7 @@ def law_of(*formulas: Formula) -> Law:
     for role, formula, own in zip(Law._fields[:6], formulas, KNOWN, strict=True):
         try:
             found.append(0 if formula is own else address_of(formula))
-        except ModuleNotFoundError as error:
+        except ImportError as error:
             raise TypeError(str(error)) from error
         except Exception as error:  # numba's errors have no common base
             said = [line.strip() for line in str(error).splitlines() if line.strip()]
@@ -90,6 +91,7 @@ def address_of(formula: Formula) -> int:
     if LIBRARY and LIBRARY.symbol_of(formula):
         return LIBRARY.address_of(formula)
     try:
+        check_numba()
         from phasemap._kernels.compilation.by_address import compiled_formula
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(NO_NUMBA) from error

@@ -9,7 +9,7 @@ of S make every function that occurs analytic in xi, so that eight Gauss nodes a
   and elements grow geometrically away from it. A mirrored copy runs towards that point.
 
 `TABLES` holds them all, shape (n, ROWS, NODES), and after them, from `HALVES` on, the two halves of each; its rows are
-numbered below.
+numbered below. Python passes it to kernels as an argument: as a constant it would be in the code of each that uses it.
 """
 
 from __future__ import annotations

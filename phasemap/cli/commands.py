@@ -102,7 +102,7 @@ def _run_command(arguments: argparse.Namespace) -> int:
         return _run_command(arguments)
     except InputErrors as found:
         return max(_complain(str(error)) for error in found.errors)
-    except PhasemapError as error:
+    except (PhasemapError, ImportError) as error:  # of a numba of another version
         return _complain(str(error))
     except OSError as error:
         return _complain(reason_of(error) + (f": {error.filename}" if error.filename else "") + ".")

@@ -14,31 +14,24 @@ kernel, however deep in the chain of calls.
 
 from __future__ import annotations
 
-import functools
 import gc
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 from llvmlite.binding import add_symbol
 from numba.core import event, sigutils, types
 from numba.core.base import OverloadSelector
 from numba.core.bytecode import FunctionIdentity
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
 from phasemap._kernels.compilation.disk_cache import DiskCache
 from phasemap._kernels.compilation.first_use import FirstUse
+from phasemap._kernels.compilation.lean import LeanCompiler
 from phasemap._kernels.compilation.linked_code import EntryCode, LinkedCode, VectorCode, called
-from phasemap._kernels.compilation.probe import agrees_with_numba
-
-try:
-    from phasemap._kernels.compilation import lean
-except ImportError:  # another numba
-    lean = None  # type: ignore[assignment]
 
 OPTIONS: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """Products and sums may be fused; nothing else is relaxed, for NaN must survive."""
@@ -57,11 +50,6 @@ class Names(set[str]):
 
 ANY_ORDER: set[str] = Names({"contract", "reassoc", "nsz"})
 """`fastmath` of a kernel whose sums may be taken in any order, so in vectors."""
-
-OTHERWISE = "is not one that phasemap was made for: kernels are compiled by it alone, which takes minutes."
-
-EXPECTED_VERSIONS = {"copy": 2}
-"""Kernels that may be typed more than once: `copy` for numbers and for indices."""
 
 
 def kernel(
@@ -92,8 +80,6 @@ def kernel(
     if function is None:
         return lambda one: kernel(one, fastmath=fastmath, inline=inline, shared=shared, vectors=vectors, light=light)
     options = {**OPTIONS, "forceinline": inline, **({} if fastmath is None else {"fastmath": fastmath})}
-    if not links_llvm_code():
-        return _Plain(function, targetoptions=options)
     return (_Light if light else _Entry)(function, _compiler_of(shared, vectors), options)
 
 
@@ -104,7 +90,7 @@ def _plain_type(argument: types.Type) -> types.Type:
 
 
 class _Plain(CPUDispatcher):
-    """numba's dispatcher but for types of literals and the cache: what is left with a numba whose parts do not fit."""
+    """numba's dispatcher but for types of literals and the cache."""
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any) -> None:
         super().__init__(py_func, locals or {}, targetoptions, **more)  # numba 0.61 takes no None
@@ -210,7 +196,7 @@ class _Name(str):
         return self is other
 
 
-class _OurCompiler(lean.LeanCompiler if lean else Compiler):  # type: ignore[misc]
+class _OurCompiler(LeanCompiler):
     """numba's compiler, with a library of our own."""
 
     library: Any
@@ -334,51 +320,3 @@ def compiled() -> int:
         len(one.linked.overloads) - sum(one.linked._cache_hits.values()) + sum(one._cache_misses.values())
         for one in _all_kernels()
     )
-
-
-def compiled_more_than_once() -> dict[str, int]:
-    """Kernels of this process compiled for more sets of argument types than needed, and the number of sets.
-
-    One set is needed for each kind of plug-in, which are named tuples.
-    """
-    found = {}
-    for one in _all_kernels():
-        sets, kinds = len(one.linked.overloads), len({_tuples_in(args) for args in one.linked.overloads})
-        if sets > max(kinds, EXPECTED_VERSIONS.get(one.__name__, 1)):
-            found[f"{one.__module__}.{one.__name__}"] = sets
-    return found
-
-
-def _tuples_in(given: Any) -> tuple[type, ...]:
-    """Classes of the named tuples among types, and of those in them."""
-    named = [one for one in given if isinstance(one, types.BaseNamedTuple)]
-    return tuple(kind for one in named for kind in (one.instance_class, *_tuples_in(one.types)))
-
-
-def _fits() -> bool:
-    """True if this numba has the parts that are replaced here."""
-    parts = ("_final_module", "_linking_libraries")
-    methods = (
-        "_optimize_final_module",
-        "_finalize_final_module",
-        "_get_module_for_linking",
-        "_finalize_dynamic_globals",
-    )
-    try:
-        library = LinkedCode(cpu_target.target_context.codegen(), "trial")
-    except Exception:
-        return False
-    return lean is not None and lean.fits() and all(hasattr(library, name) for name in parts + methods)
-
-
-@functools.cache
-def links_llvm_code() -> bool:
-    """True if kernels are linked as LLVM code, and not compiled as numba does it, which takes minutes."""
-    fits = _fits() and agrees_with_numba(
-        lambda one: _Entry(one, _LinkedCompiler, OPTIONS),
-        lambda one: _Entry(one, _SharedCompiler, OPTIONS),
-        lambda one: _Plain(one, targetoptions=OPTIONS),
-    )
-    if not fits:
-        print(f"phasemap: numba {numba.__version__} {OTHERWISE}", file=sys.stderr)
-    return fits

@@ -284,13 +284,3 @@ class LeanCompiler(Compiler):
     def define_pipelines(self) -> list[Any]:
         """The pipelines to run: one."""
         return [_Pipeline()]
-
-
-def fits() -> bool:
-    """True if this numba has the parts that are replaced here."""
-    parts = {
-        Context: ("refresh", "resolve_function_type"),
-        CPUContext: ("refresh", "mangler"),
-        lowering.Lower: ("incref", "decref", "delvar", "typeof", "_alloca_var", "_find_singly_assigned_variable"),
-    }
-    return all(hasattr(one, name) for one, names in parts.items() for name in names)
