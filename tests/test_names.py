@@ -79,14 +79,6 @@ def test_several_setpoints_are_a_dim() -> None:
         pm.simulate(SURFACE, SCOPE, [0.5, 0.5])
 
 
-def test_the_variables_of_a_sweep_come_in_groups() -> None:
-    curve = pm.sweep_distance(SOFT, SCOPE, np.linspace(30e-9, 10e-9, 5))
-    groups = curve.phasemap.groups
-    assert sorted(name for names in groups.values() for name in names) == sorted(map(str, curve.data_vars))
-    assert "phase" in groups["direction, tip_offset"] and "curve_phase" in groups["point"]
-    assert "jump_to_phase" in groups["jump"] and "over point" in repr(curve.phasemap)
-
-
 def test_scenes_and_ensembles_show_themselves_in_a_few_lines() -> None:
     scene = pm.load_scene("samples/scan.toml", ["setpoint=0.65"])
     said = repr(scene)

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import cache
-from importlib import import_module
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
 
@@ -271,7 +270,6 @@ def check_variables(variables: object, known: tuple[str, ...] = IMAGE_VARIABLES)
 
 def provenance(configuration: dict[str, Any], action: str) -> dict[str, Any]:
     """Global attributes that say where a Dataset comes from."""
-    import_module("phasemap.results.accessor")  # from now on Datasets have ``.phasemap``
     release = _release()
     scope = configuration.get("microscope")
     detected = {} if scope is None else {"detected": DETECTED[scope["drive"]["excitation"]]}
