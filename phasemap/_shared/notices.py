@@ -145,14 +145,14 @@ def question(name: str, value: float, unit: str, usual: Usual) -> None:
     warnings.warn(message, PlausibilityWarning, stacklevel=outside())
 
 
-def advise(sentence: str, category: type[Warning] = UserWarning) -> None:
-    """Warn, once where `once` holds, of what is allowed and seldom meant, or is to go; never an error."""
+def advise(sentence: str) -> None:
+    """Warn, once where `once` holds, of what is allowed and seldom meant; never an error."""
     told = _TOLD.get()
     if _MANNER.get() == "pass" or (told is not None and sentence in told):
         return
     if told is not None:
         told.add(sentence)
-    warnings.warn(sentence, category, stacklevel=outside())
+    warnings.warn(sentence, UserWarning, stacklevel=outside())
 
 
 def likely(value: float, unit: str, usual: Usual) -> str:

@@ -13,7 +13,8 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.units import say
 from phasemap.comparison.pair import Directions, common_grid, pair_of, pitch_of
-from phasemap.comparison.scores import correlation_of, skimage
+from phasemap.comparison.scores import correlation_of
+from phasemap.io.gwyddion import extra
 from phasemap.io.measured import level_rows
 
 GAIN = 0.25  # share by which 1 - correlation of the heights must fall; what interpolation does to noise gains some 15 %
@@ -144,7 +145,7 @@ def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) 
 
 def _shift(fixed: xr.Dataset, moving: xr.Dataset, limit: float) -> tuple[float, float]:
     """Best shift (y, x) [m], found twice: first as if images were periodic, then on what both show."""
-    find = skimage("registration", "registering images").phase_cross_correlation
+    find = extra("skimage.registration", "registering images", "compare").phase_cross_correlation
     shift = 0.0, 0.0
     for _ in range(PASSES):
         both = _overlap(fixed, moving, shift)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
 from phasemap._shared.arrays import Array
-from phasemap._shared.errors import PhasemapError
+from phasemap.io.gwyddion import extra
 
 WINDOW = 7  # pixels, of the structural similarity
 ROUNDING = 1e-12  # relative difference of values that are the same
@@ -53,7 +51,7 @@ def similarity_of(first: Array, second: Array, known: Array) -> float:
     low, high = np.percentile(both, RANGE)
     if not whole.any() or high == low or not is_varied(both):
         return math.nan
-    structural_similarity = skimage("metrics", "structural similarity").structural_similarity
+    structural_similarity = extra("skimage.metrics", "structural similarity", "compare").structural_similarity
     maps = (np.where(known, values - low, 0.0) for values in (first, second))
     each = structural_similarity(*maps, win_size=WINDOW, data_range=high - low, full=True)[1]
     return float(each[whole].mean())
@@ -89,11 +87,3 @@ def outlier_lines(values: Array) -> Array:
     found = np.zeros(len(values), bool)
     found[1:-1] = (score > usual + STRIKING * spread) & (score > VISIBLE * (high - low) / 2)
     return found
-
-
-def skimage(module: str, purpose: str) -> Any:
-    """Import a module below ``skimage``; where it is not installed, the error begins with the `purpose`."""
-    try:
-        return import_module(f"skimage.{module}")
-    except ImportError as error:
-        raise PhasemapError(f'{purpose} needs scikit-image: run pip install "afm-phasemap[compare]".') from error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -161,12 +161,12 @@ def units_of(variable: xr.DataArray) -> str:
     return str(variable.attrs.get("units", UNITS.get(str(variable.name), "")))
 
 
-def limits_of(values: np.ndarray, percentiles: Sequence[float] = SHOWN) -> tuple[float, float]:
+def limits_of(values: np.ndarray) -> tuple[float, float]:
     """The percentiles shown; (0, 0) if there is no finite value."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0.0, 0.0
-    low, high = np.percentile(finite, percentiles)
+    low, high = np.percentile(finite, SHOWN)
     if high == low:  # a few particles on a flat ground
         low, high = finite.min(), finite.max()
     return float(low), float(high)

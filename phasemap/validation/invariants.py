@@ -164,7 +164,9 @@ def _amplitude_error(picture: Picture) -> Claim:
 
 
 def _one_material(picture: Picture, surface: Surface) -> Claim:
-    """Claim that pixels of one material, under one tip, show the same."""
+    """Claim that pixels of one material, under one tip, show the same as their median."""
+    from scipy.ndimage import median
+
     _, numbers = surface.unique()
     change = picture.claims.realism.tip_change
     changed = np.arange(surface.shape[0])[:, np.newaxis] >= (surface.shape[0] if change is None else change.line)
@@ -177,7 +179,7 @@ def _one_material(picture: Picture, surface: Surface) -> Claim:
     for name in map(str, picture.image.data_vars) if len(shared) else ():
         if name not in others:
             values = picture[name].astype(np.float64).reshape(-1)[shared]
-            usual = _median_of_kind(values, kinds[shared])
+            usual = median(values, kinds[shared], kinds[shared])
             apart = np.abs(values - usual)
             same = (apart <= 1e-9 * np.abs(usual) + 2 * picture.coarse(name)) | (np.isnan(values) & np.isnan(usual))
             bad[shared] += ~same
@@ -186,15 +188,6 @@ def _one_material(picture: Picture, surface: Surface) -> Claim:
     wrong, of = bad.reshape(picture.shape), looked_at.reshape(picture.shape)
     found = f"{np.count_nonzero(count)} materials"
     return judged("pixels of one material show the same", picture, wrong > 0, wrong, of, found)
-
-
-def _median_of_kind(values: Array, kinds: NDArray[np.int64]) -> Array:
-    """Median of the pixels of each kind, for every pixel: a single one that was changed does not show."""
-    order = np.lexsort((values, kinds))
-    _, first, inverse, count = np.unique(kinds[order], return_index=True, return_inverse=True, return_counts=True)
-    usual = np.empty(values.size)
-    usual[order] = values[order][first + (count - 1) // 2][inverse]
-    return usual
 
 
 def _metres(values: Array) -> str:

@@ -539,7 +539,7 @@ def test_what_to_install_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for name in ("skimage", "skimage.registration"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(PhasemapError, match=r"registering images needs scikit-image: run pip install .*\[compare\]"):
+    with pytest.raises(PhasemapError, match=r"registering images needs 'skimage': run pip install .*\[compare\]"):
         pm.register(grains(), grains())
 
 

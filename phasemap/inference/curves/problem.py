@@ -229,7 +229,11 @@ class Problem:
         return np.concatenate([slopes.T, along.T])
 
     def _orbits_near(self, at: np.ndarray, q: np.ndarray, here: Choice) -> Choice | None:
-        """Orbits at parameters near q on the branches chosen at q; None if branches have to be followed first."""
+        """Orbits at parameters near q on the branches chosen at q, each by Newton's method from that at q (`moved`).
+
+        None where branches have to be followed first: where one ended before a datum (`gap`), one is lost, or no
+        parameter that moves the tip differs (`_motion_key`), for then the branches at q are those of both.
+        """
         found, count = self._branches(q), len(self.data.values)
         if found.rows is None or here.branch is None or here.gap.any() or self._motion_key(at) == self._motion_key(q):
             return None
