@@ -32,8 +32,7 @@ ERROR = 1.0  # of a median phase [degree]
 def drawn(rng: np.random.Generator, count: int) -> np.ndarray:
     """Standard normal numbers within the reach of the prior."""
     x = rng.normal(size=4 * count)
-    within: np.ndarray = x[np.abs(x) < REACH][:count]
-    return within
+    return x[np.abs(x) < REACH][:count]
 
 
 def measured(rng: np.random.Generator) -> tuple[list[xr.Dataset], list[pm.Material], np.ndarray] | None:

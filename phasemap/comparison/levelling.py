@@ -121,8 +121,7 @@ def _level_phase(phase: Array, mask: Array, *, rows: bool) -> Array:
     if not counts.any():
         raise InputError("number of pixels to level by", 0, "at least 1")
     offsets: Array = row_medians(phase, counts) if rows else np.median(phase[counts])
-    levelled: Array = phase - offsets
-    return levelled
+    return phase - offsets
 
 
 def _replaced(values: Array, lines: Array) -> Array:

@@ -113,22 +113,24 @@ def registration_of(fixed: xr.Dataset, moving: xr.Dataset, limit: float | None) 
     limit = SIDE * shortest if limit is None else number("limit", limit, "m", minimum=0, maximum=shortest / 2)
     first, second = common_grid(fixed, moving)
     before, phase_before = _correlations(first, second)
-    still = (0.0, 0.0), before, before, phase_before, phase_before, False
+    shift = 0.0, 0.0
+
+    def refused(why: str) -> Registration:
+        return Registration(shift, before, before, phase_before, phase_before, False, why)
+
     if limit == 0:
-        return Registration(*still, "not looked for")
+        return refused("not looked for")
     if not math.isfinite(before):
-        return Registration(*still, "one height is flat, and tells no shift")
+        return refused("one height is flat, and tells no shift")
     shift = _shift(fixed, moving, limit)
     length = math.hypot(*shift)
     if length == 0:
-        return Registration(*still, "in place already")
+        return refused("in place already")
     if length > limit:
-        said = f"the best shift, {say(length, 'm', 3)}, is longer than the limit of {say(limit, 'm', 3)}"
-        return Registration(shift, before, before, phase_before, phase_before, False, said)
+        return refused(f"the best shift, {say(length, 'm', 3)}, is longer than the limit of {say(limit, 'm', 3)}")
     both = _overlap(fixed, moving, shift)
     if both is None:
-        said = f"the best shift, {say(length, 'm', 3)}, leaves hardly any overlap of the images"
-        return Registration(shift, before, before, phase_before, phase_before, False, said)
+        return refused(f"the best shift, {say(length, 'm', 3)}, leaves hardly any overlap of the images")
     after, phase_after = _correlations(*both)
     period = _period(first, limit)
     reason = ""

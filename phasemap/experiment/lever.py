@@ -87,8 +87,7 @@ def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
     motion, force = modal_motion(lever, amplitude, phase)
     _, _, share, pulled, _ = lever[col.MODE :].reshape(-1, col.MODE_NUMBERS).T
     work = lever[col.RIGID] * force.imag - np.tensordot(pulled / share, motion.imag, 1)
-    energy: Array = np.pi * lever[col.STIFFNESS] * work
-    return energy
+    return np.pi * lever[col.STIFFNESS] * work
 
 
 def lost_in_air(lever: Array, amplitude: Array) -> Array:
@@ -106,8 +105,7 @@ def virial_of(lever: Array, amplitude: Any, phase: Any) -> Array:
     Positive for attraction. San Paulo and Garcia, Phys. Rev. B 64, 193411 (2001), at resonance.
     """
     stiff = amplitude * lever[..., col.DYNAMIC_STIFFNESS]
-    virial: Array = 0.5 * lever[..., col.STIFFNESS] * amplitude * (stiff - lever[..., col.DRIVE] * np.sin(phase))
-    return virial
+    return 0.5 * lever[..., col.STIFFNESS] * amplitude * (stiff - lever[..., col.DRIVE] * np.sin(phase))
 
 
 DETECTED = {

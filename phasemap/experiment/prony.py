@@ -210,8 +210,7 @@ class Prony(Shown):
     def complex_modulus(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """Storage modulus + i loss modulus [Pa] at frequencies [Hz]."""
         arms = np.array(self.moduli) * arms_at(np.asarray(frequency, dtype=np.float64), np.array(self.times))
-        found: NDArray[np.complex128] = self.equilibrium + arms.sum(axis=-1)
-        return found
+        return self.equilibrium + arms.sum(axis=-1)
 
     @property
     def arguments(self) -> dict[str, Any]:

@@ -168,8 +168,7 @@ def typical_depth(materials: Array, viscous: bool, scope: Microscope, setpoint: 
         drag = omega * damping / np.sqrt(radius) * (2 / amplitude) ** 1.5 * amplitude * depth**2 / 4
         across: Array = push + amplitude * lever[col.DYNAMIC_STIFFNESS]
         along: Array = drag + amplitude * lever[col.DYNAMIC_LOSS]
-        missing: Array = np.sign(across) * across**2 + along**2 - drive**2
-        return missing
+        return np.sign(across) * across**2 + along**2 - drive**2
 
     low, high = np.zeros(len(materials)), np.full(len(materials), amplitude)
     for _ in range(HALVINGS):

@@ -90,8 +90,7 @@ def values_of(subject: Subject) -> dict[str, Any]:
 @cache
 def _declared() -> list[dict[str, Any]]:
     """Read what the page's file declares."""
-    declared: list[dict[str, Any]] = json.loads(files("phasemap.explorer").joinpath("page", "knobs.json").read_bytes())
-    return declared
+    return json.loads(files("phasemap.explorer").joinpath("page", "knobs.json").read_bytes())
 
 
 BEYOND = 1e3  # times the ends of its slider that a number may be
@@ -219,8 +218,7 @@ class Setting:
         }
         if kept.get("drive", {}).get("second") and self.scope.drive.second is None:
             tables["drive"] = tables["drive"] | {"second": "none"}
-        kept_tables: Table = without_none(tables)
-        return kept_tables
+        return without_none(tables)
 
 
 def without_none(value: Any) -> Any:

@@ -256,8 +256,7 @@ def stiffening(scope: Microscope, amplitude: float | Array, phase: Array) -> Arr
     """omega_e^2 - 1 [1] that goes with what is seen [m, rad], since u0 sin(phase) = P + A kappa' of the tip."""
     lever = lever_of(scope)
     amplitude, phase = of_tip(lever, amplitude, phase)
-    found: Array = lever[col.DRIVE] / amplitude * np.sin(phase) - lever[col.DYNAMIC_STIFFNESS]
-    return found
+    return lever[col.DRIVE] / amplitude * np.sin(phase) - lever[col.DYNAMIC_STIFFNESS]
 
 
 def _fill_rest(job: Job, canvas: Canvas) -> None:

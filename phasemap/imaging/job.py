@@ -182,8 +182,7 @@ def simulator_of(control: Control) -> Simulator:
     """Simulator that makes the images of a control."""
     if type(control) not in SIMULATORS:
         raise InputError("control", control, "one of " + ", ".join(f"{kind.__name__}()" for kind in SIMULATORS))
-    found: Simulator = import_module(f"phasemap.imaging.{SIMULATORS[type(control)]}").SIMULATOR
-    return found
+    return import_module(f"phasemap.imaging.{SIMULATORS[type(control)]}").SIMULATOR
 
 
 def plan_image(job: Job, survey: Survey) -> list[Stretch]:

@@ -140,17 +140,13 @@ def _all_of_few(surface: Surface, most: int, workers: int) -> Array | None:
         taken = all(known.add(some) == len(some) for some in map(surface.materials, _parts(first, last)))
         return known.materials.copy() if taken else None
 
-    found = found_in(few_in, _ranges(pixels, workers), workers)
+    a_thread = max(BLOCK, -(-pixels // workers))
+    found = found_in(few_in, bounds_of(pixels, a_thread), workers)
     if len(found) == 1:
         return found[0]
     known = Distinct(min(most, pixels))
     taken = all(some is not None and known.add(some) == len(some) for some in found)
     return known.materials.copy() if taken else None
-
-
-def _ranges(pixels: int, workers: int) -> list[int]:
-    """A range for each thread, unless these are short."""
-    return bounds_of(pixels, max(BLOCK, -(-pixels // workers)))
 
 
 def _parts(first: int, last: int) -> list[slice]:

@@ -86,5 +86,4 @@ def prior_draws(size: int, count: int, seed: int) -> Array:
     """Standard normal numbers within the reach that fill the prior evenly, shape (count, size)."""
     low = ndtr(-REACH)
     shares = qmc.LatinHypercube(size, rng=seed).random(count)
-    drawn: Array = ndtri(low + (1 - 2 * low) * shares)
-    return drawn
+    return ndtri(low + (1 - 2 * low) * shares)

@@ -55,8 +55,7 @@ def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Median of what counts in each row, as a column; rows without any take it from their neighbours."""
     rows = np.flatnonzero(counts.any(axis=1))
     medians = [np.median(values[row, counts[row]]) for row in rows]
-    column: np.ndarray = np.interp(np.arange(len(values)), rows, medians)[:, None]
-    return column
+    return np.interp(np.arange(len(values)), rows, medians)[:, None]
 
 
 def on_one_turn(phase: np.ndarray) -> np.ndarray:

@@ -107,8 +107,7 @@ def _shown(ds: xr.Dataset) -> list[int]:
     if ds["contrast"].ndim < 3:
         return [0]
     count = min(ds.sizes["frequency"], MOST_PANELS)
-    shown: list[int] = np.unique(np.linspace(0, ds.sizes["frequency"] - 1, count).round().astype(int)).tolist()
-    return shown
+    return np.unique(np.linspace(0, ds.sizes["frequency"] - 1, count).round().astype(int)).tolist()
 
 
 def _head(ds: xr.Dataset) -> list[str]:

@@ -251,8 +251,7 @@ def _deviation(
             angle = phase + step if name == "phase" else phase
             ends.append(_apply(channel, _with_step(scope, name, step), size, angle, orbit))
         total = total + (0.5 * (ends[0] - ends[1])) ** 2
-    root: xr.DataArray = total**0.5
-    return root
+    return total**0.5
 
 
 @unquestioned()

@@ -84,8 +84,7 @@ class Motion:
         moved, _ = modal_motion(self.lever, self.amplitude, self.phase)
         mode, resonant = scope.cantilever.eigenmodes[i], scope.free_signal(1.0) / 1j
         base = scope.base_amplitude * float(mode.participation or 0.0) if scope.drive.excitation == "base" else 0.0
-        found: Array = (moved[i] - base) * abs(resonant) / resonant
-        return found
+        return (moved[i] - base) * abs(resonant) / resonant
 
     @cached_property
     def second(self) -> SecondMode:

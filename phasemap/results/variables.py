@@ -63,8 +63,7 @@ def _multiplier(rows: Array) -> Array:
     """The Floquet multiplier of larger modulus, from trace and determinant of the monodromy matrix."""
     half = rows[..., col.TRACE] / 2 + 0j
     root = np.sqrt(half * half - rows[..., col.PRODUCT])
-    larger: Array = np.where(half.real >= 0, half + root, half - root)
-    return larger
+    return np.where(half.real >= 0, half + root, half - root)
 
 
 def _harmonic(n: int) -> dict[str, Variable]:

@@ -57,8 +57,7 @@ class Branches(NamedTuple):
     @property
     def stable(self) -> NDArray[np.bool_]:
         """True where there is an orbit, on each branch, shape (2, n)."""
-        found: NDArray[np.bool_] = self.status[:ENGAGED] == col.GOOD
-        return found
+        return self.status[:ENGAGED] == col.GOOD
 
     @property
     def engaged(self) -> Codes:

@@ -338,8 +338,7 @@ def _far_state(work: Work, farthest: float) -> np.ndarray:
     law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
     p, free = parameters(work.rows[0]), free_amplitude(work.lever)
     far = free * ratio_far_from_surface(Oscillator(work.law, p, work.lever), 0.5 * free)
-    state: np.ndarray = free_state(law, work.lever, max(far, farthest))
-    return state
+    return free_state(law, work.lever, max(far, farthest))
 
 
 def _visit_in_time(state: np.ndarray, order: Iterable[int], at: At, by_amplitude: bool, n: int) -> Visit:

@@ -184,8 +184,7 @@ def roughness(
 
 def _wavenumber(shape: tuple[int, int], sides: tuple[float, float]) -> Field:
     """Return 1 / wavelength [1/m] of each entry of `numpy.fft.rfft2`."""
-    wavenumber: Field = np.hypot(np.fft.fftfreq(shape[0], sides[0])[:, None], np.fft.rfftfreq(shape[1], sides[1]))
-    return wavenumber
+    return np.hypot(np.fft.fftfreq(shape[0], sides[0])[:, None], np.fft.rfftfreq(shape[1], sides[1]))
 
 
 def _filtered_noise(rng: np.random.Generator, shape: tuple[int, int], amplitude: Field) -> Field:

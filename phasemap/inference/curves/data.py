@@ -152,8 +152,7 @@ class Setup:
         if name in (own := numbers_of_law(acts)):
             return float(getattr(contact_of(acts), own[name]))
         parts = (self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, acts, self)
-        found: float | None = next(getattr(part, name) for part in parts if hasattr(part, name))
-        return found
+        return next(getattr(part, name) for part in parts if hasattr(part, name))
 
 
 def _tuned(scope: Microscope, free_phase: float) -> Microscope:

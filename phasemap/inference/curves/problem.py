@@ -197,8 +197,7 @@ class Problem:
         best = np.argmin(apart, axis=0)
 
         def chosen(values: np.ndarray) -> np.ndarray:
-            taken: np.ndarray = np.take_along_axis(np.broadcast_to(values, apart.shape), best[None], axis=0)[0]
-            return taken
+            return np.take_along_axis(np.broadcast_to(values, apart.shape), best[None], axis=0)[0]
 
         return Choice({name: chosen(read[name]) for name in wanted.read}, chosen(found.gap[:, None]), best)
 

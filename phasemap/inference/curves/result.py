@@ -264,12 +264,10 @@ def _jumps_of(curve: xr.Dataset, axis: str, direction: str) -> np.ndarray:
     """Values at which a sweep jumps in a direction; of one marched in time, where the phase crosses the resonance."""
     if curve[f"curve_{axis}"].size:
         code = DIRECTIONS[axis].index(direction)
-        found: np.ndarray = curve[f"jump_{axis}"].values[curve.jump_direction.values == code]
-        return found
+        return curve[f"jump_{axis}"].values[curve.jump_direction.values == code]
     values, sides = curve[axis].values, curve["branch"].sel(direction=direction).values
     turns = np.flatnonzero(sides[1:] != sides[:-1])
-    between: np.ndarray = 0.5 * (values[turns] + values[turns + 1])
-    return between
+    return 0.5 * (values[turns] + values[turns + 1])
 
 
 def _add_data(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) -> None:

@@ -203,8 +203,7 @@ def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> No
 def _fallen(logs: Array) -> NDArray[np.bool_]:
     """True where the density falls far enough before its last known value."""
     last = logs.shape[1] - 1 - np.argmax(np.isfinite(logs[:, ::-1]), axis=1)
-    fallen: NDArray[np.bool_] = logs[np.arange(len(logs)), last] < logs.max(axis=1) - 0.5 * SHALLOW
-    return fallen
+    return logs[np.arange(len(logs)), last] < logs.max(axis=1) - 0.5 * SHALLOW
 
 
 @asked_as()

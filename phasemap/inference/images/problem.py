@@ -94,8 +94,7 @@ class Problem:
     def cost(self, rest: Array, q: Array) -> Array:
         """chi2 of data, of which these residuals are left, and priors, shape (n,)."""
         apart = q - self.centre
-        cost: Array = (rest**2).sum(axis=1) + ((apart @ self.prior) * apart).sum(axis=1)
-        return cost
+        return (rest**2).sum(axis=1) + ((apart @ self.prior) * apart).sum(axis=1)
 
     def zeros(self, values: Array, defect: Array) -> Array:
         """The zeros that go with these orbits, shape (n, p)."""

@@ -284,8 +284,7 @@ def _patterns(stack: Stack) -> Codes:
 
 def _prior(model: Model, grid: Grid) -> Array:
     """chi2 of the prior, shape (g,)."""
-    cost: Array = ((grid.q / model.width) ** 2).sum(axis=1)
-    return cost
+    return ((grid.q / model.width) ** 2).sum(axis=1)
 
 
 def _zeros(apart: Array, kind: str | None) -> Array:
@@ -298,8 +297,7 @@ def _zeros(apart: Array, kind: str | None) -> Array:
 def _mean(values: Array) -> Array:
     """Mean over the images that have data, kept as an axis."""
     there = np.isfinite(values)
-    mean: Array = np.where(there, values, 0.0).sum(axis=-1, keepdims=True) / np.maximum(there.sum(-1, keepdims=True), 1)
-    return mean
+    return np.where(there, values, 0.0).sum(axis=-1, keepdims=True) / np.maximum(there.sum(-1, keepdims=True), 1)
 
 
 def _apart_among_best(q: Array, sides: Codes, cost: Array) -> list[int]:

@@ -229,8 +229,7 @@ class Problem:
         state = self.state(x)
         solved = self.solved(state)
         signed = [sum(_total(ways.logs) for ways in self._ways(solved, state.growth, sign)[0]) for sign in self._signs]
-        whole: Array = _total(np.stack(signed, axis=1)) - np.log(len(signed))
-        return whole
+        return _total(np.stack(signed, axis=1)) - np.log(len(signed))
 
     def explained(self, x: Array, seed: int) -> Explained:
         """Sign, branches and zeros drawn for each combination; zeros are those expected of materials and branches."""
@@ -345,18 +344,15 @@ def _normal(apart: Array, variance: Array) -> Array:
 
 def _total(logs: Array) -> Array:
     """Logarithm of the sum of exponentials, shape (n, k) to (n,)."""
-    total: Array = np.logaddexp.reduce(logs, axis=1)
-    return total
+    return np.logaddexp.reduce(logs, axis=1)
 
 
 def _drawn(logs: Array, rng: np.random.Generator) -> Indices:
     """Index of one of k choices, drawn with these logarithms of chances, shape (n, k) to (n,)."""
-    drawn: Indices = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
-    return drawn
+    return np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
 
 
 def _share(x: Array) -> Array:
     """Uniform number between 0 and 1 for x that is normal and cut off at the reach."""
     low = ndtr(-REACH)
-    share: Array = (ndtr(x) - low) / (1 - 2 * low)
-    return share
+    return (ndtr(x) - low) / (1 - 2 * low)

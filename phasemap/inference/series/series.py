@@ -154,8 +154,7 @@ def _engaged(both: Array) -> Array:
     """The branch that the tip meets first, from far: the attractive one, as far as it goes without a gap."""
     lower, upper = np.moveaxis(both, -3, 0)
     whole = np.logical_and.accumulate(~np.isnan(lower)[..., ::-1], axis=-1)[..., ::-1]
-    engaged: Array = np.where(whole | np.isnan(upper), lower, upper)
-    return engaged
+    return np.where(whole | np.isnan(upper), lower, upper)
 
 
 def _add_pictures(ds: xr.Dataset, images: Sequence[xr.Dataset], labels: Sequence[Labels]) -> None:

@@ -108,8 +108,7 @@ class Curves:
     def wanted_rows(self) -> np.ndarray:
         """Full rows at the values wanted, piece by piece."""
         rows = np.concatenate([piece.rows for piece in self.pieces] or [np.zeros((0, col.FULL))])
-        wanted: np.ndarray = rows[rows[:, col.KIND] == col.WANTED]
-        return wanted
+        return rows[rows[:, col.KIND] == col.WANTED]
 
     @property
     def all_followed(self) -> bool:

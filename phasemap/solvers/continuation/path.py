@@ -79,8 +79,7 @@ def fixed_path(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
 
-    path: Path = fixed_path(question.work().oscillator(0))
-    return path
+    return fixed_path(question.work().oscillator(0))
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,7 @@ def swept_path(
         width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
     kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
     series = np.ascontiguousarray(table[:, : max(last, 2)])
-    path: Path = swept_path(work.law, series, kind, min(width, 0.05))
-    return path
+    return swept_path(work.law, series, kind, min(width, 0.05))
 
 
 def _column(question: Question, held: Callable[[Microscope], float]) -> np.ndarray:

@@ -86,8 +86,7 @@ class Segment:
         i = min(max(int(np.searchsorted(self.x, x)), 1), len(self.x) - 1)
         width = self.x[i] - self.x[i - 1]
         share = (x - self.x[i - 1]) / width if width > 0 else 1.0
-        mixed: np.ndarray = self.rows[i - 1] + share * (self.rows[i] - self.rows[i - 1])
-        return mixed
+        return self.rows[i - 1] + share * (self.rows[i] - self.rows[i - 1])
 
 
 @dataclass(frozen=True)
