@@ -195,7 +195,7 @@ def reach_of(p: np.ndarray) -> float:
 def distance_to_pole(start: float, near: float) -> float:
     """Distance in u = tan(theta/2) from the edge of a contact, u = `start`, to the pole of the long-range force.
 
-    `near`: that of the tip from the pole there, over the amplitude.
+    `near`: distance of the tip from the pole at that edge, over the amplitude.
     """
     ratio = 0.5 * near * (1.0 + start * start) ** 2
     delta = math.sqrt(start * start + ratio) - start

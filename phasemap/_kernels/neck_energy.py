@@ -20,8 +20,8 @@ def loop_energy(law: Law, p: np.ndarray) -> float:
     """Energy [J] lost between where the neck forms and release: the integral of F_longrange - F_contact over that.
 
     See theory, Eq. (model-11).
-    In x, with d = d_r + (d_f - d_r) x^2, the root of a contact force at release is smooth; the long-range force is,
-    over reach, a power of exp(x) where the gap is reach (exp(x) - 1).
+    A contact force that ends at release like a root is smooth in x, d = d_r + (d_f - d_r) x^2; the long-range force is
+    a power of exp(x), with the gap reach (exp(x) - 1).
     """
     depth = p[FORMING] - p[RELEASE]
     energy = 0.0

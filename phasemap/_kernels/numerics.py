@@ -134,7 +134,7 @@ def eliminate_columns(m: np.ndarray, count: int) -> bool:
 
 @kernel
 def spectral_radius(m: np.ndarray, squarings: int) -> float:
-    """Largest modulus of the eigenvalues of a matrix, which is used up, by squaring it so many times.
+    """Largest modulus of the eigenvalues of a matrix, by squaring it so many times, in place.
 
     After k squarings |M^(2^k)|^(2^-k) is off by a factor that depends on how its eigenvectors lie, to the power 2^-k.
     """

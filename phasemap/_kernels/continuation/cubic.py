@@ -48,7 +48,7 @@ def cubic_terms(one: float, two: float, rise: float) -> tuple[float, float]:
 def turns_twice_between(path: Path, reach: float, before: Point, point: Point) -> bool:
     """True if a coordinate turns twice between two points: its cubic has both extremes there, and runs back for long.
 
-    Of a pair of folds within one step nothing else would be seen.
+    Nothing else would reveal a pair of folds within one step.
     """
     by_one, by_two = cubic_slopes(path, reach, before, point)
     u, v = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])

@@ -346,7 +346,7 @@ def collocation_orbits_at(
 ) -> int:
     """Go from harmonic orbits, shape (n, HARMONIC_WORDS), to the exact ones at these m of the path.
 
-    `hold`: whether their z0 or their A is kept. `tight`: last change, over that of an orbit that is converged.
+    `hold`: HOLD_OFFSET or HOLD_AMPLITUDE. `tight`: last change, over that of an orbit that is converged.
     `found`, shape (n, COLUMNS): TIP_OFFSET, AMPLITUDE, PHASE, STIFFENING and, where it is known, FLOQUET are filled in.
     Returns how many were found before Newton's method did not converge; `orbit` is left the last one.
     """

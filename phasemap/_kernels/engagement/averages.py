@@ -112,7 +112,7 @@ def add_total(total: Total, more: Total) -> None:
 def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn) -> bool:
     """March so many periods, and sum up the detected motion; z0 falls by way + gain (A - setpoint) [m] in each.
 
-    A is behind the lock-in. It falls by little: a tip moved at once may take to another pattern of taps.
+    A is the amplitude behind the lock-in. z0 falls gradually: a tip moved at once may change its pattern of taps.
     """
     lever, total = oscillator.lever, lock_in.total
     clear(total)
@@ -250,9 +250,9 @@ def branch_slope(lever: np.ndarray, x: float, y: float) -> float:
 def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, amplitude: float) -> Errors:
     """Errors of averages from `first` on: theory, Eq. (irregular-6).
 
-    Where an amplitude is held, lag and tip offset go with it, whether a tap more or less or the way to the setpoint is
-    the cause. The slopes of that are taken from all averages (a control variate). By what the mean amplitude misses
-    the lag is then wrong, on the way by another slope than in the scatter, and which of the two it was is not known.
+    Where an amplitude is held, lag and tip offset vary with it, by single taps or on the way to the setpoint. Slopes of
+    both over the amplitude, from all averages, take that off (a control variate). The lag is then wrong by as much as
+    the mean amplitude misses the setpoint, times the slope of the scatter or that of the branch: which is not known.
     """
     x = y = 0.0
     for i in range(first, count):

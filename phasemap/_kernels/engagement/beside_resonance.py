@@ -107,11 +107,11 @@ def lands_attractive(oscillator: Oscillator) -> bool:
 
 @kernel
 def rebounds(oscillator: Oscillator, push: float) -> bool:
-    """True if a contact with in-phase force P [m] is shorter than the difference of T and the free lever's period.
+    """True if a contact with in-phase force P [m] lasts less than the drive's period differs from the free lever's.
 
-    A short contact turns the velocity v = pi P/(2 omega) round. It is so short if the depth at which it would last as
-    long takes more energy than v^2/2. Within a linewidth of the resonance a lever keeps no time of its own, and
-    far from it time has been asked already.
+    A short contact turns the velocity v = pi P/(2 omega) round. It is so short if the depth of a contact that lasts as
+    long as the difference takes more energy than v^2/2. Within a linewidth of the resonance a lever keeps no time of
+    its own, and far from it time has been asked already.
     """
     law, p, lever = oscillator
     if not (push > 0.0 and beside_resonance(lever) and near_resonance(lever)):

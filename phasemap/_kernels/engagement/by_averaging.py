@@ -151,7 +151,7 @@ def side_reached_from_far(oscillator: Oscillator, amplitude: float, top: Maximum
 def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: HarmonicOrbit, top: Maximum) -> int:
     """Way to decide which orbit of this amplitude a tip from far comes to; BY_AVERAGING with that in `harmonic`.
 
-    BY_FOLD the maximum of the mismatch is in `top`.
+    BY_FOLD: the maximum of the mismatch is in `top`.
     """
     rung = find_side_and_orbit(oscillator, amplitude, harmonic, top)
     return IN_TIME if rung == BY_AVERAGING and rebounds(oscillator, harmonic.push) else rung

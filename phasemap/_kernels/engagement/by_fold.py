@@ -175,7 +175,7 @@ def orbit_by_response(
     oscillator: Oscillator, amplitude: float, rung: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> bool:  # fmt: skip
-    """Find the exact orbit, in `workspace.state`, that averaging or the end of the attractive branch decides on.
+    """Find the exact orbit, in `workspace.state`, on the side that averaging or the end of the attractive branch tells.
 
     False where these do not decide, or passes do not come to an orbit that is clear of a fold: curves tell then.
     """

@@ -59,7 +59,7 @@ def engaged_orbit_by_response(
 ) -> bool:
     """Orbit by `orbit_by_response` on which a tip from far stops where the detector sees an amplitude [m].
 
-    Where that is not A, averaging has to be sure of the branch again at the A that is found.
+    Where that is not the tip's amplitude A, averaging has to be sure of the branch again at the A that is found.
     """
     lever, top, state = oscillator.lever, workspace.top, workspace.state
     workspace.seen = 0.0 if sees_tip(lever) else amplitude

@@ -31,8 +31,8 @@ NEAR_PERIODS = 40  # and at least so many periods
 def hold(oscillator: Oscillator, goal: Goal, tip: Tip, row: np.ndarray) -> int:
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row.
 
-    A tip that engages beats periods from where it swung freely. One that begins in a contact with memory knows only
-    nearly what is inside, so that the orbit is sought again from where it is highest.
+    A tip that engages counts periods from the phase at which it was highest as it swung freely. Where such a period
+    begins inside a contact with memory, which is known only nearly, the orbit is sought again from its highest point.
     """
     law, p = oscillator.law, oscillator.p
     tolerance = fine_tolerance(p, goal)
@@ -62,8 +62,8 @@ def hold_from_row(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
 def hold_orbit_near_row(oscillator: Oscillator, goal: Goal, forms: bool, row: np.ndarray) -> bool:
     """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, which is filled anew.
 
-    Over dents that last, where they form under the tip first. False where time leads to none within so many periods, or
-    to one on the other side of the resonance.
+    With `forms` dents that last form under the tip first. False where time leads to no such orbit within the periods
+    allowed, or to one on the other side of the resonance.
     """
     law, p, lever = oscillator
     tip = Tip(state_on(law, lever, goal.amplitude, row), PeriodResult(), PeriodMap(), Periods())

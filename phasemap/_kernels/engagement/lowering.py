@@ -112,10 +112,8 @@ def pace_of_leap(oscillator: Oscillator) -> float:
 def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, tip: Tip) -> int:
     """Lower the tip along periodic orbits until the amplitude is reached; returns how the motion ends.
 
-    LOWEST_OFFSET is said a hundredth of a metre down.
-
     Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
-    ends; what comes next is then for time to say, at first for some ring-down times.
+    ends. From there the motion is marched, at first for some ring-down times. LOWEST_OFFSET: a centimetre down.
     """
     p, lever, amplitude, tolerance = oscillator.p, oscillator.lever, goal.amplitude, coarse_tolerance(goal)
     u, linear, slopes = tip.u, tip.linear, Way()
@@ -184,7 +182,7 @@ class FilteredMotion:
 def falls_gently(oscillator: Oscillator) -> bool:
     """True if a fall is smooth enough for many periods at once.
 
-    A mode above the first turns by a part of a turn from each period to the next: its ringing allows no long steps.
+    The phase of a ringing mode above the first changes from each period to the next, which allows no long steps.
     """
     law, lever = oscillator.law, oscillator.lever
     gentle = law.memory == 0 and lever[col.MODES] < 2 and abs(lever[col.DYNAMIC_STIFFNESS]) < FAR_BESIDE

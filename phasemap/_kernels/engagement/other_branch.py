@@ -85,8 +85,8 @@ def start_outside_maximum(oscillator: Oscillator, amplitude: float, top: Maximum
 def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
     """Mismatch at P = 0, where repulsion balances attraction; deeper the surface dissipates more.
 
-    Above zero, damping alone asks for more than the drive, and there is no orbit behind. Infinite if nothing makes up
-    for attraction, even in permanent contact.
+    Above zero, damping alone needs more than the drive gives, and no orbit lies deeper. Infinite if nothing balances
+    the attraction, even in permanent contact.
     """
     before, gap = (top.gap, top.push), top.behind
     _, push = mismatch_at_gap(oscillator, amplitude, gap)

@@ -81,8 +81,8 @@ def nearby_rows(
 ) -> None:
     """Fill in the orbit of every row next to the harmonic one there: amplitude, phase, tip offset, mean deflection.
 
-    One whose tip offset is farther `away` [m], or that is not stable, gets the status NOT_CONVERGED. So many rows as
-    are a `group`, one after another, are close to each other: each may start from the one before.
+    An orbit farther than `away` [m] from the harmonic one, or not stable, gets the status NOT_CONVERGED. `group`
+    successive rows are close to each other: each may start from the row before.
     """
     orbit, harmonic = new_orbit(pixels.lever, tables), HarmonicOrbit()
     for i in range(len(out)):

@@ -94,8 +94,8 @@ def averaged_near_rows(pixels: Pixels, answers: Answers) -> None:
 def side_rows(pixels: Pixels, side: int, limits: ErrorLimits, allowed: ErrorLimits, answers: Answers) -> int:
     """Stable orbit on a side of the resonance for every row that is PENDING; returns how many still are.
 
-    `limits`: of an exact orbit; `allowed`: those within which an averaged one may stand. What is PENDING then has a
-    harmonic orbit to start from, or NaN.
+    `limits`: of an exact orbit; `allowed`: those within which an averaged one may stand. Rows that stay PENDING
+    have a harmonic orbit to start from, or NaN.
     """
     (out, status, solver), lever = answers, pixels.lever
     workspace, harmonic, waiting = ResponseWorkspace(), HarmonicOrbit(), 0

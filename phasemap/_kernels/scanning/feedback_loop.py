@@ -161,8 +161,8 @@ def scanner_command(loop: Loop, y: np.ndarray) -> tuple[float, float, bool]:
 def filter_cubic(loop: Loop, y: np.ndarray, path: CubicPath, time: float, out: np.ndarray) -> None:
     """Filters of the lock-in after a time during which a moves along a cubic: theory, Eq. (slow-flow-7).
 
-    One filter answers a polynomial with a polynomial. What it differs from that as the time begins decays as a cascade
-    of equal filters does, in closed form. `out` may be y.
+    A filter responds to a polynomial with a polynomial. Its initial difference from that decays as a cascade of equal
+    filters does, in closed form. `out` may be y.
     """
     s, order = loop.rate * time, loop.order
     a, a1, a2, a3 = path

@@ -21,7 +21,7 @@ from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Perio
 def next_branch(orbits: StableOrbits, material: int, branch: int, z0: float) -> tuple[int, int]:
     """Branch of the tip after a pixel to which it comes at tip offset z0, and the number of its orbit there.
 
-    That is ENGAGED if it is on none of the material's.
+    The number is ENGAGED if the tip is on no branch of the material.
     """
     if branch == NOWHERE:
         branch = orbits.engaged[material]

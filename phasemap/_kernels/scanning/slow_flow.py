@@ -102,8 +102,8 @@ def slow_flow_rhs(
 ) -> None:
     """Right-hand side of the slow flow over a ground of this height [m]: rates of b, of the integral, of the scanner.
 
-    The amplitude a of the lever follows from b. The depth of the tip is where what P carries it by agrees with P. It is
-    found along the secant through the harmonics that were last computed, which were those of almost the same depth.
+    The amplitude a of the lever follows from b. The depth of the tip is where P at that depth and the shift by P agree.
+    It is found along the secant through the harmonics computed last, which were those of almost the same depth.
     """
     oscillator, shares = sample
     lever = oscillator.lever
@@ -230,8 +230,8 @@ def _stepped_entries(loop: Loop) -> int:
 def _step_error(loop: Loop, k: np.ndarray, h: float, size: float) -> float:
     """Local error of a step to an amplitude of this size [m], over what is allowed.
 
-    The method of order 3 knows nothing of what changes with time alone, as where the tip lands within a step. So the
-    bend of the rates counts as well. A faint amplitude has as good a phase as any, for it keeps that as it grows again.
+    The method of order 3 does not see a change with time alone, as where the tip lands within a step, so that the bend
+    of the rates counts too. The phase of a faint amplitude has to be as good as any: it is kept as that grows again.
     """
     worst = 0.0
     for j in range(_stepped_entries(loop)):

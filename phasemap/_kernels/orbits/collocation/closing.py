@@ -85,7 +85,7 @@ def solve_step(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[E
 def curve_derivative(lever: np.ndarray, orbit: Orbit, drift: np.ndarray, held: tuple[Equation, Equation]) -> bool:
     """Solve for the derivative along a curve of orbits, left in the last column of the system.
 
-    The first equation stays, the second changes by one.
+    Along it the first held equation stays satisfied, and the right side of the second grows by one.
     """
     system, row = orbit.system, _append_drive(lever, orbit, drift)
     _fill_held_equations(held, row, system)

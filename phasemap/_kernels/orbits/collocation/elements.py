@@ -152,7 +152,7 @@ def _contact_count(rate: float, half: float, level: int) -> int:
 def _permanent_count(rate: float, level: int) -> int:
     """Index in CONTACT_COUNTS of the elements that resolve a period in contact, and a rate over that of the drive.
 
-    Short elements also keep what is lost of a large force that stays, against which all else is a difference.
+    Short elements also keep digits: all else is a small difference against a large constant force.
     """
     wanted = FEWEST_IN_CONTACT + 1.0 + math.floor(TWO_PI * rate / LONGEST_OSCILLATION)
     return _index_of_count(max(FEWEST_PERMANENT, wanted * (1.0 + 0.5 * level)))

@@ -213,7 +213,7 @@ def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: floa
 
 @kernel
 def _jump_at_start(oscillator: Oscillator, orbit: Orbit, e: int, integrals: np.ndarray) -> None:
-    """Let the force of an element begin where the contact does: its start lies a little beside it."""
+    """Correct an element that starts a little beside the contact: the force begins where the contact does."""
     lever, one, chain, count = oscillator.lever, element_of(orbit, e), orbit.chain, modes_of(oscillator.lever)
     before = element_of(orbit, e - 1 if e > 0 else head_of(orbit).count - 1).side
     if one.side == before:

@@ -107,8 +107,8 @@ def collocation_orbit_from_harmonic(
 ) -> tuple[int, float]:
     """Exact orbit from a harmonic one: fills its row; returns a status, and how far apart the two are [m].
 
-    The status is that under feedback; which orbit it is, is for the caller to see. It is as near as tip offset or depth
-    are: harmonics that lift the tip do not bring it to another branch.
+    The status is that under feedback; the caller judges by the distance if it is the orbit meant: that of the tip
+    offsets or of the depths, the smaller one, for harmonics that lift the tip do not bring it to another branch.
     """
     done, start, deep = solve_near(
         fixed_path(oscillator), harmonic, 0.0, HOLD_AMPLITUDE, True, tolerance_of(oscillator), MOST_STEPS_NEARBY, orbit

@@ -161,9 +161,8 @@ def take_newton_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: 
 def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) -> tuple[int, int]:
     """Solve for a periodic orbit at which an equation holds, by Newton's method; returns status and number of steps.
 
-    Along a curve the equations of the last step stand for those of the orbit where it changed nothing any more: by
-    less than TANGENT_ERROR of the contact and the tolerance of an exact orbit, or, on the way, than STILL_ON_THE_WAY of
-    that.
+    Along a curve the equations of the last step are kept for the orbit if the step was small: at most TANGENT_ERROR of
+    the contact and the tolerance of an exact orbit, or, on the way, STILL_ON_THE_WAY of the tolerance there.
     """
     level, tolerance, most, coarse, along, seen = limits
     head, oscillator = head_of(orbit), standing_at(path, head_of(orbit).parameter)

@@ -95,7 +95,7 @@ def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray
 def grade_outer_nodes(nodes: Nodes, amplitude: float, centre: float, reach: float, edge: float) -> None:
     """Place the nodes outside contact, over the angle from its edge to the far end: sinh(X x)/sinh(X).
 
-    The long-range force has its pole at a distance that sinh then takes away from the nodes.
+    In x the pole of the long-range force, which is near the surface, lies farther from the nodes.
     """
     near = (reach + max(centre - amplitude, 0.0)) / amplitude
     sine = math.sin(edge)

@@ -206,7 +206,7 @@ def outcome_of_pass(
 def converge(
     oscillator: Oscillator, f: Nodes, state: PassState, hold: bool, limit_phase: float, limit_height: float
 ) -> int:
-    """Repeat passes until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, drive is found.
+    """Repeat passes until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, e and A stay.
 
     Beside resonance forces are |1 - omega^2|/(2 alpha0 omega) times what losses take: there energy is balanced last,
     and passes in contact contract slowly, as they do at low Q. Newton's method takes their place.

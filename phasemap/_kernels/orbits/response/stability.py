@@ -224,7 +224,7 @@ def _kick(
     oscillator: Oscillator, nodes: Nodes, state: PassState, j: int, in_contact: bool, turns: np.ndarray,
     one: np.ndarray, motions: np.ndarray,
 ) -> None:  # fmt: skip
-    """Kick small motions of each mode by the surface's answer at node j.
+    """Kick small motions of each mode by the force with which the surface answers them at node j.
 
     `turns` (shape (3 modes,)): growth, cosine and sine of each mode there.
     `one` (shape (2, 2 modes)): workspace.

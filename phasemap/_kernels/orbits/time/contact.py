@@ -129,7 +129,7 @@ def first_moved(contact: Any) -> int:
 def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
     """Fill in the slope of x, and of what the contact has of its own, at an acceleration z''.
 
-    Returns that of the energy into the surface, over stiffness and beside that of `Push.drag`.
+    Returns the rate of the energy into the surface over stiffness, without that of `Push.drag`.
     """
     raise NotImplementedError
 

@@ -89,7 +89,7 @@ def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, 
 def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: float, tip: Tip, flow: PeriodFlow) -> int:
     """Carry a tip, which falls by `pace` [m] a period, over as many periods as an error `allowed` [m] lets it.
 
-    Returns how many; 0 if the march fails. tip.acc is what the period to come gives.
+    Returns how many; 0 if the march fails. tip.acc has the observables of the period to come.
 
     The formulae for an integral are those of Bogacki and Shampine (orders 3 and 2), with weights for a sum.
     """

@@ -99,10 +99,10 @@ def march_period(oscillator: Oscillator, z0: float, step_size: float, y: np.ndar
     The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at a `step_size` of 0.5, 0.3, 0.15 in nine of ten
     orbits with Q <= 1000; the error is of order 8 in it (eta in the theory) and proportional to Q.
 
-    `y` is the state as `tip` names it, advanced in place; where the law may remember it goes on with what
-    `surface_memory` names. Whether the tip is in contact or neck is asked for where the law has a neck only: elsewhere
-    depth says it. `acc` is filled: its energy into the surface is by damping and relaxation, and that of the loop at
-    each release, its virial that of the whole surface force. Returns the steps taken, or minus a status.
+    `y` is the state with entries as `tip` names them, advanced in place; where the law may remember, entries of
+    `surface_memory` follow. The entry for contact or neck is read only where the law has a neck: elsewhere the depth
+    tells. `acc` is filled: its energy into the surface is that of damping and relaxation, and that of the neck's loop
+    at each release; its virial is that of the whole surface force. Returns the steps taken, or minus a status.
     """
     law, p, lever = oscillator
     if law.memory != 0:

@@ -84,8 +84,8 @@ def march_tip(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
 def march_beside(oscillator: Oscillator, step_size: float, tip: Tip, way: Way, y: np.ndarray, to: Change) -> bool:
     """March a period, in y, that begins at tip.u moved by a way, and fill in its changes.
 
-    The surface is as tip.u has it; where a dent outlasts a period, as the same period leaves it, so that what the next
-    period owes to this one counts in its derivatives. False if it does not end, as it began, in contact or out of it.
+    The surface is that of tip.u; where a dent outlasts a period, it is the one that this period leaves, so that the
+    derivatives have the effect of a period on the next. False if contact at the end is not as it was at the begin.
     """
     u, lever = tip.u, oscillator.lever
     copy_memory(u, y)
@@ -297,8 +297,8 @@ def hold_periodic(
 def fill_row_of_period(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.ndarray) -> None:
     """Fill a result row of z from the observables of a period, or their means over many: balances are linear in them.
 
-    What that does not say is NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in energy, what
-    the drive gives is dissipated.
+    Entries that these do not determine are NaN. In phase, A (1 - omega^2 + 2 i alpha0 omega) + G_1 = u0 exp(i lag); in
+    energy, what the drive gives is dissipated.
     """
     lag = math.atan2(acc.sin, acc.cos)
     row[:] = math.nan

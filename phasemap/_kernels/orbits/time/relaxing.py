@@ -133,7 +133,7 @@ def neck_force(contact: Relaxing, d: float) -> float:
 def work_from_far(law: Law, p: Any, d: float) -> float:
     """Work [J] of the long-range force on a tip that comes to depth d <= 0 over a surface that does not move.
 
-    Steps out of contact leave it out: they add up what the force works on a surface that recovers.
+    Steps out of contact do not count it: they add up the work of the force on a surface that recovers.
     """
     if not has_longrange(p):
         return 0.0
@@ -163,7 +163,7 @@ def stored_energy(contact: Relaxing, q: float, d: float, t: float) -> float:
 def dent_at_edge(contact: Relaxing, u: Moved, q: float, t: float) -> tuple[float, float, float]:
     """Dent w [m] at the edge q, its slope by xi, and the rate at which it comes back; y of each arm is filled in.
 
-    Not where a Kelvin-Voigt surface lets go.
+    Not valid where a Kelvin-Voigt surface lets go.
     """
     xi, arms, w, slope, rise = q * q, contact.arms, 0.0, 0.0, 0.0
     if contact.now.mode == on.SHRINKING:

@@ -291,7 +291,7 @@ def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
 def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motion) -> None:
     """Begin a march on the surface that m remembers, in `contact.m`; a tip that `touched` is still in a neck of liquid.
 
-    In the contact that it has; or in one that begins at once, where the tip is below the dent; or off the surface.
+    The tip is in the contact of m; in one that begins at once, where it is below the dent; or off the surface.
     """
     m, u, now, arms, d = contact.m, motion.here.at, contact.now, contact.arms, motion.here.at.x
     if now.mode != OFF_SURFACE:
