@@ -73,7 +73,7 @@ class Number(Generic[T]):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The least, or what values are above, and the most that is allowed."""
+        """Least value or the value that all are above, and the largest value allowed."""
         bounds = self._bounds
         most = math.nextafter(bounds["below"], -math.inf) if "below" in bounds else bounds.get("maximum", math.inf)
         return bounds.get("above", bounds.get("minimum", -math.inf)), most
@@ -130,7 +130,7 @@ def in_words(thing: Shown) -> str:
 
 
 def _given(thing: Shown) -> list[Field[Any]]:
-    """The fields that are not as they are without a word."""
+    """Fields that differ from their defaults."""
     every = [field for field in fields(thing) if field.init]
     return [field for field in every if field.default is MISSING or getattr(thing, field.name) != field.default]
 

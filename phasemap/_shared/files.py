@@ -108,7 +108,7 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
 
 
 def _clear(path: Path) -> None:
-    """Remove what processes of this machine that were killed left of this file."""
+    """Remove temporary files of this file that killed processes of this machine left."""
     pattern = re.compile(rf"\.{re.escape(path.stem)}\.{_host()}-(\d+)\.tmp{re.escape(path.suffix)}")
     for name in os.listdir(path.parent):
         if (found := pattern.fullmatch(name)) and not _is_alive(int(found[1])):

@@ -38,7 +38,7 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
 
 
 def check_stopped() -> None:
-    """Raise what ends the work of this thread, if it is to end."""
+    """Raise the error that ends the work of this thread, if it is to end."""
     _check.get()()
 
 
@@ -47,7 +47,7 @@ _left: list[threading.Event] = []  # the ends of what nobody waits for any more
 
 
 def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
-    """Return what the task does, or stop waiting for it at Ctrl-C, or with EndlessError after the limit [s].
+    """Result of the task; stop waiting for it at Ctrl-C, or with EndlessError after the limit [s].
 
     Compiled code cannot be interrupted: it goes on in the background, and `still_busy` says so.
     """

@@ -114,7 +114,7 @@ def unquestioned() -> Iterator[None]:
 
 @contextmanager
 def gathered() -> Iterator[list[str]]:
-    """Keep what there is to say of numbers outside all practice in a list, for who says it in another way."""
+    """Collect warnings of numbers outside all practice in a list, for callers that give them in another way."""
     kept: list[str] = []
     with temporarily(_GATHERED, kept), temporarily(_MANNER, "gather"):
         yield kept

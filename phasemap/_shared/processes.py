@@ -78,7 +78,7 @@ def _start(task: Callable[[T], R], quiet: bool) -> tuple[Connection, SpawnProces
 
 
 def _serve(line: Connection, task: Callable[[T], R], quiet: bool) -> None:
-    """Answer what comes over the line until there is nobody at the other end."""
+    """Do the tasks that come over the line until there is nobody at the other end."""
     if quiet:  # one of them says that kernels are compiled
         os.environ["PHASEMAP_QUIET"] = "1"
     try:

@@ -1,4 +1,4 @@
-"""Arguments that several commands have, each said once, what their words stand for, and what is done about files."""
+"""Arguments that several commands have, each declared once, their values read, and their files checked and written."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def conclude(
     arguments: argparse.Namespace, found: xr.Dataset, draw: str, summary: Iterable[str], started: float | None = None,
     width: int = 12, **options: Any,
 ) -> None:  # fmt: skip
-    """Write what was found, and its picture, where the command names files, and say what was found.
+    """Write the result and its picture, where the command names files, and print its summary.
 
     `draw`: the function of `phasemap.plot`. `started`: when the work began [s]; without it no time is said.
     """
@@ -117,7 +117,7 @@ LABELS = ("labels", "label")  # maps of regions, as files call them
 
 
 def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
-    """Read one number, or START, STOP and N, of the command line; `allowed` is what may be given, but for units."""
+    """Read one number, or START, STOP and N, of the command line; `allowed` is told in errors, but for units."""
     try:
         return range_in_si(text, unit)
     except NotThatUnit:

@@ -66,7 +66,7 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
 
 
 def compare(arguments: argparse.Namespace) -> None:
-    """Compare two images, write what is asked for, and say what was found."""
+    """Compare two images, write the files asked for, and print the findings."""
     from phasemap.comparison.result import NAMES
     from phasemap.comparison.result import compare as compare_images
     from phasemap.io.measured import one_scan
@@ -94,7 +94,7 @@ def compare(arguments: argparse.Namespace) -> None:
 
 
 def summary(found: xr.Dataset) -> list[str]:
-    """Say what a comparison found, in lines of a word and what is said of it, the verdict last."""
+    """Findings of a comparison, as lines of a word and a sentence, the verdict last."""
     from phasemap.comparison.words import lines_of, verdict_of
 
     size = f"{found.sizes['x']} x {found.sizes['y']} pixels"
@@ -146,7 +146,7 @@ def add_check(parser: argparse.ArgumentParser) -> None:
 
 
 def check(arguments: argparse.Namespace) -> int:
-    """Check an image and say what was found; returns the exit code."""
+    """Check an image and print the findings; returns the exit code."""
     from phasemap.io.netcdf import load
 
     image = load(arguments.image)

@@ -27,7 +27,7 @@ def bar_of(unit: str) -> Any:
 
 @contextmanager
 def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
-    """Give a function of what is done and of all there is to do, which draws a bar; None where that is not wanted."""
+    """Yield a function of the work done and of all work, which draws a bar; None where no bar is wanted."""
     if quiet:
         yield None
         return

@@ -51,7 +51,7 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
 
 
 def add_columns(parser: argparse.ArgumentParser) -> None:
-    """Declare what tells the columns of a text."""
+    """Declare the options that name the columns of a text."""
     about = "names of the columns, with units: 'z approach [m],-,amplitude approach [V]'"
     parser.add_argument("--columns", metavar="LIST", help=about)
     parser.add_argument("--number", type=int, default=0, metavar="N", help="which curve of the file; default: 0")
@@ -64,7 +64,7 @@ def columns_of(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def fit(arguments: argparse.Namespace) -> None:
-    """Fit, write what is asked for, and say what was found."""
+    """Fit a curve, write the files asked for, and print the findings."""
     from phasemap.inference.curves.fit import fit_distance
     from phasemap.inference.verdict import PRIOR
     from phasemap.io.curves import read_curve
@@ -82,7 +82,7 @@ def fit(arguments: argparse.Namespace) -> None:
 
 
 def said_of_fit(found: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
-    """Say what a fit to a curve of these attributes found, the likeliest law first."""
+    """Findings of a fit to a curve of these attributes, in lines, the likeliest law first."""
     from phasemap.inference.curves.result import shown
 
     said = [
@@ -146,7 +146,7 @@ def add_series(parser: argparse.ArgumentParser) -> None:
 
 
 def series(arguments: argparse.Namespace) -> None:
-    """Explain, write what is asked for, and say what was found."""
+    """Explain a series, write the files asked for, and print the findings."""
     from phasemap.inference.series.recorded import read_files
     from phasemap.inference.series.series import series as explain
     from phasemap.scenes.scene import load_setup
@@ -190,7 +190,7 @@ def said_of_series(found: xr.Dataset) -> list[str]:
 def microscope_of(
     images: list[xr.Dataset], words: list[str], scope: Microscope | None = None
 ) -> tuple[Microscope, list[str]]:
-    """The microscope of files, or of a scene, with the numbers that the user says, and what is assumed of others."""
+    """Microscope of files or of a scene, with the numbers that the user gives, and sentences on assumed ones."""
     from phasemap.inference.series.settings import scope_of
     from phasemap.scenes.tables import value_of
 

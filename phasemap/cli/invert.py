@@ -102,7 +102,7 @@ class _Given:
 
 
 def invert(arguments: argparse.Namespace) -> None:
-    """Invert, write what is asked for, and say what was found."""
+    """Invert images, write the files asked for, and print the findings."""
     from phasemap.scenes.scene import load_setup
 
     started = time.perf_counter()
@@ -163,7 +163,7 @@ def _with_sign(image: xr.Dataset, sign: str) -> xr.Dataset:
 def _invert(
     given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
 ) -> tuple[xr.Dataset, list[str]]:
-    """Regions or maps, and what to know about them."""
+    """Dataset of regions or maps, and notes on it."""
     if arguments.regions is not None:
         return _by_regions(arguments.regions, given, setup, options, arguments), []
     if arguments.zeros_from is None:
@@ -179,7 +179,7 @@ def _invert(
 
 
 def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namespace) -> tuple[xr.Dataset, list[str]]:
-    """Maps, and what to know about them."""
+    """Dataset of maps, and notes on it."""
     from phasemap.inference.images.invert import invert as invert_pixels
 
     if isinstance(options.get("phase_zero"), str) or (
@@ -257,7 +257,7 @@ def _said_images(given: _Given) -> list[tuple[str, str]]:
 
 
 def summary(found: xr.Dataset) -> list[tuple[str, str]]:
-    """Say what an inversion or a fit by regions found, as a word and what is said of it, the verdict last."""
+    """Findings of an inversion or a fit by regions, as lines of a word and a sentence, the verdict last."""
     said = _said_regions(found) if "region" in found.dims else _said_maps(found)
     return [*said, *_sentences(found, "verdict"), *_sentences(found, "advice")]
 

@@ -110,7 +110,7 @@ class Cost:
 
 
 def try_out(kinds: Iterable[str]) -> list[Cost]:
-    """Do work of these kinds in this process, and say on stderr what each took as soon as it is done."""
+    """Do work of these kinds in this process, and print the cost of each on stderr as soon as it is done."""
     from phasemap._kernels.compilation.disk_cache import written
     from phasemap._kernels.compilation.entries import compiled
 

@@ -92,7 +92,7 @@ def _simulated(scene: Scene, arguments: argparse.Namespace, parts: Path) -> xr.D
 
 
 def validate(arguments: argparse.Namespace) -> None:
-    """Say what a scene would simulate."""
+    """Print what a scene would simulate."""
     import numpy as np
 
     from phasemap.imaging.simulation import check_job, modelled
@@ -128,7 +128,7 @@ def _ensemble_of(arguments: argparse.Namespace) -> Ensemble | None:
 
 
 def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
-    """The file to write: what the command says before what the scene says."""
+    """File to write: that of the command, or else that of the scene."""
     if arguments.output is not None:
         return Path(arguments.output)
     if scene.output is None:
@@ -137,7 +137,7 @@ def _output_of(arguments: argparse.Namespace, scene: Scene | Ensemble) -> Path:
 
 
 def _print_scene(scene: Scene, modelled: str) -> None:
-    """Size, materials, and what acts between them and the tip."""
+    """Print the size, the materials, and the forces between them and the tip."""
     print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
     with unquestioned():  # who wrote the scene was told when it was read

@@ -205,7 +205,7 @@ def _offset_after_engaging(material: Material, scope: Microscope, setpoint: floa
 
 
 def said_of_sweep(found: xr.Dataset) -> list[str]:
-    """Say what a sweep found: folds and jumps, and what is missing. Returns lines of a word and what it is."""
+    """Findings of a sweep, as lines of a word and a sentence: folds, jumps, and missing orbits."""
     import numpy as np
 
     from phasemap.results.words import titles
@@ -269,7 +269,7 @@ def add_contrast(parser: argparse.ArgumentParser) -> None:
 
 
 def contrast(arguments: argparse.Namespace) -> None:
-    """Map the contrast, write what is asked for, and say what was found."""
+    """Map the contrast, write the files asked for, and print the findings."""
     from phasemap.scenes.scene import load_setup
     from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
 
@@ -317,7 +317,7 @@ def _values(option: str, text: str | None) -> Any:
 
 
 def said_of_contrast(found: xr.Dataset) -> list[str]:
-    """Say what a map of contrast found, in lines of a word and what it is."""
+    """Findings of a map of contrast, as lines of a word and a sentence."""
     import numpy as np
 
     from phasemap.results.words import describe_flags

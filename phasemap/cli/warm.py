@@ -49,7 +49,7 @@ def add_bench(parser: argparse.ArgumentParser) -> None:
 
 
 def bench(arguments: argparse.Namespace) -> None:
-    """Measure what the words ask for."""
+    """Run the measurements that the words ask for."""
     if not (REPOSITORY / "benchmarks" / "command.py").exists():
         raise PhasemapError(
             "bench is not part of the installed package: clone the repository, or unpack the source archive, and run "

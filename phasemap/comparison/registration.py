@@ -53,7 +53,7 @@ class Registration:
     reason: str
 
     def __repr__(self) -> str:
-        """The shift, and what came of it."""
+        """Shift of the registration, and whether it was accepted."""
         down, right = (say(one, "m", 3) for one in self.shift)
         return f"Registration({'' if self.accepted else 'not '}accepted: {down} down, {right} right; {self.reason})"
 

@@ -1,4 +1,4 @@
-"""The lever as arrays: its numbers, the energies that its first harmonic tells of, and what a detector sees of it."""
+"""The lever as arrays: its numbers, energies of its first harmonic, and the signal of the detector."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def in_proportion(lever: Array) -> bool:
 
 
 def offset_and_factor(lever: Array) -> tuple[Any, Any]:
-    """The complex offset [m] and factor [1] of what the detector sees, shape (...)."""
+    """Complex offset [m] and factor [1] of the detector's signal, shape (...)."""
     return (
         lever[..., col.OFFSET_RE] + 1j * lever[..., col.OFFSET_IM],
         lever[..., col.FACTOR_RE] + 1j * lever[..., col.FACTOR_IM],
@@ -162,7 +162,7 @@ def tip_amplitudes(lever: Array, amplitude: Any) -> tuple[Array, Array]:
 
 
 def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
-    """The first harmonic of z, from what the detector sees: the inverse of `detected_signal`."""
+    """First harmonic of z from the detector's signal: the inverse of `detected_signal`."""
     if sees_tip(lever):
         return np.asarray(amplitude), np.asarray(phase)
     offset, factor = offset_and_factor(lever)

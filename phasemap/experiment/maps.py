@@ -1,4 +1,4 @@
-"""The maps of a sample, as they are kept: what they hold, the materials in them, and some of their rows."""
+"""Maps of a sample: their values, the materials in them, and some of their rows."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Maps:
         return self.relaxation_time is not None or self.relaxation is not None
 
     def _refuse_lazy(self) -> None:
-        """Refuse what looks at all pixels at once."""
+        """Refuse an operation that looks at all pixels at once, on maps that are lazy."""
         if self.lazy:
             raise InputError("surface", Word("in Dask arrays"), "maps in memory", "Take surface.compute().")
 

@@ -1,4 +1,4 @@
-"""Materials as rows of numbers, and what of a row acts under a microscope: stiffness, adhesion and loss."""
+"""Materials as rows of numbers, and their stiffness, adhesion and loss under a microscope."""
 
 from __future__ import annotations
 

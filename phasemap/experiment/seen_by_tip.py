@@ -236,7 +236,7 @@ def _depths(surface: Surface, given: Any) -> Array:
 
 
 def _seen_film(thickness: Array | None, seen: Callable[[Array], Array]) -> Array | None:
-    """Thicknesses whose inverse is a mean, since that is what stiffens the contact, and 0 for no film."""
+    """Thicknesses under the weight: means of the inverse, which is what stiffens the contact, and 0 for no film."""
     if thickness is None:
         return None
     with np.errstate(divide="ignore"):

@@ -1,4 +1,4 @@
-"""Maps of a surface: what they are called, their units, how these become SI, and which go together."""
+"""Maps of a surface: their names, their units and how these become SI, and which go together."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def picture(setting: Setting) -> Picture:
 
 
 def lever_in_water(lever: Cantilever) -> str:
-    """Say what became of a lever that the sliders describe in air."""
+    """Sentence on a lever that the sliders describe in air, once it is in water."""
     modes = (
         f"{say(one.frequency_ratio * lever.resonance_frequency, 'Hz', 3)} (Q {one.quality_factor:.2g})"
         for one in lever.eigenmodes
@@ -103,7 +103,7 @@ def lever_in_water(lever: Cantilever) -> str:
 
 
 def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
-    """Find what engaging from far finds on each material, as an image of one pixel of each would have it."""
+    """Variables that engaging from far finds on each material, as an image with a pixel of each has them."""
     scope = setting.scope
     materials, viscous = rows_of(setting.materials.values())
     work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)
@@ -189,7 +189,7 @@ def _picture(
     setting: Setting, ds: xr.Dataset, about: dict[str, Any], height: NDArray[np.float64], phase: NDArray[np.float64],
     what: str,
 ) -> Picture:  # fmt: skip
-    """The maps of an image as the page wants them, and what there is to say of the materials or pixels in `ds`."""
+    """Maps of an image as the page wants them, and sentences on the materials or pixels in `ds`."""
     height = height * 1e9
     height = height - (float(np.nanmin(height)) if np.isfinite(height).any() else 0.0)
     phase = setting.counted(phase)
@@ -255,7 +255,7 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable:
 
 
 def _second_shown(motion: Motion) -> str:
-    """Say what a driven second mode shows."""
+    """Sentence on the signal of a driven second mode."""
     second = motion.scope.drive.second
     if second is None or not math.isfinite(float(motion.orbit["mean_gradient"])):
         return ""
@@ -331,7 +331,7 @@ def _period(ds: xr.Dataset, tip_offset: float, phase: float) -> dict[str, Any] |
 
 
 def _numbers(values: NDArray[Any], digits: int) -> Any:
-    """Numbers as JSON has them, None for what is not finite."""
+    """Numbers as JSON has them, None for those that are not finite."""
 
     def plain(one: Any) -> Any:
         return list(map(plain, one)) if isinstance(one, list) else one if math.isfinite(one) else None

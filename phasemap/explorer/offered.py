@@ -1,4 +1,4 @@
-"""Subjects of the explorer: what the page was started with, the samples of phasemap, and files that are opened."""
+"""Subjects of the explorer: the one that the page was started with, samples of phasemap, and opened files."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Offered:
 
 
 def first_of(explored: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Opened:
-    """Find what the explorer is started with: the name of a sample, or the file of a scene or of a microscope."""
+    """Subject that the explorer is started with: a sample by its name, or the file of a scene or of a microscope."""
     path, overrides = Path(explored), list(overrides)
     if not path.suffix and not path.exists():
         check_choice("what is explored", str(explored), SAMPLES)

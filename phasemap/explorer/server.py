@@ -169,14 +169,14 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(name, lambda: self._of_setting(name, make, message))
 
     def _of_setting(self, name: str, make: Callable[[Setting], routes.Answer], message: object) -> routes.Answer:
-        """Answer a setting; what a slider waits for goes first."""
+        """Answer a setting; answers that a slider waits for go first."""
         setting = Setting.of(self.server.offered[_sample_of(message)], message)
         dragged = self.server.dragged if LIMITS.get(name) is MOVING else contextlib.nullcontext()
         with stoppable(self._stopper(name, setting)), dragged:
             return make(setting)
 
     def _sent(self, largest: int) -> bytes | None:
-        """Read what was sent with a request; None if it is too much, which is said."""
+        """Message that was sent with a request; None, with a refusal, if it is too long."""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or len(length) > len(str(largest)) or int(length) > largest:
             self._refuse(413, f"A message has a Content-Length of at most {largest} bytes.")
@@ -184,7 +184,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.rfile.read(int(length))
 
     def _asked(self) -> str | None:
-        """Read what is asked for; None if it is refused."""
+        """Name that the request asks for; None if the request is refused."""
         token, _, name = self.path.partition("?")[0].removeprefix("/").partition("/")
         if not self.server.prefix and self.headers.get("Host", "") not in self.server.hosts:
             self._refuse(403, "This address is not served under that name.")
@@ -196,7 +196,7 @@ class _Handler(BaseHTTPRequestHandler):
         return None
 
     def _answer(self, name: str, make: Callable[[], tuple[str, bytes]]) -> None:
-        """Send what is made, or say why it cannot be."""
+        """Send the answer that a function makes, or the reason why there is none."""
         try:
             with self.server.busy, unquestioned():  # the page shows every number with its unit
                 kind, content = make()
@@ -238,7 +238,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.connection.settimeout(PATIENCE)
 
     def _refuse(self, code: int, sentence: str) -> None:
-        """Say what is wrong, and close: what was sent may not have been read."""
+        """Send the reason for a refusal, and close: what was sent may not have been read."""
         self.close_connection = self.close_connection or code in (403, 413)
         self._send(code, routes.JSON, json.dumps({"error": sentence}).encode())
 

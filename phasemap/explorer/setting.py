@@ -89,7 +89,7 @@ def values_of(subject: Subject) -> dict[str, Any]:
 
 @cache
 def _declared() -> list[dict[str, Any]]:
-    """Read what the page's file declares."""
+    """Sliders and choices that the page's file declares."""
     return json.loads(files("phasemap.explorer").joinpath("page", "knobs.json").read_bytes())
 
 

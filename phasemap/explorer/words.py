@@ -149,7 +149,7 @@ def _explain_two_signs(first: Found, second: Found, counted: Convention) -> list
 
 
 def _alone(one: Found, counted: Convention) -> str:
-    """Say what fixes the phase of a single material."""
+    """Sentences on the phase of a single material."""
     phase = one.phase if counted is PHASE else 90 - one.phase
     return (
         f"{one.name} has the {counted.name} {phase:.3g}{DEGREES}: {counted.cosine} is the energy lost, "
@@ -166,7 +166,7 @@ def _compared(first: Found, second: Found, counted: Convention) -> str:
 
 
 def _warnings(one: Found) -> list[str]:
-    """Say what to know of a material besides."""
+    """Further sentences on a material: warnings."""
     said = []
     if one.bistable:
         other = "repulsive" if one.regime == "attractive" else "attractive"

@@ -77,14 +77,14 @@ class Canvas:
         return self._arrays["status"].reshape(-1)
 
     def put(self, pixels: Pixels, values: dict[str, Array], direction: int = 0) -> None:
-        """Fill in what `values` gave, one entry a pixel."""
+        """Fill in the variables of `values`, one entry a pixel."""
         for name, value in values.items():
             if name == "height" and self._surface.topography is not None:
                 value = value + self._surface.topography.reshape(-1)[pixels]
             self._arrays[name][direction, pixels] = value
 
     def take(self, pixels: slice, values: dict[str, Array], at: NDArray[np.integer], direction: int = 0) -> None:
-        """Fill in what `values` gave for materials, `at` being the number of that of each pixel."""
+        """Fill in the variables that `values` gave for materials; `at` is the number of the material of each pixel."""
         numbers = at.astype(np.intp, copy=False)
         for name, value in values.items():
             room = self._arrays[name][direction, pixels]
@@ -93,7 +93,7 @@ class Canvas:
                 room += self._surface.topography.reshape(-1)[pixels]
 
     def note(self, notes: Mapping[str, float]) -> None:
-        """Add what the control found out in a part of the image."""
+        """Add the findings of the control in a part of the image."""
         self.notes = joined_notes(self.notes, notes)
 
     def part(self, surface: Surface, rows: slice) -> Canvas:

@@ -46,7 +46,7 @@ class Lines(NamedTuple):
 
 
 class Checkpoint:
-    """A folder with what is done of one simulation, made when there is something to be kept.
+    """Folder with the lines that one simulation has done, made when there is something to be kept.
 
     The names of its files begin with the SHA-256 of all that the image depends on, `configuration`, so that what
     another simulation left is never taken for it. A file appears whole or not at all. Where none can be written, a
@@ -129,7 +129,7 @@ class Checkpoint:
 
 
 def discard(folder: str | os.PathLike[str]) -> None:
-    """Delete what simulations kept in a folder, and the folder if it is empty then."""
+    """Delete the files that simulations kept in a folder, and the folder if it is empty then."""
     with suppress(OSError):
         for name in os.listdir(folder):
             if PART.fullmatch(name) or (name.startswith(".") and name.endswith(".tmp.npz")):

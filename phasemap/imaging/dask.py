@@ -35,7 +35,7 @@ FAN = 16  # surveys that are joined at a time
 
 
 def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: object) -> None:
-    """Refuse what needs the whole image at once."""
+    """Refuse options that need the whole image at once."""
     if strict:
         raise InputError(
             "strict", strict, "False for a surface in Dask arrays", "Look at `status` when it is computed."
@@ -53,7 +53,7 @@ def check_lazy(realism: Realism, strict: bool, progress: object, checkpoint: obj
 
 
 def simulate_lazily(job: Job) -> xr.Dataset:
-    """The image variables in Dask arrays, and what a control finds out, as variables without dimension."""
+    """Image variables in Dask arrays, and findings of a control, as variables without dimension."""
     try:
         import dask.array as da
         from dask.delayed import delayed
@@ -188,7 +188,7 @@ LINES = 1 << 20  # pixels of a part where parts are whole lines, at least one li
 
 
 class Part(NamedTuple):
-    """A part of an image, and what it takes to make its surface."""
+    """Part of an image, with all that is needed to make its surface."""
 
     place: Place
     lines: slice  # of the blocks

@@ -102,7 +102,7 @@ def interpolates(job: Job) -> bool:
 
 
 def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
-    """Solve what materials an image has if they are few, or make an atlas of them."""
+    """Plan of an image: its materials solved if they are few, or an atlas of them."""
     if survey.materials is not None:
         return Plan(survey.materials, solved(job, survey.materials, job.progress))
     if not interpolates(job):
@@ -205,7 +205,7 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int,
 
 
 def _fill_from_atlas(job: Job, canvas: Canvas, interpolants: Interpolants) -> None:
-    """Interpolate what can be; the other pixels stay pending."""
+    """Interpolate pixels that the atlas has; the others stay pending."""
     filled: list[int] = []
 
     def fill(first: int, last: int) -> None:
@@ -290,7 +290,7 @@ OF_ANSWER = 3e-3
 
 
 def tolerances_of(job: Job, exact: ExactOrbits, sample: Array) -> Array:
-    """Largest errors of functions: lengths as the height, energies as what the phase's error does to them.
+    """Largest errors of functions: of lengths that of the height, of energies the effect of the phase's error.
 
     Those of integrals over orbits are a share of what they are on average at some points of the sample, or, where only
     a second mode needs them, of what its answer is.

@@ -72,7 +72,7 @@ def changes(realism: Realism) -> bool:
 
 
 def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
-    """Add what comes after the scan: offsets of lines, then quantisation.
+    """Add the imperfections that come after the scan: offsets of lines, then quantisation.
 
     Each variable that changed says so in its attribute ``comment``, and has the step of its quantisation in
     ``quantisation_step``, in its own unit.

@@ -1,4 +1,4 @@
-"""Inference: from what was measured to what the material is, and how sure that is.
+"""Inference: from measurements to the material, and how sure it is.
 
 `curves` fits single sweeps, `images` stacks of images, pixel by pixel or region by region. Both first ask which
 branch was measured, then for the best parameters, and last what the data leave open. `series` explains files of which

@@ -156,7 +156,7 @@ def _parts(columns: Sequence[Column | None], table: np.ndarray) -> Parts:
 
 
 def of_wave(path: Path) -> tuple[Parts, ScanData]:
-    """The columns of an Igor wave, which its labels name, and what its note says; all is in SI units and degrees."""
+    """Columns of an Igor wave, named by its labels, and settings of its note; all is in SI units and degrees."""
     igor = extra("igor2.binarywave", "reading curves of Igor", "read")
     try:
         wave = igor.load(str(path))["wave"]

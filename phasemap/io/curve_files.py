@@ -41,7 +41,7 @@ Properties = dict[str, str]
 
 
 class Slot(NamedTuple):
-    """A calibration of a channel: what it makes of the slot that it is based on."""
+    """Calibration of a channel: factor and offset to the slot that it is based on."""
 
     name: str
     factor: float
@@ -50,7 +50,7 @@ class Slot(NamedTuple):
 
 
 def of_archive(path: Path, number: int) -> tuple[Parts, ScanData]:
-    """The channels of curve `number` of an archive, and what its headers say of lever and sensitivity."""
+    """Channels of curve `number` of an archive, and lever and sensitivity by its headers."""
     try:
         with zipfile.ZipFile(path) as archive:
             return _read(path, archive, number)
@@ -201,7 +201,7 @@ def is_nanoscope(path: Path) -> bool:
 
 
 def of_nanoscope(path: Path, number: int) -> tuple[Parts, ScanData]:
-    """The channels of curve `number` of a file, and what its header says."""
+    """Channels of curve `number` of a file, and settings by its header."""
     content = path.read_bytes()
     head, end, _ = content.partition(END)
     if not end:

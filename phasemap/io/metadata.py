@@ -142,7 +142,7 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
 
 @unquestioned()  # who made the image was told then
 def microscope_of(told: Mapping[str, Any]) -> Microscope:
-    """Lever, radius, drive and detector of what `describe` gave, whatever its interaction; any other error is its."""
+    """Lever, radius, drive and detector of a configuration of `describe`, whatever its interaction."""
     lever, drive, tip = made(told["cantilever"], Cantilever), made(told["drive"], Drive), Tip(told["tip"]["radius"])
     return Microscope(lever, tip, drive, detector=told.get("detector", "slope"))
 

@@ -43,7 +43,7 @@ _ASYLUM_DEFAULTS = {"SpringConstant": 1.0, "ThermalQ": 20.0, "ThermalFrequency":
 
 
 def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
-    """Say in canonical names what the metadata of a file say; `path` is for what Gwyddion leaves out of its header."""
+    """Settings of a scan, in canonical names, by the metadata of a file; `path` is for what Gwyddion leaves out."""
     scan = ScanData()
     for mark, vendor in _VENDORS.items():
         if mark in metadata:

@@ -171,7 +171,7 @@ class Page(Figure):
         return self
 
     def _repr_png_(self) -> bytes:
-        """Return what a notebook shows."""
+        """PNG that a notebook shows."""
         drawn = io.BytesIO()
         self.canvas.print_figure(drawn, format="png", dpi=ON_SCREEN)
         return drawn.getvalue()

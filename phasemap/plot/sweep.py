@@ -1,4 +1,4 @@
-"""Pictures of a sweep: every orbit there is, and what a slow sweep sees of them."""
+"""Pictures of a sweep: every orbit there is, and the orbits of a slow sweep among them."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def curve(
 
 
 def _label_axis(axes: Axes, sweep: Sweep) -> None:
-    """Say what is swept."""
+    """Label the axis with the swept quantity."""
     axes.set_xlabel(sweep.unit.label(str(sweep.ds[sweep.axis].attrs.get("long_name", sweep.axis))), fontsize=9)
 
 
@@ -270,7 +270,7 @@ FOLD: dict[str, Any] = {
 
 
 def _draw_seen(axes: Axes, sweep: Sweep, name: str, unit: Unit) -> None:
-    """Draw what the sweep saw in either direction, with rings and a band where the motion is irregular."""
+    """Draw the orbits of the sweep in either direction, with rings and a band where the motion is irregular."""
     values = sweep.ds[name].values / unit.size
     spread = np.broadcast_to(sweep.spread(name) / unit.size, values.shape)
     step = -(-len(sweep.x) // RINGS) if len(sweep.x) > FEW else 1
@@ -330,7 +330,7 @@ def _draw_gaps(axes: Axes, sweep: Sweep) -> None:
 
 
 def _notes(sweep: Sweep) -> list[str]:
-    """Say what is missing, and why."""
+    """Notes on missing orbits, with the reason."""
     said = [f"○ {line}" for line in describe_irregular(sweep.ds, "points")]
     said += [f"× {line}" for line in describe_failures(sweep.ds, "points")]
     lost = int(np.isnan(sweep.ds["jump_to_amplitude"].values).sum())

@@ -1,4 +1,4 @@
-"""Derived channels: what amplitude and phase, and the orbit where it is known, tell of the surface.
+"""Derived channels, from amplitude and phase, and from the orbit where it is known.
 
 A channel is a name, a unit, a function of the motion of the tip, and the paper that the function is from. To add one,
 add an entry to `CHANNELS`.
@@ -127,12 +127,12 @@ class Motion:
 
     @cached_property
     def stiffness_1(self) -> Array:
-        """<k>1 [N/m] as the instrument has it of what the first mode shows."""
+        """Stiffness <k>1 [N/m] by the instrument's formula, from the first mode."""
         return -2 * self.virial / self.amplitude**2
 
     @cached_property
     def stiffness_2(self) -> Array:
-        """<k>2 [N/m] as the instrument has it of what the second mode shows."""
+        """Stiffness <k>2 [N/m] by the instrument's formula, from the second mode."""
         if self.second.detection == "fm":
             return 2 * self.second.stiffness * self.second_shift / self.second.frequency
         return self.second.stiffness * self.felt.real  # (k2/Q2)(A02/A2) sin(phase), the real part of the answer

@@ -1,4 +1,4 @@
-"""A scene from a measured image: what the file says about the microscope, and what the image says about the surface.
+"""A scene from a measured image: the microscope by the file, and the surface by the image.
 
 Nothing is made up: what the file does not say must be given, and is asked for by name. Only the materials, of which no
 image knows the moduli, are placeholders that are said to be so.

@@ -1,4 +1,4 @@
-"""Materials that stand for those of a measured image, of which it does not say what they are."""
+"""Placeholders for the materials of a measured image, which does not name them."""
 
 from __future__ import annotations
 

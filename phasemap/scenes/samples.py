@@ -1,4 +1,4 @@
-"""The values that the samples of an ensemble have, drawn or read from a table, and what their keys measure."""
+"""Values of the samples of an ensemble, drawn or read from a table, and the units of their keys."""
 
 from __future__ import annotations
 

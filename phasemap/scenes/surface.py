@@ -1,4 +1,4 @@
-"""The ``[surface]`` table of a scene; docs/reference/scenes.md says what its keys mean."""
+"""The ``[surface]`` table of a scene; docs/reference/scenes.md explains its keys."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ LONG_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]
 
 
 class Complaints:
-    """Collects what is wrong with the parts of a scene, so that all of it is said at once."""
+    """Collects the errors in the parts of a scene, so that all are reported at once."""
 
     def __init__(self) -> None:
         self._errors: list[PhasemapError] = []
@@ -42,7 +42,7 @@ class Complaints:
             return None
 
     def make(self) -> None:
-        """Raise what was collected, if anything was."""
+        """Raise the collected errors, if there are any."""
         if len(self._errors) == 1 or not any(isinstance(error, InputError) for error in self._errors):
             for error in self._errors:
                 raise error

@@ -1,4 +1,4 @@
-"""The orbits that hold the setpoint on each branch, for many materials: what a tip finds that is already tapping."""
+"""Orbits that hold the setpoint on each branch, for many materials, for a tip that is already tapping."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Branches(NamedTuple):
         return np.where(self.status[ENGAGED] == col.GOOD, side, NOWHERE).astype(np.int8)
 
     def put(self, at: NDArray[np.intp] | slice, found: Branches) -> None:
-        """Take over what was found of some materials."""
+        """Take over the orbits that were found of some materials."""
         self.rows[:, at], self.status[:, at], self.solver[:, at], self.reach[:, at] = found
 
 
@@ -169,7 +169,7 @@ def _search(work: Work, side: int, answers: Answers) -> None:
 
 
 def _average(work: Work, answers: Answers) -> None:
-    """Averaged orbits in the place of exact ones, without what is known of their errors."""
+    """Averaged orbits in the place of exact ones, without their errors."""
     from phasemap._kernels.rows.by_response import averaged_near_rows
 
     for slot in SIDES:

@@ -28,7 +28,7 @@ def bare_rows(stiffness: Array, scope: Microscope, film: Array | None = None) ->
 
 
 def with_adhesion(rows: Array, work: Work, used: NDArray[np.int8], bare: Array, *, kept: Array = NONE) -> Array:
-    """Result rows with the virial and the loss of the attraction, and with what the contact stores without it [J].
+    """Result rows with virial and loss of the attraction, and with the storage of the contact without it [J].
 
     The attraction is the force less that of the same contact without adhesion and bias (`bare_rows`). All are good to
     0.1 %. Where the orbit was averaged it is taken as harmonic. `rows` (shape (..., n, COLUMNS or WIDE)) are as the

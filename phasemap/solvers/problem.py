@@ -77,7 +77,7 @@ def work_of(
     stiffness: Array, adhesion: Array, damping: Array, scope: Microscope, amplitude: float | Array,
     film: Array | None = None, relaxation: Array | None = None, liquid: Array | None = None, *, marched: bool = False,
 ) -> Work:  # fmt: skip
-    """Work of what `properties`, `film_of`, `relaxation_of` and `liquid_of` give, at setpoint amplitudes [m]."""
+    """Work from the results of `properties`, `film_of`, `relaxation_of` and `liquid_of`, at setpoint amplitudes [m]."""
     rows = scope.interaction.columns(stiffness, adhesion, damping, scope.tip.radius, film, liquid)
     if scope.interaction.law.lossy:  # a damping coefficient [N s/m] is alpha_s = c omega_c / (2 k)
         rows[:, col.LOSS] *= np.pi * scope.cantilever.resonance_frequency / scope.cantilever.stiffness
@@ -123,7 +123,7 @@ def work_of_material(material: Material, scope: Microscope, amplitude: float, *,
 
 
 def forces_of(materials: Array, viscous: bool, scope: Microscope) -> tuple[float, float]:
-    """The largest adhesion between tip and surface, and what the lever pulls with at its free amplitude [N]."""
+    """Largest adhesion between tip and surface, and pull of the lever at its free amplitude [N]."""
     stiffness, adhesion, _ = properties(materials, viscous, scope)
     pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
     return float(pull.max()), scope.cantilever.stiffness * scope.driven_amplitude

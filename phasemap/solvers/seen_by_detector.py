@@ -1,4 +1,4 @@
-"""Orbits at which the detector shows the setpoint, where what it sees is not the position of the tip.
+"""Orbits at which the detector shows the setpoint, where it does not see the position of the tip.
 
 Which amplitude A of z the detector shows as the setpoint depends on the phase. Solvers hold what is seen itself
 (`phasemap._kernels.engagement.detected_setpoint`).

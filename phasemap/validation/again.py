@@ -83,7 +83,7 @@ class _Part:
 
 
 def image_again(picture: Picture, surface: Surface, threads: int | None, progress: Progress | None) -> Again:
-    """Simulate the whole image of the surface that passed again, with what comparing it with the file takes."""
+    """Simulate the whole image of the surface that passed again, with the variables that the comparison needs."""
     claims = picture.claims
     still = replace(claims.realism, drift=(0.0, 0.0, 0.0), line_offset=0.0, phase_offset=0.0, bits=None)
     names = *variables_of(claims.control), *map(str, picture.image.data_vars)

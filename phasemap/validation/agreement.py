@@ -105,7 +105,7 @@ class _Quantity(NamedTuple):
 
 
 def compare(again: Again, by: str) -> tuple[list[Claim], xr.Dataset]:
-    """Judge what the image says of the pixels that were solved again by another solver, in words `by`."""
+    """Claims on the pixels that were solved again by another solver, in words `by`."""
     decided = _decided(again)
     claims = [_status(again, decided, by)]
     if not decided.all():

@@ -78,7 +78,7 @@ def _table(text: object) -> dict[str, Any]:
 
 
 def microscope_from(stored: Mapping[str, Any]) -> Microscope:
-    """Make a microscope again from what `describe` gave."""
+    """Microscope made again from the JSON values of `describe`."""
     try:
         scope = made(stored, Microscope)
     except InputError as error:

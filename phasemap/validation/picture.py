@@ -1,4 +1,4 @@
-"""An image as it was before offsets of lines and quantisation, and what came of the claims that it makes."""
+"""Image before offsets of lines and quantisation, and the verdict on its claims."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class Check:
         return f"Check({self.verdict})"
 
     def __str__(self) -> str:
-        """The table of claims, what was judged, and the verdict."""
+        """Table of the claims and their results, and the verdict."""
         lines = [LAYOUT.format("claim", "result", "pixels") + "what was found"]
         for claim in self.claims:
             found = textwrap.wrap(claim.found, WIDTH) or [""]

@@ -110,7 +110,7 @@ class Capillary(SphereLaw):
         return -2.0 * p[PULL] * p[INVERSE_REACH] / (s * s * s) - of_bridge
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
-        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = what liquid leaves of the attraction [N]."""
+        """p[CONTACT] = K sqrt(R) [N m^-1.5], p[PULL] = attraction that is left under liquid [N]."""
         pull = self.pull(contact_stiffness, adhesion, radius)
         return contact_stiffness * math.sqrt(radius), self.wet_attraction * pull
 

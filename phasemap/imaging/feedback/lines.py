@@ -1,4 +1,4 @@
-"""The lines of a scan: what passes under the tip, moved by one of the two engines, and what is recorded."""
+"""Lines of a scan: the ground under the tip, the tip moved by one of two engines, and the recorded rows."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def bandwidth_of(control: Feedback, scope: Microscope) -> float:
 
 
 def check_loop(control: Feedback, scope: Microscope, pixels: int) -> None:
-    """Refuse what cannot work with this lever and this many pixels a line."""
+    """Refuse a loop that cannot work with this lever and so many pixels a line."""
     frequency = drive_frequency(scope)
     if control.dwell(pixels) * frequency < FEWEST_PERIODS:
         most = control.dwell(pixels) * control.line_rate * frequency / FEWEST_PERIODS

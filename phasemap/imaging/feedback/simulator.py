@@ -52,7 +52,7 @@ def _check(job: Job) -> None:
 
 
 def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
-    """Find gains with the first tip, and what the harmonics of the lever do with each."""
+    """Plan with gains found by the first tip, and the tip's shift by higher harmonics on each material."""
     control = job.control
     assert isinstance(control, Feedback)
     materials = survey.sample if survey.materials is None else survey.materials

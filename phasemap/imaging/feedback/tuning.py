@@ -108,7 +108,7 @@ def _stable(system: Jacobians, proportional: float, integral: float) -> bool:
 
 
 def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobians:
-    """Jacobians of the loop at all stable orbits: without gains, and what a unit of each gain adds; (n, m, m) each."""
+    """Jacobians of the loop at all stable orbits: without gains, and changes by a unit of each gain; (n, m, m) each."""
     parts: list[tuple[Array, ...]] = []
     valid = np.flatnonzero(work.refused() == col.GOOD)
     for i in valid[:: max(1, len(valid) // MOST)]:

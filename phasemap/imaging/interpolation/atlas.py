@@ -84,7 +84,7 @@ class Atlas:
 
 
 def _without_rest(table: Array) -> Array:
-    """Coefficients of a border without what is negligible at the end of either coordinate."""
+    """Coefficients of a border without negligible ones at the end of either coordinate."""
     rows, columns = (np.flatnonzero((abs(table) > REST * abs(table).max()).any(axis=1 - axis)) for axis in (0, 1))
     return table[: rows[-1] + 1, : columns[-1] + 1] if len(rows) else table[:1, :1]
 

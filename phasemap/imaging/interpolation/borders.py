@@ -225,7 +225,7 @@ class _Located:
         return replace(border, error=error + TRUSTED * float(heights.max()))
 
     def _finer(self, border: Border, enough: float) -> tuple[int, int]:
-        """Nodes along x0 and x1, more along what is not resolved yet."""
+        """Numbers of nodes along x0 and x1, larger along the one that is not resolved yet."""
         tails = [float(chebyshev.tail(border.coefficients, axis, 2)) for axis in (0, 1)]
         rows, columns = border.coefficients.shape
         return (2 * rows - 1 if tails[0] > enough else rows), (2 * columns - 1 if tails[1] > enough else columns)

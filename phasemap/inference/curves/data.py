@@ -1,4 +1,4 @@
-"""Measured curves, checked, and what may be fitted to them."""
+"""Measured curves, checked, and the parameters that may be fitted to them."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ FARTHEST = 0.15  # that secants go, in standard deviations of the prior
 
 
 class Solution(NamedTuple):
-    """The likeliest parameters, and what is known around them."""
+    """The likeliest parameters, with covariance and evidence around them."""
 
     q: np.ndarray  # shape (parameters,); in standard deviations of the prior
     chi2: float  # of the data, by their errors as stated

@@ -1,4 +1,4 @@
-"""Curves of `phasemap.read_curve` as data of a fit, and what contact laws add to what is fitted."""
+"""Curves of `phasemap.read_curve` as data of a fit, and the parameters that contact laws add."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _repeats(means: np.ndarray, name: str) -> float:
 
 
 def begun(start: Material) -> Material:
-    """A material to start from: what it lacks of adhesion and damping is that of the prior."""
+    """Material to start from; adhesion and damping that it lacks are those of the prior."""
     adhesion = start.adhesion or PRIOR.adhesion
     if start.damping or start.viscosity or relaxes(start):
         return replace(start, adhesion=adhesion)

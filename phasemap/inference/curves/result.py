@@ -219,7 +219,7 @@ def _codes(problem: Problem, solution: Solution) -> np.ndarray:
 
 
 def _run_away(problem: Problem, q: np.ndarray) -> list[str]:
-    """A sentence for each parameter that is at the end of what was searched."""
+    """Sentences on parameters that are at the end of the range searched."""
     return [
         f"{one.name.replace('_', ' ')} has run to {in_words(one.value(at), one.units)}, the end of the range searched."
         for one, at in zip(problem.parameters, q, strict=True)

@@ -1,4 +1,4 @@
-"""The orbits of materials in every image, with their derivatives, and what data say of them: the branch.
+"""Orbits of materials in every image, with their derivatives, and the branches that the data tell.
 
 Near known ones orbits are averaged, and exact ones beside these are asked for where a search ends. A lever of low Q, as
 in liquid, is far from harmonic: there orbits are exact from the beginning (theory, Eq. (inversion-2)).

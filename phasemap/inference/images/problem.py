@@ -173,7 +173,7 @@ def descend(problem: Problem, q: Array, places: Array, defect: Array) -> Solutio
 
 
 def _descend(problem: Problem, found: Solution) -> Solution:
-    """Go downhill from what was found; its arrays are changed."""
+    """Go downhill from a solution, whose arrays are changed."""
     q, cost, reach = found.q, found.cost, problem.model.reach
     cost[:] = np.where(found.good, problem.cost(problem.rest(found.values, found.defect), q), np.inf)
     damping = np.full(len(q), 1e-2)

@@ -1,4 +1,4 @@
-"""The files of a series as they are read: by distinct names, and gaps in what one says filled from the others."""
+"""Files of a series as they are read: by distinct names, with gaps in the settings of one filled from the others."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _check_different(images: Sequence[xr.Dataset]) -> None:
 def recorded_of(
     images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]
 ) -> tuple[list[dict[str, Any]], NDArray[np.intp]]:
-    """Read what each file, or else its tune, says of settings, and the tune of each, shape (m,); doubts are told."""
+    """Settings that each file, or else its tune, states, and the tune of each, shape (m,); doubts are told."""
     known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
     tunes, said = _tunes_of(known, OF_TUNE)
     if len(said) > 1:
@@ -82,7 +82,7 @@ def recorded_of(
 
 
 def _tunes_of(known: list[dict[str, Any]], names: Collection[str]) -> tuple[NDArray[np.intp], list[dict[str, float]]]:
-    """Number of the tune of each file, counted in their order, and what is said of each tune.
+    """Number of the tune of each file, counted in their order, and the settings of each tune.
 
     A file that leaves something unsaid is of the only tune that it does not contradict, else of one of its own.
     """
@@ -107,7 +107,7 @@ def _differ(name: str, one: Mapping[str, float], other: Mapping[str, float]) -> 
 
 
 def _complete(known: list[dict[str, Any]], names: Sequence[str], told: list[str]) -> None:
-    """Fill what files of one tune do not say of setpoint and free amplitude, and forget what contradicts itself."""
+    """Fill setpoint and free amplitude of files from others of one tune, and forget contradictory ones."""
     for name, one in zip(names, known, strict=True):
         most = max(_ratios(one), default=0.0)
         if most >= 1:

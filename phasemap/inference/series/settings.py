@@ -194,7 +194,7 @@ def _lever_properties(
 
 
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
-    """Put together what files say and what is given: `setpoints`, `free_amplitudes`, `phase_zero`, `sign`."""
+    """Settings from files and from the arguments `setpoints`, `free_amplitudes`, `phase_zero` and `sign`."""
     count, told = len(images), list[str]()
     known, tunes = recorded_of(images, names, told)
     amplitude, scale, factor, relative = _amplitudes(known, given["free_amplitudes"], told)

@@ -1,4 +1,4 @@
-"""Findings of a series, in sentences: first what can be relied on."""
+"""Findings of a series, in sentences, the most reliable first."""
 
 from __future__ import annotations
 
