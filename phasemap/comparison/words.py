@@ -135,7 +135,7 @@ def apart(found: xr.Dataset) -> float:
 
 
 def _apart(found: xr.Dataset) -> str:
-    """Say that the images are apart as a whole, where their zeros are held."""
+    """Sentence that the images are apart as a whole, where their zeros are held; else empty."""
     first, second = names_of(found)
     mean, how = apart(found), found.attrs["offset_from"]
     return f"With the zero that is {how}, the {first} phase is {mean:+.3g}° from the {second} one on average." * bool(

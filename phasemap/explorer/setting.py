@@ -249,7 +249,7 @@ def _names(subject: Subject, given: object) -> list[str]:
 
 
 def _by_table(given: object, materials: int) -> Changes:
-    """The changes by the tables that they are in."""
+    """Changes, key by key, by the tables of the scene that they belong to."""
     if not isinstance(given, dict):
         raise InputError("changes", given, "a table of keys of a scene, such as tip.radius")
     tables: Changes = {}

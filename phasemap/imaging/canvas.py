@@ -31,7 +31,7 @@ def values_of(
 ) -> Values:
     """Variables of result rows, shape (..., COLUMNS or WIDE), with their codes, on a flat surface.
 
-    `scope`: that made the rows, for channels, which are derived from them.
+    `scope`: microscope of the rows, for channels that are derived from them.
     """
     flags = {
         "status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows),

@@ -70,7 +70,7 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
 
 
 def _fill(job: Job, plan: Table | Interpolants | None, canvas: Canvas, state: TipState | None) -> TipState:
-    """Fill the canvas, trace and retrace, from how the tip comes to how it leaves."""
+    """Fill the canvas, trace and retrace, from the state in which the tip comes; returns that in which it leaves."""
     tip = TipState() if state is None else state
     if isinstance(plan, Interpolants):
         return _fill_interpolated(job, plan, canvas, tip)

@@ -62,7 +62,7 @@ def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
 
 
 def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
-    """Medians of the regions with their errors, over the setpoint, and the fit."""
+    """Draw the medians of the regions with their errors, over the setpoint, and the fit."""
     amplitudes = np.unique(ds["free_amplitude"].values)
     for i in range(ds.sizes["region"]):
         color = PALETTE[i % len(PALETTE)]

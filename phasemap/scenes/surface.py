@@ -73,7 +73,7 @@ def build_surface(table: dict[str, Any], materials: Mapping[str, Material], fold
 
 
 def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
-    """See the surface with a tip of finite size if its ``[surface]`` table has dilate = true."""
+    """Surface as a tip of finite size sees it, if its ``[surface]`` table has dilate = true."""
     if switch("[surface]", table, "dilate"):
         return construct("[surface]", {"half_angle": table.get("half_angle")}, surface.dilated, tip=tip)
     if "half_angle" in table:
@@ -82,7 +82,7 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
 
 
 def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
-    """Blur the edges of the surface as its tip does if its ``[surface]`` table has seen_by_tip = true."""
+    """Surface with edges blurred as its tip blurs them, if its ``[surface]`` table has seen_by_tip = true."""
     return surface.seen_by(scope, setpoint) if switch("[surface]", table, "seen_by_tip") else surface
 
 

@@ -153,7 +153,7 @@ def _limit_repulsive_branch(work: Work, most: int, found: Branches) -> None:
 
 
 def _search(work: Work, side: int, answers: Answers) -> None:
-    """Decide what is still PENDING on a side of the resonance by all the exact orbits that there are."""
+    """Decide materials still PENDING on a side of the resonance by all the exact orbits that there are."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
     from phasemap.solvers.continuation.curves import curves_to_amplitude
 

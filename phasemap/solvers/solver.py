@@ -87,9 +87,9 @@ def solve_exactly(work: Work, limits: tuple[float, float], average: bool, period
 
 
 def solve_on_curves(work: Work, limits: tuple[float, float], average: bool, answers: Answers) -> None:
-    """`solve_exactly` without time.
+    """Solve as `solve_exactly` does, but without the march in time.
 
-    A contact with hysteresis is left to it at once: between far and the setpoint there may be no periodic orbit.
+    A contact with hysteresis is left to the march at once: between far and the setpoint there may be no periodic orbit.
     """
     from phasemap._kernels.rows.by_response import response_rows
 

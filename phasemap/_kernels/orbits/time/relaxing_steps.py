@@ -105,7 +105,7 @@ def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
 
 @kernel(inline=True)
 def _contact_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
-    """Length of a step in contact [s]: by stiffness, the rate of sinking in, and relaxation."""
+    """Length of a step in contact, in s (dtau = 2 q ds): by stiffness, the rate of sinking in, and relaxation."""
     u, now, pace = motion.here.at, contact.now, contact.pace
     if motion.here.known == 0:
         find_slopes(Here(contact, beam), motion, motion.here)
