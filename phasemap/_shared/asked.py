@@ -41,7 +41,7 @@ KINDS = {
     "Progress": Kind("a function, called as progress(done, total)", "functions",
                      lambda value: callable(value) and not isinstance(value, type)),
 }  # fmt: skip
-"""By how an annotation says it."""
+"""Kinds of arguments, by their annotation."""
 
 
 def of_kind(name: str, value: object, annotation: object, hint: str = "") -> object:

@@ -60,7 +60,7 @@ def in_processes(task: Callable[[T], R], items: Iterable[T], workers: int) -> Ge
 
 
 def _first(count: int, items: Iterator[T]) -> Iterator[T]:
-    """At most `count` of the items that are left."""
+    """Yield at most `count` of the items that are left."""
     for _, item in zip(range(count), items, strict=False):
         yield item
 

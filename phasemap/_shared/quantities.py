@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pint
 
 Scalar: TypeAlias = "float | str | pint.Quantity[Any]"
-"""What is taken where a number is meant: a number in SI units, text with a unit, or a quantity of pint."""
+"""Type of an argument that is a number: a number in SI units, text with a unit, or a quantity of pint."""
 
 LONGEST = 80  # characters of a number with its unit
 KINDS = {
@@ -28,7 +28,7 @@ KINDS = {
     "m/sqrt(Hz)": ("a density of noise", "20 fm/sqrt(Hz)"),
     "kg/m3": ("a density", "998 kg/m^3"), "": ("a number with any unit", "3 GPa"),
 }  # fmt: skip
-"""What a unit measures, and an example, in words."""
+"""Quantities that units measure, and an example of each, in words."""
 KINDS |= {UDUNITS[unit]: KINDS[unit] for unit in UDUNITS}
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"

@@ -260,7 +260,7 @@ def prony_of(given: Mapping[str, Any]) -> Prony:
 
 
 _KNOWN: dict[float, Prony] = {}
-"""Every spectrum that a map of this process has, by its key."""
+"""Spectra in the maps of this process, by their keys."""
 
 
 def spectrum_of(key: float) -> Prony:

@@ -112,7 +112,7 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
 
 
 def _range_of_contrasts(ds: xr.Dataset) -> tuple[float, float]:
-    """From the least to the largest contrast that was measured or is likeliest; the shade may go beyond."""
+    """Range from the least to the largest contrast, measured or likeliest; the shade may go beyond."""
     measured, error = ds["measured_contrast"].values[1:], SURE * ds["contrast_error"].values[1:]
     fitted, curve = ds["fitted_contrast"].values[1:], ds["curve_contrast"].values[:, 1:]
     every = [0.0, *(np.asarray(one)[np.isfinite(one)] for one in (measured - error, measured + error, fitted, curve))]

@@ -180,7 +180,7 @@ def scene_from(
 def _scan_of(
     image: xr.Dataset | str | os.PathLike[str], phases: int | None, by: str, direction: str | None
 ) -> xr.Dataset:
-    """One scan of the image, with the channels that tell its materials apart."""
+    """Scan of the image in one direction, with the channels that tell its materials apart."""
     if isinstance(image, str | os.PathLike):
         image = read_image(image)
     if not hasattr(image, "data_vars"):
