@@ -67,7 +67,7 @@ def answer_entry(path: Path) -> int:
 def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float, float]:
     """Natural lengths of the two coordinates that move: theory, Eqs. (continuation-1) and (continuation-6).
 
-    These are z0 and A [m] on a path that is fixed, else the parameter m and what is not held of z0 and A [m].
+    These are z0 and A [m] on a path that is fixed, else the parameter m and the one of z0 and A [m] that is not held.
     """
     gap = gap_scale(reach, z0, amplitude)
     if path.kind == FIXED_PATH:

@@ -242,7 +242,7 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
 
 @kernel
 def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point, orbit: Orbit) -> bool:
-    """True if a point crosses a value of an entry in the sense of two points, and lies between them in the other."""
+    """True if a point crosses a value of an entry in the sense of two points and is between them in the other entry."""
     other = answer_entry(path) if index == control_entry(path) else control_entry(path)
     low, high = min(last.value[other], after.value[other]), max(last.value[other], after.value[other])
     slack = SLACK_BETWEEN * (high - low)
@@ -257,7 +257,7 @@ def _lies_between(path: Path, index: int, last: Point, here: Point, after: Point
 
 @kernel(shared=True)
 def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orbit: Orbit) -> bool:
-    """Solve for the orbit between two points at which an entry has the value wanted, from one near by; False without.
+    """Solve for the orbit near by at which an entry has the value wanted, between two points; False if there is none.
 
     Its own tangent must cross the value in the sense of the two points: a pair of crossings may lie close together.
     The first point, `last`, becomes the one that is found.

@@ -96,7 +96,7 @@ def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.nd
 
 @kernel
 def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
-    """Derivatives by A along the curve, at an orbit that is linearised; NaN where that has no solution."""
+    """Derivatives by A along the curve, at a linearised orbit; NaN where its equations are singular."""
     if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         return Along(math.nan, math.nan, math.nan)
     head, rate = head_of(orbit), orbit.system[:, RIGHT]

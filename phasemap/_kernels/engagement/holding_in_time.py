@@ -80,7 +80,7 @@ def hold_over_remembering_surface(
 ) -> int:
     """Motion over a surface that remembers, started from the averaged orbit; PENDING where averaging is not sure of it.
 
-    Dents that last do not matter to that: the side of the resonance is decided before the tip has tapped.
+    Dents that last do not matter to averaging: the side of the resonance is decided before the tip has tapped.
     """
     p, lever = oscillator.p, oscillator.lever
     if engage_by_averaging(oscillator, goal.amplitude, harmonic, top) != BY_AVERAGING:

@@ -221,9 +221,9 @@ def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: Tip, row: np
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives
-    the one that would hold the setpoint. Averaging ends when the standard error of groups is small, and what is stated
-    is wider: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if it is still large when `most_periods` periods
-    were marched, or will be. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
+    the one that would hold the setpoint. Averaging ends when the standard error of groups is small; the stated error
+    is larger: theory, Eqs. (irregular-5) and (irregular-6). NOT_SETTLED if groups still scatter after `most_periods`
+    periods, or will. NO_STABLE_ORBIT where the amplitude jumps across the setpoint, down as the tip comes
     nearer and up as it goes away, so that a feedback hunts for ever. An `amplitude` of 0 leaves the tip offset alone;
     `gain` is that of the controller at first, but at most SLOW_GAIN past a contact with hysteresis: a tip that is moved
     faster takes to another pattern of taps than the one that it lands on.

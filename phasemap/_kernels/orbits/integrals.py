@@ -103,8 +103,8 @@ def _sideband_compliances(lever: np.ndarray, slope: float, out: np.ndarray) -> N
 def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
     """Fill in the stiffness [N/m] that the second mode feels less than the mean slope, as modes yield at sidebands.
 
-    Where the second mode moves, the slope that comes and goes, with harmonics K_n, makes forces at the sidebands of its
-    frequency. What the modes do there acts back: theory, Eq. (errors-5).
+    Where the second mode moves, the slope of the force, which has harmonics K_n, makes forces at the sidebands of its
+    frequency. The response of the modes there acts back: theory, Eq. (errors-5).
     """
     mean = row[GRADIENT]
     row[SIDEBANDS], row[SIDEBANDS + 1] = 0.0, 0.0

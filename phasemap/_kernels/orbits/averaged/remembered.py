@@ -86,7 +86,7 @@ def _angle_of_equal_edge(
 
 
 @kernel
-def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, float]:
+def _relaxing_sums(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, float]:
     """Integrals of the force of a solid that relaxes [N], and theta where the contact ends."""
     arms = Arms()
     fill_arms(p, arms)
@@ -133,7 +133,7 @@ def _solid(p: Any, amplitude: float, c: float, omega: float) -> tuple[TapSums, f
 
 
 @kernel
-def _viscous(p: Any, amplitude: float, c: float, time: float) -> tuple[TapSums, float]:
+def _kelvin_voigt_sums(p: Any, amplitude: float, c: float, time: float) -> tuple[TapSums, float]:
     """Sums of a Kelvin-Voigt contact after Ting, and the angle of its end: theory, Eq. (memory-7), time = omega t0."""
     m2, whole = 0.5 * (1 - c), math.hypot(1.0, time)
     m, lag = math.sqrt(m2), math.atan(time)
@@ -175,9 +175,9 @@ def remembered_harmonics(oscillator: Oscillator, amplitude: float, c: float) -> 
     law, p, lever = oscillator
     omega, recovery = lever[col.OMEGA], recovery_of(p, lever)
     if p[col.RELAXATION] > 0:
-        sums, end = _solid(p, amplitude, c, omega)
+        sums, end = _relaxing_sums(p, amplitude, c, omega)
     else:
-        sums, end = _viscous(p, amplitude, c, omega / recovery)
+        sums, end = _kelvin_voigt_sums(p, amplitude, c, omega / recovery)
     touch, pull = math.acos(c), contact_force(law, 0.0, p)
     sums = _tap_sums_with(sums, pull * (end + touch), 0.0, 0.0)
     mean, push, drag = sums

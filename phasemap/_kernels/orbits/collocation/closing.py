@@ -134,7 +134,7 @@ def apply_step(lever: np.ndarray, orbit: Orbit, share: float) -> float:
 def move_modes(
     lever: np.ndarray, orbit: Orbit, e: int, states: np.ndarray, f: np.ndarray, m: float, share: float
 ) -> None:
-    """Move each mode in an element by `share` of the way to its motion under a force f, from these states."""
+    """Move each mode in an element, by `share`, towards its motion under a force f from these states at its start."""
     one = element_of(orbit, e)
     one.edge_w, one.edge_u = 0.0, 0.0
     for j in range(NODES):

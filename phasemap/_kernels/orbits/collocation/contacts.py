@@ -101,7 +101,7 @@ def _extreme(orbit: Orbit, e: int, low: float, high: float) -> float:
 def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
     """Find where the tip enters and leaves contact; fills their angles in the head. False if there are too many.
 
-    Without contact, or in contact for good: where the tip is nearest to the other side.
+    Without contact, or in permanent contact: the angle where the tip is nearest to the other side.
     """
     held = head_of(orbit).contacts == PERMANENT  # in a neck, it depends on where the tip came from
     if not _find_crossings(orbit):

@@ -305,7 +305,7 @@ def _chain_element(
 
 @kernel(shared=True, vectors=True, fastmath=ANY_ORDER)
 def linearise_orbit(oscillator: Oscillator, orbit: Orbit, drift: np.ndarray) -> bool:
-    """Chain the elements round the period; fills `chained` and the monodromy matrix."""
+    """Linearise an orbit's equations, chained round the period; fills `chained` and the monodromy matrix."""
     lever = oscillator.lever
     head, chain, chained, states = head_of(orbit), orbit.chain, orbit.chained, 2 * modes_of(lever)
     last = STATE + states

@@ -18,7 +18,7 @@ from phasemap._kernels.records import column, record
 
 @kernel(fastmath=ANY_ORDER)
 def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
-    """Fill how each mode moves over element e when it is left alone: it turns by exp(lambda theta), lambda = a + i nu.
+    """Fill the free motion of each mode over element e: it turns by exp(lambda theta), lambda = a + i nu.
 
     By Taylor's series at an eighth of the angle, doubled three times, in vectors: to rounding up to 4 rad.
     """

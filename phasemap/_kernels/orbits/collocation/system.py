@@ -279,7 +279,7 @@ def surface_force(
 
 @kernel
 def close_ring(orbit: Orbit) -> None:
-    """Let the end of the last element move as the start of the first does."""
+    """Set the motion at the end of the last element to that at the start of the first."""
     count = head_of(orbit).count
     first, last = element_of(orbit, 0), element_of(orbit, count)
     last.edge_w, last.edge_u = first.edge_w, first.edge_u

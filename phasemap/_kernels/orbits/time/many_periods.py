@@ -182,7 +182,7 @@ def land_on(
 
 @kernel
 def land_free(oscillator: Oscillator, u: np.ndarray, close: float, most_periods: int, row: np.ndarray) -> bool:
-    """Fill a result row with the orbit on which a tip comes to rest, to `close` [m], that is let go in state u.
+    """Fill a result row with the orbit on which a tip that is let go in state u comes to rest, to `close` [m].
 
     False if it comes to none within so many periods.
     """

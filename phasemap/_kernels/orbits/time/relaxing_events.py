@@ -186,7 +186,7 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
 
 @kernel
 def _note_depth(contact: Relaxing, here: Here, motion: Motion) -> None:
-    """Note the largest depth in a step over a dent, on which a contact still grows where the tip is deepest."""
+    """Note the largest depth in a step over a dent: there a contact may still grow when the tip is deepest."""
     u, end, trial, h = motion.here, motion.end, motion.trial, motion.h
     take_step(here, motion, time_of_crossing(u.at.v, u.slope.v, end.at.v, end.slope.v, h), trial)
     more = h * trial.at.v**2 * trial.at.x / (u.at.v - end.at.v)
