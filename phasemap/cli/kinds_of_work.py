@@ -99,7 +99,6 @@ class Cost:
     size: int  # of what was kept on disk [bytes]
 
     def __str__(self) -> str:
-        """The cost in a line."""
         return f"{self.kind:24s} {self.seconds:8.1f} s {self.functions:5d} functions {self.size / 1e6:6.2f} MB"
 
     @classmethod

@@ -45,7 +45,6 @@ class Engage(Shown):
         return False
 
     def __str__(self) -> str:
-        """The control in words."""
         return "tip lowered onto each pixel (no memory of its neighbours)"
 
 
@@ -84,7 +83,6 @@ class Raster(_OverLines, Shown):
         check_choice("engage", self.engage, _WHEN)
 
     def __str__(self) -> str:
-        """The control in words."""
         return f"quasi-static scan, {_WHEN[self.engage]}"
 
 
@@ -151,7 +149,6 @@ class Feedback(_OverLines, Shown):
         check_choice("engage", self.engage, _WHEN)
 
     def __str__(self) -> str:
-        """The control in words."""
         return f"feedback in time, line rate {self.line_rate:g} Hz, {_WHEN[self.engage]}"
 
     def dwell(self, pixels: int) -> float:

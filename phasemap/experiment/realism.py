@@ -48,7 +48,6 @@ class TipChange(Shown):
         whole("tip_change line", self.line, 1)
 
     def __str__(self) -> str:
-        """The change in words."""
         return f"to radius {say(self.radius, 'm')} from line {self.line} on"
 
 

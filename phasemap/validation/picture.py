@@ -42,7 +42,6 @@ class Picture:
         return (max(len(self.claims.control.directions), 1), *self.claims.shape)
 
     def __contains__(self, name: str) -> bool:
-        """True if the image has this variable."""
         return name in self.image.data_vars
 
     def has(self, *names: str) -> bool:
@@ -157,7 +156,6 @@ class Check:
         return said + (f"; {left} could not be judged." if left else ".")
 
     def __repr__(self) -> str:
-        """The verdict."""
         return f"Check({self.verdict})"
 
     def __str__(self) -> str:

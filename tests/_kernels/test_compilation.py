@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -155,7 +156,7 @@ numba.version_info = generate_version_info(numba.__version__)
 def test_a_numba_of_another_version_is_refused_in_one_sentence(tmp_path: Path) -> None:
     refused = "numba 0.69.0 is installed: pip install 'numba>=0.61,<0.69'."
     _, err = python(SMALL.format(before=NEWER, after="")).communicate()
-    assert err.splitlines()[-1].startswith("ImportError: phasemap changes numba's compiler")
+    assert err.splitlines()[-1].startswith("ImportError: phasemap works with numba from 0.61 on")
     assert err.splitlines()[-1].endswith(refused)
     scene = PACKAGE.parent / "samples" / "step.toml"
     run = ["run", str(scene), "-o", str(tmp_path / "step.nc"), "surface.shape=[2, 2]"]
@@ -163,6 +164,20 @@ def test_a_numba_of_another_version_is_refused_in_one_sentence(tmp_path: Path) -
     _, err = command.communicate()
     assert command.returncode == 2 and err.startswith("phasemap: ") and err.endswith(f"{refused}\n"), err
     assert err.count("\n") == 1
+
+
+class Own(pm.ContactLaw):
+    """A law of one's own, for which a wheel needs numba too."""
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return float(0.32 * p[0] * d * d)
+
+
+def test_so_it_is_where_only_a_law_of_ones_own_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba, "version_info", SimpleNamespace(short=(0, 60)))
+    with pytest.raises(pm.InputError, match=r"numba compiles\. phasemap works .* 0\.61 on and before 0\.69"):
+        pm.Interaction(Own()).token()
 
 
 IMAGE = """

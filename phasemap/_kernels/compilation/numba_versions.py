@@ -10,6 +10,6 @@ def check_numba() -> None:
     if not FIRST <= numba.version_info.short < BEYOND:
         first, beyond = (".".join(map(str, one)) for one in (FIRST, BEYOND))
         raise ImportError(
-            f"phasemap changes numba's compiler, as it is from {first} on and before {beyond}, and numba "
+            f"phasemap works with numba from {first} on and before {beyond}, whose compiler it changes, and numba "
             f"{numba.__version__} is installed: pip install 'numba>={first},<{beyond}'."
         )

@@ -85,7 +85,6 @@ class ContactLaw(ABC):
                 setattr(cls, slope, _Quotient(formula, start))
 
     def __repr__(self) -> str:
-        """The law as Python would make it."""
         return f"{type(self).__name__}()"
 
     @staticmethod
