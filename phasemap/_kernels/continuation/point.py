@@ -10,7 +10,7 @@ from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
-from phasemap._kernels.orbits.collocation.newton import NewtonLimits, begin_harmonic, solve_orbit
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.path import (
     FIXED_PATH,
     HELD_AMPLITUDE,
@@ -111,7 +111,9 @@ def solve_in_plane(
     (r_z, r_a, r_m), head = row, head_of(orbit)
     at = r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter
     across = Equation(r_z, r_a, r_m, at, 0.0, 0.0)
-    return solve_orbit(path, orbit, across, NewtonLimits(head.level, tolerance, most, coarse, True, 0.0))
+    return solve_orbit(
+        path, orbit, across, NewtonLimits(head.level, tolerance, most, coarse=coarse, along=True, seen=0.0)
+    )
 
 
 @kernel
@@ -127,7 +129,10 @@ def solve_tangent(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> 
 
 @kernel(shared=True)
 def solve_far_from_surface(path: Path, orbit: Orbit, amplitude: float) -> int:
-    """Find the orbit far from the surface, where the lever swings almost freely."""
+    """Find an orbit so far from the surface that its force hardly matters to one of this amplitude [m]; a status.
+
+    The lowest point of the harmonic motion, z0 - A, is held there, as the lever swings almost freely.
+    """
     oscillator = standing_at(path, 0.0)
     free = free_amplitude(path.lever)
     harmonic = HarmonicOrbit()
@@ -135,4 +140,5 @@ def solve_far_from_surface(path: Path, orbit: Orbit, amplitude: float) -> int:
     held = Equation(1.0, -1.0, 0.0, harmonic.tip_offset - free, 0.0, 0.0)
     if not begin_harmonic(oscillator, orbit, harmonic, 0):
         return col.NOT_CONVERGED
-    return solve_orbit(path, orbit, held, NewtonLimits(0, 1e-3 * path.reach, 30, True, False, 0.0))[0]
+    limits = NewtonLimits(0, 1e-3 * path.reach, MOST_NEWTON_STEPS, coarse=True, along=False, seen=0.0)
+    return solve_orbit(path, orbit, held, limits)[0]

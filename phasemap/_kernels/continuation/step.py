@@ -266,7 +266,7 @@ def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
     if not _move_to_crossing(path, wanted, last, after, orbit):
         return False
     if index == ENTRY_SEEN:
-        limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_EXACT_STEPS, False, True, value)
+        limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_EXACT_STEPS, coarse=False, along=True, seen=value)
         status, _ = solve_orbit(path, orbit, hold_amplitude(orbit), limits)
     else:
         row = (1.0 if index == ENTRY_Z0 else 0.0, 1.0 if index == ENTRY_A else 0.0, 1.0 if index == ENTRY_M else 0.0)
@@ -283,10 +283,10 @@ def solve_at_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
 
 @kernel
 def find_crossing(path: Path, wanted: Wanted, start: Place, last: Point, after: Point, orbit: Orbit) -> bool:
-    """Find the orbit where an entry has the value wanted between two places, from the orbit (near by; lost).
+    """Find the orbit where an entry has the value wanted between two places; False where none is found.
 
-    `last` is a point between the first and the value; it becomes the one that is found. Where Newton's method lands on
-    another piece of the curve, the curve is followed again from the start in shorter steps.
+    `orbit`, one near by, becomes the orbit found, and `last`, a point between the first and the value, its point. Where
+    Newton's method lands on another piece of the curve, the curve is followed again from the start in shorter steps.
     """
     before = start.point
     index, value, tolerance = wanted

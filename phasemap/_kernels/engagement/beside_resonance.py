@@ -74,8 +74,10 @@ def tip_offset_of_fold(oscillator: Oscillator) -> float:
 def highest_repulsive_tip_offset(oscillator: Oscillator) -> float:
     """Highest tip offset [m] of an orbit below the resonance that repulsion raises, X > 0; -infinity without one.
 
-    It is next to X = 0, where the amplitude is the largest that the drive can make without losses in the sample, and
-    -P = A (1 - omega^2) on the way in from the strongest attraction.
+    X = P + A (1 - omega^2) is the part of the drive in phase with the motion. The orbit is next to X = 0, where the
+    attraction has brought the resonance down to the drive and the amplitude is the largest that the drive can make
+    without losses in the sample, u0/(2 alpha0 omega). Its gap is sought from deeper and deeper ones to P = -A (1 -
+    omega^2), and is that at which the tip just touches where P is above that even there.
     """
     law, p, lever = oscillator
     pull = lever[col.DYNAMIC_STIFFNESS] * lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]

@@ -93,10 +93,15 @@ class Groups:
 def take_average(
     oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
 ) -> tuple[bool, Series]:
-    """Average over some periods, and let the controller act; False where the march fails."""
+    """Average over some periods, and let the controller act; False where the march fails, and the series with it.
+
+    The tip offset moves behind the periods. Where the contact is sticky, the same gain is spread over them: a move at
+    once could change the pattern of taps.
+    """
     lever, amplitude, gain = oscillator.lever, controller.amplitude, controller.gain
-    within = 1.0 / controller.block * gain if controller.sticky else 0.0
-    if not average(oscillator, controller.step_size, controller.block, (0.0, within, amplitude), tip, lock_in):
+    gain_a_period, pace = gain / controller.block if controller.sticky else 0.0, 0.0
+    move = (pace, gain_a_period, amplitude)
+    if not average(oscillator, controller.step_size, controller.block, move, tip, lock_in):
         return False, series
     series = with_average(lever, lock_in.total, series, of.count)
     of.count += 1
@@ -194,7 +199,10 @@ def fill_mean(
 ) -> int:
     """Fill a result row with the mean of all averages that count, and with its errors; NOT_SETTLED if they are large.
 
-    Energy that is missing says that steps or rounding are too coarse for so small a motion.
+    Energy that is missing says that steps or rounding are too coarse for so small a motion. As the mean amplitude
+    misses the setpoint, the lag is off by `lag_off`. Where the contact is sticky it goes with the amplitude as averages
+    scatter, and that is taken off; elsewhere it need not, and the error is as much larger. Under a second drive what
+    the surface adds to the second mode's stiffness [N/m] is kept where other rows keep nodes.
     """
     lever, amplitude, total = oscillator.lever, controller.amplitude, of.total
     errors = errors_of_mean(lever, series, of.first, of.count, amplitude)

@@ -162,7 +162,10 @@ class Lifts(NamedTuple):
 
 
 def lifts_by_stiffness(job: Job, work: Work) -> Lifts:
-    """Shares in the shift of the tip of at most MOST of these materials, evenly in the order of contact stiffness."""
+    """Shares (mu_a, mu) of theory, Eq. (slow-flow-5), with which slow flow has the tip offsets of exact orbits.
+
+    They are solved for on at most MOST of these materials, evenly in the order of contact stiffness.
+    """
     limits = ErrorLimits(math.radians(job.accuracy.phase), job.accuracy.height)
     stiffness = work.rows[:, col.CONTACT]
     order = np.argsort(stiffness, kind="stable")

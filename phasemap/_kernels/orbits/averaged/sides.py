@@ -88,7 +88,11 @@ def balance_depth(law: Law, p: np.ndarray) -> float:
 
 @kernel
 def find_mismatch_maximum(oscillator: Oscillator, amplitude: float, plain: float, top: Maximum) -> None:
-    """Fill `top` with the first maximum of the attractive mismatch on approach; stop early where it exceeds `plain`."""
+    """Fill `top` with the first maximum of the attractive mismatch on approach.
+
+    A mismatch above `plain` is enough: the gap is then one at which it is that large, and none is looked for behind. A
+    maximum between the gaps is not looked for where it is more than twice that from 0. Infinite: it always is.
+    """
     law, p = oscillator.law, oscillator.p
     h, push = attractive_mismatch_at_gap(oscillator, amplitude, 0.0)
     top.gap, top.mismatch, top.push = 0.0, h, push

@@ -95,7 +95,8 @@ def solve_near(
             continue
         start, deep = head.tip_offset, depth_at_nodes(orbit)
         held = hold_offset(harmonic.tip_offset) if hold == HOLD_OFFSET else hold_amplitude(orbit)
-        done, _ = solve_orbit(path, orbit, held, NewtonLimits(level, tolerance, most_steps, False, False, 0.0))
+        limits = NewtonLimits(level, tolerance, most_steps, coarse=False, along=False, seen=0.0)
+        done, _ = solve_orbit(path, orbit, held, limits)
         if done == col.GOOD:
             break
     return done, start, deep

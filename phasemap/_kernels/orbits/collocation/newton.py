@@ -208,12 +208,12 @@ def is_seen(lever: np.ndarray, head: Head, seen: float) -> bool:
 @kernel
 def solve_at_amplitude(oscillator: Oscillator, orbit: Orbit, level: int, tolerance: float, most: int) -> int:
     """Solve as `solve_orbit` for a periodic orbit with the amplitude that this one has; return the status."""
-    limits = NewtonLimits(level, tolerance, most, False, False, 0.0)
+    limits = NewtonLimits(level, tolerance, most, coarse=False, along=False, seen=0.0)
     return solve_orbit(fixed_path(oscillator), orbit, hold_amplitude(orbit), limits)[0]
 
 
 @kernel
 def solve_at_detected_amplitude(oscillator: Oscillator, orbit: Orbit, seen: float, tolerance: float) -> int:
     """Solve for a periodic orbit that the detector sees with an amplitude [m], from one near it; return the status."""
-    limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_HELD_STEPS, False, False, seen)
+    limits = NewtonLimits(head_of(orbit).level, tolerance, MOST_HELD_STEPS, coarse=False, along=False, seen=seen)
     return solve_orbit(fixed_path(oscillator), orbit, hold_amplitude(orbit), limits)[0]

@@ -76,14 +76,14 @@ def keep_motion(nodes: Nodes, workspace: NewtonWorkspace) -> None:
 
 
 @kernel
-def surface_stiffness(oscillator: Oscillator, d: float, turn: float) -> tuple[float, float]:
-    """Derivatives (kappa, gamma) of the force g by depth d and by d', in contact."""
+def surface_stiffness(oscillator: Oscillator, d: float, rate: float) -> tuple[float, float]:
+    """Derivatives (kappa, gamma) of g = F/k + 2 alpha omega d' in contact, by depth d and by its rate d'."""
     law, p, lever = oscillator
     kappa, gamma = contact_slope(law, d, p) / lever[STIFFNESS], 0.0
     if p[DAMPING] != 0.0:
         gamma = 2.0 * lever[OMEGA] * damping(law, d, p)
         if d > 0.0:
-            kappa += 2.0 * lever[OMEGA] * damping_slope(law, d, p) * turn
+            kappa += 2.0 * lever[OMEGA] * damping_slope(law, d, p) * rate
     return kappa, gamma
 
 
@@ -210,13 +210,16 @@ def _newton_step(lever: np.ndarray, state: PassState, h: float, hold: bool, rate
 
 
 @kernel
-def _cut_short(nodes: Nodes, state: PassState, centre: float, amplitude: float, workspace: NewtonWorkspace) -> float:
-    """Share of a step in motion, e and A that is taken: less than all where it changes the depth by too much."""
+def _cut_short(nodes: Nodes, state: PassState, lift: float, growth: float, workspace: NewtonWorkspace) -> float:
+    """Share of a Newton step that is taken, less than all where it changes the depth by too much; cut the motion to it.
+
+    `nodes` has the motion after the step, the workspace that before. The caller cuts `lift` of e and `growth` of A.
+    """
     deepest, most = 0.0, 0.0
     for k in range(N * parts_of(nodes)):
         j = contact_node(k)
         deepest = max(deepest, state.amplitude * nodes.cos[j] + workspace.w[j] - state.centre)
-        most = max(most, abs(nodes.w[j] - workspace.w[j] + amplitude * nodes.cos[j] - centre))
+        most = max(most, abs(nodes.w[j] - workspace.w[j] + growth * nodes.cos[j] - lift))
     share = min(MOST_OF_DEPTH * deepest / most, 1.0)
     for j in range(count_of(nodes) if share < 1.0 else 0):
         nodes.w[j] = workspace.w[j] + share * (nodes.w[j] - workspace.w[j])

@@ -186,7 +186,11 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
 
 @kernel
 def _note_depth(contact: Relaxing, here: Here, motion: Motion) -> None:
-    """Note the largest depth in a step over a dent: there a contact may still grow when the tip is deepest."""
+    """Note the largest depth of the tip in a step over a dent, where the contact's edge may turn later than the tip.
+
+    The trial step ends where the tip is nearly at rest. With x = q and dtau = 2 q ds its v falls by (u.v - end.v)/(2 q
+    h) in a time, and v^2/2 over that is what is left to the deepest point.
+    """
     u, end, trial, h = motion.here, motion.end, motion.trial, motion.h
     take_step(here, motion, time_of_crossing(u.at.v, u.slope.v, end.at.v, end.slope.v, h), trial)
     more = h * trial.at.v**2 * trial.at.x / (u.at.v - end.at.v)
