@@ -79,7 +79,7 @@ class Groups:
 
     first: int  # average that counts
     count: int  # averages, with those before it
-    groups: int
+    full: int  # groups that are complete
     offset: float  # [m]
     offset_square: float
     lag: float  # [rad], from a phasor of `LockIn`
@@ -91,7 +91,7 @@ class Groups:
 
 @kernel
 def take_average(
-    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Average over some periods, and let the controller act; False where the march fails, and the series with it.
 
@@ -103,8 +103,8 @@ def take_average(
     move = (pace, gain_a_period, amplitude)
     if not average(oscillator, controller.step_size, controller.block, move, tip, lock_in):
         return False, series
-    series = with_average(lever, lock_in.total, series, of.count)
-    of.count += 1
+    series = with_average(lever, lock_in.total, series, groups.count)
+    groups.count += 1
     if not controller.sticky:
         tip.u[Z0] += gain * (amplitude - mean_amplitude(lever, lock_in))
     return True, series
@@ -112,56 +112,56 @@ def take_average(
 
 @kernel
 def take_group(
-    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Take the averages of a group, and add it to the others; False where the march fails."""
     lever, amplitude, count = oscillator.lever, controller.amplitude, controller.size * controller.block
     z0 = cosine = sine = 0.0
     for _ in range(controller.size):
-        good, series = take_average(oscillator, controller, tip, lock_in, series, of)
+        good, series = take_average(oscillator, controller, tip, lock_in, series, groups)
         if not good:
             return False, series
-        add_total(of.total, lock_in.total)
+        add_total(groups.total, lock_in.total)
         z0 += lock_in.total.offset / count
         cosine += lock_in.total.period.cos
         sine += lock_in.total.period.sin
     x, y = detected_phasor(lever, cosine / count, sine / count)
     short = amplitude - math.hypot(x, y)
-    of.groups += 1
-    of.short += short
-    of.missed += short * short
-    off = z0 + short - of.offset
-    of.offset += off / of.groups
-    of.offset_square += off * (z0 + short - of.offset)
+    groups.full += 1
+    groups.short += short
+    groups.missed += short * short
+    off = z0 + short - groups.offset
+    groups.offset += off / groups.full
+    groups.offset_square += off * (z0 + short - groups.offset)
     lag = angle_between(lock_in.from_cos, lock_in.from_sin, x, y)
-    off = lag - of.lag
-    of.lag += off / of.groups
-    of.lag_square += off * (lag - of.lag)
+    off = lag - groups.lag
+    groups.lag += off / groups.full
+    groups.lag_square += off * (lag - groups.lag)
     return True, series
 
 
 @kernel
 def come_to_mean(
-    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, of: Groups
+    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Let the controller come to the setpoint, before averages count; False where the march fails."""
     lever, amplitude = oscillator.lever, controller.amplitude
     for j in range(3 * GROUP):
-        good, series = take_average(oscillator, controller, tip, lock_in, series, of)
+        good, series = take_average(oscillator, controller, tip, lock_in, series, groups)
         if not good:
             return False, series
         off = abs(mean_amplitude(lever, lock_in) - amplitude)
         if controller.sticky and j >= GROUP and off < CALM_ENOUGH * amplitude:
             break
-    of.first = of.count
+    groups.first = groups.count
     lock_in.from_cos, lock_in.from_sin = mean_phasor(lever, lock_in.total)
     return True, series
 
 
 @kernel
-def astray(amplitude: float, of: Groups) -> bool:
+def astray(amplitude: float, groups: Groups) -> bool:
     """True if the mean misses the amplitude that is held by so much that it belongs to another motion."""
-    return amplitude > 0.0 and abs(of.short) > MEAN_MISS * amplitude * of.groups
+    return amplitude > 0.0 and abs(groups.short) > MEAN_MISS * amplitude * groups.full
 
 
 @kernel
@@ -171,31 +171,31 @@ def scatters_little(errors: Errors) -> bool:
 
 
 @kernel
-def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most_periods: int, of: Groups) -> int:
+def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most_periods: int, groups: Groups) -> int:
     """GOOD where groups are precise by their scatter, NOT_SETTLED where they will not be within so many periods.
 
     NO_STABLE_ORBIT where the feedback hunts for the amplitude, else PENDING.
     """
-    amplitude, groups, fewest, size = controller.amplitude, of.groups, controller.fewest, controller.size
-    if groups >= fewest:
-        z_error = math.sqrt(of.offset_square / (groups - 1) / groups)
-        a_error = math.sqrt(of.lag_square / (groups - 1) / groups)
-        if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray(amplitude, of):
-            if scatters_little(errors_of_mean(lever, series, of.first, of.count, amplitude)):
+    amplitude, full, fewest, size = controller.amplitude, groups.full, controller.fewest, controller.size
+    if full >= fewest:
+        z_error = math.sqrt(groups.offset_square / (full - 1) / full)
+        a_error = math.sqrt(groups.lag_square / (full - 1) / full)
+        if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray(amplitude, groups):
+            if scatters_little(errors_of_mean(lever, series, groups.first, groups.count, amplitude)):
                 return col.GOOD
-        needed = size * controller.block * groups * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
-        if groups >= 4 * fewest and needed > HOPE * most_periods:
+        needed = size * controller.block * full * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
+        if full >= 4 * fewest and needed > HOPE * most_periods:
             return col.NOT_SETTLED
-    if groups == fewest:
-        of.missed = 0.0  # a feedback comes to the amplitude before it holds it
-    elif amplitude > 0.0 and groups % fewest == 0 and of.missed > (groups - fewest) * (HUNTED * amplitude) ** 2:
+    if full == fewest:
+        groups.missed = 0.0  # a feedback comes to the amplitude before it holds it
+    elif amplitude > 0.0 and full % fewest == 0 and groups.missed > (full - fewest) * (HUNTED * amplitude) ** 2:
         return col.NO_STABLE_ORBIT  # the amplitude jumps across the setpoint
     return col.PENDING
 
 
 @kernel
 def fill_mean(
-    oscillator: Oscillator, controller: Controller, tip: Tip, series: Series, of: Groups, row: np.ndarray
+    oscillator: Oscillator, controller: Controller, tip: Tip, series: Series, groups: Groups, row: np.ndarray
 ) -> int:
     """Fill a result row with the mean of all averages that count, and with its errors; NOT_SETTLED if they are large.
 
@@ -204,12 +204,12 @@ def fill_mean(
     scatter, and that is taken off; elsewhere it need not, and the error is as much larger. Under a second drive what
     the surface adds to the second mode's stiffness [N/m] is kept where other rows keep nodes.
     """
-    lever, amplitude, total = oscillator.lever, controller.amplitude, of.total
-    errors = errors_of_mean(lever, series, of.first, of.count, amplitude)
-    if of.groups < controller.fewest or astray(amplitude, of) or not scatters_little(errors):
+    lever, amplitude, total = oscillator.lever, controller.amplitude, groups.total
+    errors = errors_of_mean(lever, series, groups.first, groups.count, amplitude)
+    if groups.full < controller.fewest or astray(amplitude, groups) or not scatters_little(errors):
         return col.NOT_SETTLED
     divide_result(total.period, total.count)
-    fill_row_of_period(lever, of.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)
+    fill_row_of_period(lever, groups.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)
     if amplitude > 0.0 and sees_tip(lever):
         row[col.AMPLITUDE] = amplitude
     fill_spread(total, row)
@@ -247,17 +247,19 @@ def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: Tip, row: np
     if tip.periods.marched + 3 * GROUP * block > most_periods:
         return col.NOT_SETTLED
     at_first = Controller(amplitude, slow.gain if sticky else gain, sticky, rough, block, slow.size, slow.fewest)
-    lock_in, of, series, says = LockIn(), Groups(), new_series(SERIES_START), col.PENDING
-    of.total.period.deepest = -math.inf  # of a tip that reaches liquid only
+    lock_in, groups, series, says = LockIn(), Groups(), new_series(SERIES_START), col.PENDING
+    groups.total.period.deepest = -math.inf  # of a tip that reaches liquid only
     begin_lock_in(lever, tip.acc, lock_in)
-    good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, of)
+    good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, groups)
     while good and says == col.PENDING and tip.periods.marched + slow.size * block <= most_periods:
-        good, series = take_group(oscillator, slow, tip, lock_in, series, of)
+        good, series = take_group(oscillator, slow, tip, lock_in, series, groups)
         still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
         if still and lever[col.SECOND_FORCE] == 0.0 and skip_transient(oscillator, tolerance, amplitude, tip):
             fill_row_at_rest(lever, tip, row)  # it repeats itself by now
             return col.GOOD
-        says = judge_groups(lever, slow, series, most_periods, of)
+        says = judge_groups(lever, slow, series, most_periods, groups)
     if says == col.NO_STABLE_ORBIT:
         return says
-    return fill_mean(oscillator, slow, tip, series, of, row) if good and says != col.NOT_SETTLED else col.NOT_SETTLED
+    if says == col.NOT_SETTLED or not good:
+        return col.NOT_SETTLED
+    return fill_mean(oscillator, slow, tip, series, groups, row)

@@ -40,7 +40,7 @@ ALIKE = 1e-3  # of the amplitude, by which the tip offset of the same orbit may 
 class RowWorkspace(NamedTuple):
     """Workspace for orbits of result rows, which are solved again."""
 
-    at: OrbitNodes
+    nodes: OrbitNodes
     response: ResponseWorkspace
     limits: ErrorLimits
     harmonic: HarmonicOrbit
@@ -50,12 +50,12 @@ class RowWorkspace(NamedTuple):
 
 @kernel
 def new_row_workspace(
-    lever: np.ndarray, tables: np.ndarray, at: OrbitNodes, response: ResponseWorkspace
+    lever: np.ndarray, tables: np.ndarray, nodes: OrbitNodes, response: ResponseWorkspace
 ) -> RowWorkspace:
     """A workspace with these nodes, and that of the passes."""
     limits = ErrorLimits(AGAIN_PHASE, AGAIN_HEIGHT)
     return RowWorkspace(
-        at, response, limits, HarmonicOrbit(), np.zeros(col.COLUMNS), new_curve_workspace(lever, tables)
+        nodes, response, limits, HarmonicOrbit(), np.zeros(col.COLUMNS), new_curve_workspace(lever, tables)
     )
 
 
@@ -70,14 +70,14 @@ def nodes_of(
     `kept` behind the row (shape (any,)), or they are solved again.
     """
     if len(kept) > 0 and kept[KEPT_COUNT] > 0.0:
-        read_nodes(kept, workspace.at)
+        read_nodes(kept, workspace.nodes)
         return True
     harmonic, orbit = workspace.harmonic, workspace.curve.orbit
     fill_harmonic_from_row(oscillator.lever, row, harmonic)
     if averaged:
         harmonic.mean_deflection = row[col.INDENTATION] - row[col.AMPLITUDE] + row[col.TIP_OFFSET]
         laid = begin_harmonic(oscillator, orbit, harmonic, 0)
-        nodes_from_collocation(oscillator, orbit, workspace.at)
+        nodes_from_collocation(oscillator, orbit, workspace.nodes)
         return laid
     side = REPULSIVE if harmonic.push > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
@@ -92,7 +92,7 @@ def nodes_of(
         orbit = workspace.curve.found
     if done != col.GOOD or not same_orbit(workspace.row, row):
         return not faint and _by_passes(oscillator, row, side, workspace)  # what holds the harmonics roughly
-    nodes_from_collocation(oscillator, orbit, workspace.at)
+    nodes_from_collocation(oscillator, orbit, workspace.nodes)
     return True
 
 
@@ -105,5 +105,5 @@ def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, workspace: Ro
     found = refine(oscillator, harmonic, workspace.limits, response)
     if not found or not abs(response.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
         return False
-    nodes_from_response(nodes_of_solution(response), amplitude, response.state.centre, workspace.at)
+    nodes_from_response(nodes_of_solution(response), amplitude, response.state.centre, workspace.nodes)
     return True

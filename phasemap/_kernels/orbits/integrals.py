@@ -42,22 +42,22 @@ WIDEST, SMALL_FORCE = 2.5, 1e-2
 
 
 @kernel
-def _jump_slope(law: Law, p: np.ndarray, at: OrbitNodes) -> float:
+def _jump_slope(law: Law, p: np.ndarray, nodes: OrbitNodes) -> float:
     """Integral of dF/dd over theta across jumps of the force [N/m]: each jump over |dd/dtheta| there [m]."""
     made = contact_force(law, 0.0, p) - longrange_force(law, 0.0, p)
     broken = contact_force(law, p[col.RELEASE], p) - longrange_force(law, p[col.RELEASE], p)
-    return made * at.begins + broken * at.ends
+    return made * nodes.begins + broken * nodes.ends
 
 
 @kernel(fastmath=ANY_ORDER)
-def _fill_load_harmonics(at: OrbitNodes, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
+def _fill_load_harmonics(nodes: OrbitNodes, count: int, load: np.ndarray, first: int, out: np.ndarray) -> None:
     """Fill in the harmonics `first` ... of a load at the nodes: its sums with cos(n theta) and -sin(n theta).
 
     By x_{n+1} = 2 cos(theta) x_n - x_{n-1}, which both obey: four harmonics in a pass over the nodes, between which
     nothing is stored. `load` (shape (5, MOST_NODES)): first that of each node, the rest is workspace. `out` (shape (2,
     any)): filled.
     """
-    cosine, sine, even, odd, even_last, odd_last = at.cos, at.sin, load[1], load[2], load[3], load[4]
+    cosine, sine, even, odd, even_last, odd_last = nodes.cos, nodes.sin, load[1], load[2], load[3], load[4]
     for j in range(count):
         even[j], odd[j] = load[0, j] * cosine[j], load[0, j] * sine[j]
         even_last[j], odd_last[j] = load[0, j], 0.0
@@ -122,15 +122,15 @@ def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
 
 
 @kernel
-def _slope_load(law: Law, p: np.ndarray, at: OrbitNodes, count: int, load: np.ndarray) -> tuple[float, float]:
+def _slope_load(law: Law, p: np.ndarray, nodes: OrbitNodes, count: int, load: np.ndarray) -> tuple[float, float]:
     """Integrals over theta of the force's slope [N/m] and of 2 alpha_s [1]; each node's share of the former over 2 pi.
 
     Jumps of the force are left out.
     """
     gradient, drag = 0.0, 0.0
     for j in range(count):
-        d, weight = at.depth[j], at.weight[j]
-        if at.touches[j] == 0.0:
+        d, weight = nodes.depth[j], nodes.weight[j]
+        if nodes.touches[j] == 0.0:
             slope = longrange_slope(law, min(d, 0.0), p)
         else:
             d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
@@ -143,20 +143,20 @@ def _slope_load(law: Law, p: np.ndarray, at: OrbitNodes, count: int, load: np.nd
 
 
 @kernel
-def _force_load(oscillator: Oscillator, at: OrbitNodes, count: int, load: np.ndarray) -> None:
+def _force_load(oscillator: Oscillator, nodes: OrbitNodes, count: int, load: np.ndarray) -> None:
     """Fill in each node's share of twice the mean of the force over the stiffness [m]."""
     law, p, lever = oscillator
     inverse_k = 1.0 / lever[col.STIFFNESS]
     for j in range(count):
-        d = at.depth[j]
-        if at.touches[j] == 0.0:
+        d = nodes.depth[j]
+        if nodes.touches[j] == 0.0:
             g = inverse_k * longrange_force(law, min(d, 0.0), p)
         else:
             d = d if p[col.RELEASE] < 0.0 else max(d, 0.0)
             g = inverse_k * contact_force(law, d, p)
             if d > 0.0:
-                g += 2.0 * damping(law, d, p) * lever[col.OMEGA] * at.rate[j]
-        load[0, j] = at.weight[j] * g / math.pi
+                g += 2.0 * damping(law, d, p) * lever[col.OMEGA] * nodes.rate[j]
+        load[0, j] = nodes.weight[j] * g / math.pi
 
 
 @kernel
@@ -168,14 +168,14 @@ def _fill_waves(lever: np.ndarray, waves: np.ndarray, row: np.ndarray) -> None:
 
 
 @kernel
-def _resolved_harmonics(at: OrbitNodes, count: int, load: np.ndarray) -> int:
+def _resolved_harmonics(nodes: OrbitNodes, count: int, load: np.ndarray) -> int:
     """Number of harmonics that nodes resolve, by the largest weight of a node at which the force is not small."""
     most, widest = 0.0, 0.0
     for j in range(count):
-        most = max(most, abs(load[0, j]) / at.weight[j])
+        most = max(most, abs(load[0, j]) / nodes.weight[j])
     for j in range(count):
-        if abs(load[0, j]) / at.weight[j] >= SMALL_FORCE * most:
-            widest = max(widest, at.weight[j])
+        if abs(load[0, j]) / nodes.weight[j] >= SMALL_FORCE * most:
+            widest = max(widest, nodes.weight[j])
     return int(WIDEST / widest) if widest > 0.0 else 1
 
 
@@ -217,7 +217,7 @@ def new_load_workspace(harmonics: int) -> LoadWorkspace:
 
 @kernel
 def fill_force_integrals(
-    oscillator: Oscillator, at: OrbitNodes, second: int, workspace: LoadWorkspace, row: np.ndarray
+    oscillator: Oscillator, nodes: OrbitNodes, second: int, workspace: LoadWorkspace, row: np.ndarray
 ) -> None:
     """Fill the row of an orbit with the mean slope and damping of the force, and with what follows from its harmonics.
 
@@ -226,41 +226,41 @@ def fill_force_integrals(
     that the detector sees (WAVES), with LOSS_HARMONICS the losses in each mode (LOSSES) too.
     """
     law, p, lever = oscillator
-    count, (load, slopes, yields, waves) = at.count, workspace
-    gradient, drag = _slope_load(law, p, at, count, load)
-    gradient += _jump_slope(law, p, at)
+    count, (load, slopes, yields, waves) = nodes.count, workspace
+    gradient, drag = _slope_load(law, p, nodes, count, load)
+    gradient += _jump_slope(law, p, nodes)
     row[GRADIENT], row[DRAG] = gradient / (2.0 * math.pi), drag / (2.0 * math.pi)
     if second != NOT_DRIVEN:
         _sideband_compliances(lever, row[GRADIENT] if second == IN_LOOP else 0.0, yields)
-        _fill_load_harmonics(at, count, load, 1, slopes)
+        _fill_load_harmonics(nodes, count, load, 1, slopes)
         _sidebands(yields, slopes, row)
     if waves.shape[1] >= col.HARMONICS:
-        _force_load(oscillator, at, count, load)
-        _fill_load_harmonics(at, count, load, 2, waves)
+        _force_load(oscillator, nodes, count, load)
+        _fill_load_harmonics(nodes, count, load, 2, waves)
         _fill_waves(lever, waves, row)
     if waves.shape[1] >= LOSS_HARMONICS:
-        _fill_losses(lever, waves, _resolved_harmonics(at, count, load), row)
+        _fill_losses(lever, waves, _resolved_harmonics(nodes, count, load), row)
 
 
 @kernel
-def fill_adhesion_integrals(oscillator: Oscillator, without: np.ndarray, at: OrbitNodes, row: np.ndarray) -> None:
+def fill_adhesion_integrals(oscillator: Oscillator, without: np.ndarray, nodes: OrbitNodes, row: np.ndarray) -> None:
     """Fill in ADHESION_VIRIAL, ADHESION_LOSS and STORAGE of a row from the nodes of its orbit.
 
     `without`: parameters of the same contact without adhesion and bias.
     """
     law, p, _ = oscillator
     virial, storage = 0.0, 0.0
-    for j in range(at.count):
-        d, weight = at.depth[j], at.weight[j]
+    for j in range(nodes.count):
+        d, weight = nodes.depth[j], nodes.weight[j]
         if d > 0.0:
-            storage += weight * contact_slope(law, d, without) * at.rate[j] ** 2
-        if at.touches[j] == 0.0:
+            storage += weight * contact_slope(law, d, without) * nodes.rate[j] ** 2
+        if nodes.touches[j] == 0.0:
             f = longrange_force(law, min(d, 0.0), p)
         else:
             f = contact_force(law, d, p)
             if d > 0.0:
                 f -= contact_force(law, d, without)
-        virial -= weight * f * at.cos[j]
+        virial -= weight * f * nodes.cos[j]
     row[ADHESION_VIRIAL] = row[col.AMPLITUDE] * virial / (2.0 * math.pi)
-    row[ADHESION_LOSS] = loop_energy(law, p) if at.ends > 0.0 and has_hysteresis(p) else 0.0
+    row[ADHESION_LOSS] = loop_energy(law, p) if nodes.ends > 0.0 and has_hysteresis(p) else 0.0
     row[STORAGE] = storage / (2.0 * math.pi)

@@ -54,7 +54,7 @@ class OrbitNodes:
 
 
 @kernel(fastmath=ANY_ORDER)
-def nodes_from_response(nodes: Nodes, amplitude: float, centre: float, at: OrbitNodes) -> None:
+def nodes_from_response(nodes: Nodes, amplitude: float, centre: float, out: OrbitNodes) -> None:
     """Fill nodes from those of passes of the lever's response."""
     count = 0
     for element in range(2 + parts_of(nodes)):
@@ -63,57 +63,57 @@ def nodes_from_response(nodes: Nodes, amplitude: float, centre: float, at: Orbit
         first, in_contact = first_of_element(element), element != 0 and element != 2
         for j in range(N):
             i, k = first + j, count + j
-            at.cos[k], at.sin[k] = nodes.cos[i], nodes.sin[i]
-            at.depth[k], at.rate[k] = depth_at_node(nodes, amplitude, centre, i), rate_at_node(nodes, amplitude, i)
-            at.weight[k], at.touches[k] = weight_of_node(nodes, i), 1.0 if in_contact else 0.0
+            out.cos[k], out.sin[k] = nodes.cos[i], nodes.sin[i]
+            out.depth[k], out.rate[k] = depth_at_node(nodes, amplitude, centre, i), rate_at_node(nodes, amplitude, i)
+            out.weight[k], out.touches[k] = weight_of_node(nodes, i), 1.0 if in_contact else 0.0
         count += N
-    at.count, at.begins, at.ends = count, 0.0, 0.0
+    out.count, out.begins, out.ends = count, 0.0, 0.0
     if nodes.touches == 1:
-        at.begins = 1.0 / abs(rate_at_node(nodes, amplitude, ENTRY))
-        at.ends = 1.0 / abs(rate_at_node(nodes, amplitude, EXIT))
+        out.begins = 1.0 / abs(rate_at_node(nodes, amplitude, ENTRY))
+        out.ends = 1.0 / abs(rate_at_node(nodes, amplitude, EXIT))
 
 
 @kernel
-def nodes_from_collocation(oscillator: Oscillator, orbit: Orbit, at: OrbitNodes) -> None:
+def nodes_from_collocation(oscillator: Oscillator, orbit: Orbit, nodes: OrbitNodes) -> None:
     """Fill nodes from those of collocation; elements without a force are left out."""
     head = head_of(orbit)
-    at.count, at.begins, at.ends = 0, 0.0, 0.0
+    nodes.count, nodes.begins, nodes.ends = 0, 0.0, 0.0
     for e in range(head.count):
         one, before = element_of(orbit, e), element_of(orbit, e - 1 if e > 0 else head.count - 1).side
         if (one.side == OUT_OF_CONTACT) != (before == OUT_OF_CONTACT):
             rate = 1.0 / abs(one.edge_u - head.amplitude * np.sin(one.edge))
-            at.begins += rate if before == OUT_OF_CONTACT else 0.0
-            at.ends += rate if one.side == OUT_OF_CONTACT else 0.0
+            nodes.begins += rate if before == OUT_OF_CONTACT else 0.0
+            nodes.ends += rate if one.side == OUT_OF_CONTACT else 0.0
         if one.side == OUT_OF_CONTACT and not has_longrange(oscillator.p):
             continue
         for j in range(NODES):
-            k = at.count + j
-            at.cos[k], at.sin[k] = one.cos[j], one.sin[j]
-            at.depth[k] = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
-            at.rate[k] = one.u[j] - head.amplitude * one.sin[j]
-            at.weight[k] = one.scale * orbit.tables[one.table, T_END1, j]
-            at.touches[k] = 0.0 if one.side == OUT_OF_CONTACT else 1.0
-        at.count += NODES
+            k = nodes.count + j
+            nodes.cos[k], nodes.sin[k] = one.cos[j], one.sin[j]
+            nodes.depth[k] = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
+            nodes.rate[k] = one.u[j] - head.amplitude * one.sin[j]
+            nodes.weight[k] = one.scale * orbit.tables[one.table, T_END1, j]
+            nodes.touches[k] = 0.0 if one.side == OUT_OF_CONTACT else 1.0
+        nodes.count += NODES
 
 
 @kernel
-def read_nodes(row: np.ndarray, at: OrbitNodes) -> None:
+def read_nodes(row: np.ndarray, nodes: OrbitNodes) -> None:
     """Fill nodes with those kept behind a row."""
-    at.count, at.begins, at.ends = int(row[KEPT_COUNT]), row[KEPT_BEGINS], row[KEPT_ENDS]
-    for j in range(at.count):
+    nodes.count, nodes.begins, nodes.ends = int(row[KEPT_COUNT]), row[KEPT_BEGINS], row[KEPT_ENDS]
+    for j in range(nodes.count):
         first = KEPT_NODES + 6 * j
-        at.cos[j], at.sin[j], at.depth[j] = row[first], row[first + 1], row[first + 2]
-        at.rate[j], at.weight[j], at.touches[j] = row[first + 3], row[first + 4], row[first + 5]
+        nodes.cos[j], nodes.sin[j], nodes.depth[j] = row[first], row[first + 1], row[first + 2]
+        nodes.rate[j], nodes.weight[j], nodes.touches[j] = row[first + 3], row[first + 4], row[first + 5]
 
 
 @kernel
-def keep_nodes(at: OrbitNodes, row: np.ndarray) -> None:
+def keep_nodes(nodes: OrbitNodes, row: np.ndarray) -> None:
     """Write nodes behind a row, if there is room for all."""
     row[KEPT_COUNT] = 0.0
-    if at.count > MOST_KEPT_NODES:
+    if nodes.count > MOST_KEPT_NODES:
         return
-    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = at.count, at.begins, at.ends
-    for j in range(at.count):
+    row[KEPT_COUNT], row[KEPT_BEGINS], row[KEPT_ENDS] = nodes.count, nodes.begins, nodes.ends
+    for j in range(nodes.count):
         first = KEPT_NODES + 6 * j
-        row[first], row[first + 1], row[first + 2] = at.cos[j], at.sin[j], at.depth[j]
-        row[first + 3], row[first + 4], row[first + 5] = at.rate[j], at.weight[j], at.touches[j]
+        row[first], row[first + 1], row[first + 2] = nodes.cos[j], nodes.sin[j], nodes.depth[j]
+        row[first + 3], row[first + 4], row[first + 5] = nodes.rate[j], nodes.weight[j], nodes.touches[j]

@@ -22,7 +22,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, has_longrange, longrange_force
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.time import surface_memory as on
+from phasemap._kernels.orbits.time import surface_memory as memory
 from phasemap._kernels.orbits.time.arms import Arms, convert, multiply_by
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
@@ -75,7 +75,7 @@ class Relaxing(NamedTuple):
     edge_slope: float  # its derivative there, over k
     m: np.ndarray  # what it remembers: `surface_memory`
     stiff: float  # (3/2) K0 sqrt(R)/k [m^(-1/2)]
-    layer: on.Layer
+    layer: memory.Layer
     arms: Arms
     t0: float  # of a Kelvin-Voigt surface, 0 of others
     pace: Pace
@@ -155,7 +155,7 @@ def stored_energy(contact: Relaxing, q: float, d: float, t: float) -> float:
     if contact.now.mode == OFF_SURFACE:
         return work_from_far(contact.law, contact.p, d - dent_at(contact, t)[0]) * contact.compliance
     if contact.t0 > 0:
-        return contact.stiff * q * (0.5 * d * d - q * q * (d * on.THIRD - 0.1 * q * q)) + contact.pull * d
+        return contact.stiff * q * (0.5 * d * d - q * q * (d * memory.THIRD - 0.1 * q * q)) + contact.pull * d
     return 0.0
 
 
@@ -166,8 +166,8 @@ def dent_at_edge(contact: Relaxing, u: Moved, q: float, t: float) -> tuple[float
     Not valid where a Kelvin-Voigt surface lets go.
     """
     xi, arms, w, slope, rise = q * q, contact.arms, 0.0, 0.0, 0.0
-    if contact.now.mode == on.SHRINKING:
-        on.fill_creep_inside(contact.m, xi, t, arms)
+    if contact.now.mode == memory.SHRINKING:
+        memory.fill_creep_inside(contact.m, xi, t, arms)
         for a in range(arms.count):
             arms.y[a] = u.arms[place_of_arm(a)] - xi - arms.value[a]
             w += arms.share[a] * arms.y[a]
@@ -175,7 +175,7 @@ def dent_at_edge(contact: Relaxing, u: Moved, q: float, t: float) -> tuple[float
         for a in range(arms.count):
             rise += arms.share[a] * arms.rate[a] * (arms.y[a] - w)
         return w, slope, rise
-    on.fill_dents_outside(contact.m, xi, t, arms)
+    memory.fill_dents_outside(contact.m, xi, t, arms)
     for j in range(arms.count):
         w += arms.value[j]
         slope += arms.slope[j]
@@ -189,7 +189,7 @@ def tip_depth(contact: Relaxing, u: Moved, t: float) -> float:
     """Depth d [m] of the tip."""
     if contact.now.mode == OFF_SURFACE:
         return u.x
-    if contact.now.mode == on.SHRINKING and contact.t0 > 0:
+    if contact.now.mode == memory.SHRINKING and contact.t0 > 0:
         return u.x * u.x - contact.t0 * u.v
     return u.x * u.x + dent_at_edge(contact, u, u.x, t)[0]
 
@@ -207,13 +207,13 @@ def _push(contact: Relaxing, off: bool, time: float, y: Moved) -> Pressed:
         force = attraction_at(contact, x - dent)
         return Pressed(1.0, x, force, 0.0, v, -force * rise, 0.0, 0.0, 0.0)
     stiff, arms, xi, w = contact.stiff, contact.arms, x * x, 2 * x
-    if mode == on.SHRINKING and t0 > 0:
+    if mode == memory.SHRINKING and t0 > 0:
         force = stiff * x * xi * (2 / 3) + contact.pull
         return Pressed(w, xi - t0 * v, force, 0.0, v, 0.0, -t0 * v, 0.0, 1.0)
     dent, slope, rise = dent_at_edge(contact, y, x, t)
     d = xi + dent
     speed = (v + rise) / (1 + slope)
-    whole, weight = on.pressed_to(contact.layer, x, d)
+    whole, weight = memory.pressed_to(contact.layer, x, d)
     if t0 > 0:
         return Pressed(w, d, stiff * (whole + t0 * x * v) + contact.pull, 0.0, speed, 0.0, dent, whole, weight)
     crept = 0.0
@@ -237,7 +237,7 @@ def _fill_own_slopes(contact: Relaxing, off: bool, push: Pressed, y: Moved, a: f
             k.arms[j] = w * (push.depth - y.arms[j]) * arms.rate[i]
             k.arms[j + 1] = w * (whole - y.arms[j + 1]) * arms.rate[i] + arms.y[i] * edge
         return push.taken
-    if contact.now.mode == on.SHRINKING:
+    if contact.now.mode == memory.SHRINKING:
         k.x += contact.t0 * a
     return contact.stiff * (contact.t0 * push.w * y.x * y.v * y.v - 0.5 * push.y * push.y * k.x)
 
@@ -258,26 +258,26 @@ def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
     """Lay the element at the edge on the stack that it now belongs to; d xi/dt = `speed`, 0 where the contact turns."""
     xi, arms, m = u.x * u.x, contact.arms, contact.m
     if contact.t0 > 0:
-        if contact.now.mode == on.GROWING:
-            on.drop_covered_nodes(m, xi)
+        if contact.now.mode == memory.GROWING:
+            memory.drop_covered_nodes(m, xi)
             return
         arms.value[0], arms.slope[0], arms.curve[0] = -contact.t0 * u.v, -1.0, -arms.recovery[0] / speed
-        on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
+        memory.lay_node(m, True, xi, t, m[memory.LAST_PEAK], arms)
         return
     _, slope, _ = dent_at_edge(contact, u, u.x, t)
     bend = (1 + slope) / speed if speed != 0 else 0.0
-    if contact.now.mode == on.GROWING:
+    if contact.now.mode == memory.GROWING:
         convert(arms.to_arms, arms)
         turn_over(arms, u, xi, bend)
-        on.lay_node(m, False, xi, t, on.OPEN_PEAK, arms)
-        on.drop_covered_nodes(m, xi)
+        memory.lay_node(m, False, xi, t, memory.OPEN_PEAK, arms)
+        memory.drop_covered_nodes(m, xi)
         return
     turn_over(arms, u, xi, bend)
     convert(arms.to_dents, arms)
     if speed == 0:  # it has a root there: what it is in the mean, from the node before
-        top = on.node_at(m, True, int(m[on.OUTER_COUNT]) - 1)
+        top = memory.node_at(m, True, int(m[memory.OUTER_COUNT]) - 1)
         for j in range(arms.count):
-            before = m[top + on.NODE_ARMS + on.ARM_WIDTH * j + on.ARM_SLOPE]
-            arms.curve[j] = (arms.slope[j] - before) / (xi - m[top + on.NODE_XI])
-    on.lay_node(m, True, xi, t, m[on.LAST_PEAK], arms)
-    on.drop_released_nodes(m, xi)
+            before = m[top + memory.NODE_ARMS + memory.ARM_WIDTH * j + memory.ARM_SLOPE]
+            arms.curve[j] = (arms.slope[j] - before) / (xi - m[top + memory.NODE_XI])
+    memory.lay_node(m, True, xi, t, m[memory.LAST_PEAK], arms)
+    memory.drop_released_nodes(m, xi)

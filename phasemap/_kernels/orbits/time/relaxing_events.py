@@ -13,7 +13,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
-from phasemap._kernels.orbits.time import surface_memory as on
+from phasemap._kernels.orbits.time import surface_memory as memory
 from phasemap._kernels.orbits.time.arms import Arms, convert, fill_arms, fill_kelvin, recovery_of
 from phasemap._kernels.orbits.time.contact import (
     CONTACT_TURN,
@@ -115,7 +115,7 @@ def shorten_to_turn(here: Here, motion: Motion) -> None:
 @kernel
 def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
     """Edge q of a contact whose tip is at depth d at time 0: Newton from the one that it had, 0 if there is none."""
-    if contact.now.mode == on.SHRINKING and contact.t0 > 0:
+    if contact.now.mode == memory.SHRINKING and contact.t0 > 0:
         return math.sqrt(max(d + contact.t0 * u.v, 0.0))
     q = u.x if u.x > 0 else math.sqrt(max(d, 0.0))
     for _ in range(MOST_TURN_STEPS):
@@ -139,7 +139,7 @@ def _edge(contact: Relaxing, event: int, time: float) -> tuple[float, float]:
         if event == NECK_BREAKS:
             return dent + contact.p[col.RELEASE], -rise
         return (dent if contact.now.held == 1 else dent + contact.p[col.FORMING]), -rise
-    return on.edge_of_old_turn(contact.m) if event == OLD_TURN else 0.0, 0.0
+    return memory.edge_of_old_turn(contact.m) if event == OLD_TURN else 0.0, 0.0
 
 
 @kernel(inline=True)
@@ -170,17 +170,17 @@ def _stop_at_event(contact: Relaxing, here: Here, motion: Motion) -> None:
         now.share *= 0.5
         advance(here, motion, 0.5 * motion.h)
         find_slopes(here, motion, end)
-    if now.mode == on.SHRINKING and end.at.x <= 0:
+    if now.mode == memory.SHRINKING and end.at.x <= 0:
         end_step_at_event(here, motion, LAST_TOUCH)
         find_slopes(here, motion, end)
-    elif (end.slope.x < 0) == (now.mode == on.GROWING):
+    elif (end.slope.x < 0) == (now.mode == memory.GROWING):
         shorten_to_turn(here, motion)
-    if now.mode == on.GROWING:
-        if u.x < on.edge_of_old_turn(m) < (1 - (PAST_KINK if contact.t0 > 0 else PAST_TURN)) * end.at.x:
+    if now.mode == memory.GROWING:
+        if u.x < memory.edge_of_old_turn(m) < (1 - (PAST_KINK if contact.t0 > 0 else PAST_TURN)) * end.at.x:
             end_step_at_event(here, motion, OLD_TURN)
             find_slopes(here, motion, end)
-            end.at.x = (1 + JUST_PAST) * on.edge_of_old_turn(m)
-    if u.v > 0 > end.at.v and m[on.OUTER_COUNT] > 0:
+            end.at.x = (1 + JUST_PAST) * memory.edge_of_old_turn(m)
+    if u.v > 0 > end.at.v and m[memory.OUTER_COUNT] > 0:
         _note_depth(contact, here, motion)
 
 
@@ -219,10 +219,10 @@ def begin_contact(contact: Relaxing, here: Here, motion: Motion) -> None:
     """
     u, depth = motion.here.at, motion.here.at.x
     motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
-    contact.now.mode, contact.now.held, u.x = on.GROWING, 0, 0.0
+    contact.now.mode, contact.now.held, u.x = memory.GROWING, 0, 0.0
     rest_dashpots(contact, u, depth)
     motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
-    contact.m[on.INNER_COUNT] = 0.0
+    contact.m[memory.INNER_COUNT] = 0.0
     note_expected_depth(contact, here.beam, 0.0, here.beam.z0, u)
 
 
@@ -231,10 +231,10 @@ def end_contact(contact: Relaxing, motion: Motion) -> None:
     """Let a contact end, over the dent that it leaves."""
     now, arms, m, depth = contact.now, contact.arms, contact.m, tip_depth(contact, motion.here.at, motion.time)
     motion.sums.loss += stored_energy(contact, 0.0, depth, motion.time)
-    on.fill_dents_outside(m, 0.0, motion.time, arms)
+    memory.fill_dents_outside(m, 0.0, motion.time, arms)
     for j in range(arms.count):
         now.dents[j] = arms.value[j]
-    now.mode, now.dented, now.since, motion.here.at.x, m[on.INNER_COUNT] = OFF_SURFACE, 1, motion.time, depth, 0.0
+    now.mode, now.dented, now.since, motion.here.at.x, m[memory.INNER_COUNT] = OFF_SURFACE, 1, motion.time, depth, 0.0
     now.held = 1 if contact.p[col.RELEASE] < 0.0 else 0
     motion.sums.loss -= stored_energy(contact, 0.0, depth, motion.time)
 
@@ -253,17 +253,17 @@ def turn_contact(contact: Relaxing, motion: Motion) -> bool:
     """Let a contact that grew shrink, or the other way round; False where a Kelvin-Voigt surface cannot."""
     u, m, now, t = motion.here.at, contact.m, contact.now, motion.time
     now.share = STEP_AFTER_TURN
-    if now.mode == on.GROWING:
-        if m[on.OUTER_COUNT] == 0 or u.v >= 0:  # next to where the tip is deepest, on either side
+    if now.mode == memory.GROWING:
+        if m[memory.OUTER_COUNT] == 0 or u.v >= 0:  # next to where the tip is deepest, on either side
             top = tip_depth(contact, u, t) - u.v**2 * u.x / motion.here.slope.v
             motion.sums.deepest = max(motion.sums.deepest, top)
-        on.end_growth(m, u.x * u.x, t, contact.t0 > 0, contact.arms)
-        now.mode, now.turned = on.SHRINKING, t
+        memory.end_growth(m, u.x * u.x, t, contact.t0 > 0, contact.arms)
+        now.mode, now.turned = memory.SHRINKING, t
         return True
     if contact.t0 > 0:
         return False
-    on.resume_growth(m, u.x * u.x, t, contact.arms)
-    now.mode = on.GROWING
+    memory.resume_growth(m, u.x * u.x, t, contact.arms)
+    now.mode = memory.GROWING
     return True
 
 
@@ -299,27 +299,27 @@ def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motio
     """
     m, u, now, arms, d = contact.m, motion.here.at, contact.now, contact.arms, motion.here.at.x
     if now.mode != OFF_SURFACE:
-        u.x = m[on.CONTACT_EDGE]
+        u.x = m[memory.CONTACT_EDGE]
         for j in range(first_moved(contact), PLACE_OF_X):
-            u.arms[j] = m[on.ARM_NUMBERS + j]
+            u.arms[j] = m[memory.ARM_NUMBERS + j]
         q = find_edge(contact, d, u)
         if contact.t0 == 0:
             dent_at_edge(contact, u, q, 0.0)
-            more = on.pressed_to(contact.layer, q, d)[1] * (q - u.x)
+            more = memory.pressed_to(contact.layer, q, d)[1] * (q - u.x)
             for a in range(arms.count):
                 u.arms[place_of_arm(a) + 1] += arms.y[a] * more
         u.x = q
     elif d > dent_at(contact, 0.0)[0]:  # all elements touched at the same time
-        now.mode, u.x = on.GROWING, 0.0
+        now.mode, u.x = memory.GROWING, 0.0
         rest_dashpots(contact, u, d)
         u.x = find_edge(contact, d, u)
-        m[on.INNER_COUNT] = 0.0
+        m[memory.INNER_COUNT] = 0.0
         if contact.t0 == 0:
-            on.fill_dents_outside(m, 0.0, 0.0, arms)
+            memory.fill_dents_outside(m, 0.0, 0.0, arms)
             convert(arms.to_arms, arms)
             for a in range(arms.count):
                 arms.value[a], arms.slope[a], arms.curve[a] = d - arms.value[a], -1.0, 0.0
-            on.lay_node(m, False, 0.0, 0.0, on.OPEN_PEAK, arms)
+            memory.lay_node(m, False, 0.0, 0.0, memory.OPEN_PEAK, arms)
         find_slopes(here, motion, motion.here)
         lay_edge(contact, u, 0.0, motion.here.slope.x)
         motion.here.known = 0
@@ -333,12 +333,12 @@ def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motio
 @kernel
 def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
     """Fill in the dent under a tip that begins a period off the surface; returns its depth [m], 0 where it is gone."""
-    if m[on.OUTER_COUNT] == 0:
+    if m[memory.OUTER_COUNT] == 0:
         return 0.0
-    on.fill_dents_outside(m, 0.0, 0.0, arms)
+    memory.fill_dents_outside(m, 0.0, 0.0, arms)
     depth = float(arms.value[: arms.count].sum())
     if depth < DENT_FORGOTTEN * free:
-        m[on.OUTER_COUNT] = 0.0
+        m[memory.OUTER_COUNT] = 0.0
         return 0.0
     for j in range(arms.count):
         now.dents[j] = arms.value[j]
@@ -360,27 +360,27 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
     else:
         fill_kelvin(recovery_of(p, lever), arms)
         t0 = 1 / arms.recovery[0]
-    if len(y) < on.memory_size(arms.count):
+    if len(y) < memory.memory_size(arms.count):
         return -col.NOT_SETTLED
-    if y[on.ARMS_KNOWN] != arms.count and y[on.CONTACT_MODE] != OFF_SURFACE:  # pushed in at once, another material
-        y[on.CONTACT_MODE], y[on.INNER_COUNT], y[on.OUTER_COUNT] = OFF_SURFACE, 0.0, 0.0
-    y[on.ARMS_KNOWN], now.mode, now.share, met = arms.count, int(y[on.CONTACT_MODE]), 1.0, free
+    if y[memory.ARMS_KNOWN] != arms.count and y[memory.CONTACT_MODE] != OFF_SURFACE:  # another material
+        y[memory.CONTACT_MODE], y[memory.INNER_COUNT], y[memory.OUTER_COUNT] = OFF_SURFACE, 0.0, 0.0
+    y[memory.ARMS_KNOWN], now.mode, now.share, met = arms.count, int(y[memory.CONTACT_MODE]), 1.0, free
     if now.mode == OFF_SURFACE:
         met = find_dent(y, now, arms, free)
     stiff, pull = 1.5 * p[col.CONTACT] * compliance, contact_force(law, 0.0, p) * compliance
     edge_force, edge_slope = attraction_at_contact(law, p, compliance)
     pace = pace_over(met, free, t0 > 0)
-    layer = on.layer_of(p)
+    layer = memory.layer_of(p)
     contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, layer, arms, t0, pace, now)
     here = Here(contact, beam)
     begin_on_surface(contact, here, y[TOUCHES] != 0.0, motion)
     steps, t = march_through(here, step_size, motion), motion.time
     depth = tip_depth(contact, u, t)
     motion.sums.loss += stored_energy(contact, u.x, depth, t)
-    y[on.CONTACT_MODE], y[on.CONTACT_EDGE] = now.mode, u.x
+    y[memory.CONTACT_MODE], y[memory.CONTACT_EDGE] = now.mode, u.x
     for j in range(first_moved(contact), PLACE_OF_X):
-        y[on.ARM_NUMBERS + j] = u.arms[j]
-    on.shift_times(y, t)
+        y[memory.ARM_NUMBERS + j] = u.arms[j]
+    memory.shift_times(y, t)
     y[TOUCHES] = 1.0 if now.mode != OFF_SURFACE or now.held == 1 else 0.0
     end_period(lever, here, motion, depth, y, acc)
     return steps

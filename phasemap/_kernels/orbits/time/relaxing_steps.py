@@ -13,7 +13,7 @@ from phasemap._kernels.law import (
     has_longrange,
     longrange_force,
 )
-from phasemap._kernels.orbits.time import surface_memory as on
+from phasemap._kernels.orbits.time import surface_memory as memory
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, MotionPoint, step_length
 from phasemap._kernels.orbits.time.relaxing import Pace, Relaxing, dent_at
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes
@@ -60,7 +60,7 @@ def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
     for a in range(arms.count):
         rate, share = arms.rate[a], arms.share[a] / kappa
         fast = share * contact.pace.layers * q * q * rate * rate
-        if now.mode == on.SHRINKING:
+        if now.mode == memory.SHRINKING:
             density += share * q * q * rate * RATE_OF_STIFFNESS / (1 - kappa)
             density += RATE_BEHIND_TURN * fast * math.exp(-max(1 - kappa, LEAST_FADING) * rate * (t - now.turned))
         elif slows < 0:
@@ -97,10 +97,10 @@ def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
     u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
     if off_line(of.x, to.x, end.x - u.x, h) or off_line(of.v, to.v, end.v - u.v, h):
         return True
-    j = int(contact.m[on.OUTER_COUNT]) - MOST_NODES_PASSED
-    if contact.now.mode != on.GROWING or j < 0:
+    j = int(contact.m[memory.OUTER_COUNT]) - MOST_NODES_PASSED
+    if contact.now.mode != memory.GROWING or j < 0:
         return False
-    return u.x < math.sqrt(contact.m[on.node_at(contact.m, True, j) + on.NODE_XI]) < end.x
+    return u.x < math.sqrt(contact.m[memory.node_at(contact.m, True, j) + memory.NODE_XI]) < end.x
 
 
 @kernel(inline=True)
@@ -114,7 +114,7 @@ def _contact_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motio
     density += (CONTACT_WEIGHT * (fast / now.deep)) ** 2
     if contact.t0 == 0:
         density += relaxation_rate(contact, motion.here, motion.time)
-    h = now.share * step_size * pace.finer * (pace.growth if now.mode == on.GROWING else 1.0) / math.sqrt(density)
+    h = now.share * step_size * pace.finer * (pace.growth if now.mode == memory.GROWING else 1.0) / math.sqrt(density)
     now.share = min(2 * now.share, 1.0)
     if contact.t0 == 0:
         longest = MOST_RELAXATION / contact.arms.rate[0]
@@ -130,7 +130,7 @@ def _flight_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion
     if 0.0 < dent < DENT_FORGOTTEN * contact.pace.free:
         if not held:
             motion.sums.loss -= dent * longrange_force(law, u.x, p) * contact.compliance
-        contact.m[on.OUTER_COUNT] = dent = 0.0
+        contact.m[memory.OUTER_COUNT] = dent = 0.0
         contact.now.dented = 0
     gap = min(u.x - dent, -LEAST_GAP_IN_NECK * contact.pace.free) if held else u.x - dent
     density = math.sqrt(beam.rate + approach_square(contact, beam, gap, u.v, held))
