@@ -14,7 +14,6 @@ import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.in_time import free_state
-from phasemap._kernels.excitation import sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
@@ -27,7 +26,6 @@ from phasemap.results.variables import STABILITY, coded, flag_attributes, of_row
 from phasemap.solvers.continuation.curves import (
     Curves,
     distance_curves,
-    empty_swept_curves,
     held_curves,
     mend,
     swept_curves,
@@ -215,9 +213,6 @@ def parameter(
         ]  # fmt: skip
         return _dataset_in_time(question, works[0], about, visits, held)
     wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
-    if ratio is not None and not sees_tip(question.work().lever):
-        curves = empty_swept_curves(path, wanted, samples)
-        return dataset(curves, about, _sweep_detected_held(curves, question, name, scale, ratio), question, held)
     curves = swept_curves(path, wanted, of_amplitude, samples)
     if ratio is None:
         mend(curves, question.scope.drive.free_amplitude)
@@ -290,39 +285,6 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Scale, rat
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         first = engaged(float(x))
         visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction, landing))
-    return visits
-
-
-def _sweep_detected_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
-    """Sweeps up and down with the detected amplitude held at each value, from the tip offset of the value before.
-
-    Along the parameter no curve is followed, for such a hold is none of the tip's own amplitude.
-    """
-    n, feedbacks = len(curves.wanted), list[SlowFeedback]()
-    for m in curves.wanted:
-        here = question.with_parameter(name, float(scale.value(m)))
-        amplitude = np.array([ratio * here.scope.driven_amplitude])
-        feedbacks.append(SlowFeedback(held_curves(fixed_path(here), amplitude, curves.samples)))
-    visits = []
-    for direction, order in enumerate((range(n), range(n - 1, -1, -1))):
-        rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
-        status, jumps, last = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump](), None
-        for k in order:
-            feedback, place = feedbacks[k], feedbacks[k].far()
-            if last is not None:  # the tip goes with the amplitude that is held
-                row = rows[last].copy()
-                row[[col.TIP_OFFSET, col.AMPLITUDE]] += feedback.curves.wanted[0] - feedbacks[last].curves.wanted[0]
-                place = feedback.nearest(row)
-            held = None if place is None else feedback.seek(place, 0, direction)
-            if held is not None and held.row is not None:
-                rows[k], status[k] = held.row, Status.good.code
-                rows[k, col.PARAMETER] = curves.wanted[k]
-                traces[k] = np.nan if held.trace is None else held.trace
-                repulsive = rows[:, col.STIFFENING] > 0
-                if last is not None and (held.jump is not None or repulsive[k] != repulsive[last]):
-                    jumps.append(Jump(direction, rows[last], rows[k]))
-            last = k if status[k] == Status.good.code else None  # else the tip is engaged anew
-        visits.append(Visit(rows, traces, status, jumps))
     return visits
 
 

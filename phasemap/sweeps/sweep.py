@@ -170,9 +170,7 @@ def sweep_parameter(
     Returns
     -------
     xarray.Dataset
-        As of `sweep_distance`, with dims ("direction", name) and the directions "up" and "down". Where the detector
-        does not see the tip itself (base drive, several modes) and a setpoint is held, the feedback goes from value to
-        value, and there are no curves behind.
+        As of `sweep_distance`, with dims ("direction", name) and the directions "up" and "down".
 
     Examples
     --------

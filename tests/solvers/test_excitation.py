@@ -369,6 +369,20 @@ def test_on_a_shaker_a_drive_that_rises_and_falls_jumps_once_between_the_branche
     assert np.count_nonzero(np.diff(branches)) == 1
     assert swept.jump_direction.values.tolist().count(0) == 1
     assert (np.diff(swept.branch.sel(direction="down").values) <= 0).all()
+    # Where the curve turns: an orbit of both.
+    assert float(abs(swept.fold_free_amplitude - swept.jump_free_amplitude.values[0]).min()) == 0
+
+
+@pytest.mark.parametrize("scope", [WET, DRY, BEAM], ids=["liquid", "air", "two modes"])
+def test_every_orbit_of_a_curve_with_the_setpoint_held_is_seen_with_it(scope: pm.Microscope) -> None:
+    free = scope.drive.free_amplitude
+    swept = pm.sweep_parameter(SOFT, scope, "free_amplitude", [0.8 * free, free], setpoint=SETPOINT)
+    seen = SETPOINT * scope.driven_amplitude / free * swept.curve_free_amplitude
+    # Newton's method ends with a step that changes the drive's components by 1e-5, and leaves the square of that.
+    np.testing.assert_allclose(swept.curve_amplitude, seen, rtol=1e-9)
+    assert np.abs(swept.curve_energy_closure).max() < 1e-6
+    pixel = pm.solve_pixel(SOFT, scope, SETPOINT, "orbit")
+    assert float(swept.phase.sel(direction="down")[-1]) == pytest.approx(pixel.phase, abs=1e-5)
 
 
 def test_what_is_not_allowed_is_one_sentence() -> None:

@@ -131,10 +131,10 @@ def relay_orbit(path: Path, orbit: Orbit) -> bool:
 def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: tuple[float, float, float]) -> bool:
     """Move an orbit whose equations are known along the curve's tangent, to row (z0, A, m) = row target."""
     m = head_of(orbit).parameter
-    lever = standing_at(path, m).lever
+    lever, drift = standing_at(path, m).lever, drift_at(path, m)
     right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
-    held = held_equation(path, m), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
-    if not solve_step(lever, orbit, drift_at(path, m), held):
+    held = held_equation(path, orbit, drift), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
+    if not solve_step(lever, orbit, drift, held):
         return False
     apply_step(lever, orbit, 1.0)
     return True

@@ -324,14 +324,9 @@ def distance_curves(path: Path, wanted: np.ndarray, samples: int = 0, beyond: fl
     return curves
 
 
-def empty_swept_curves(path: Path, wanted: np.ndarray, samples: int) -> Curves:
-    """The curve of a swept parameter, with rows at these m, before any piece of it is followed."""
-    return Curves(path, ENTRY_M, wanted, (-BEYOND, BEYOND, 0.0), samples)
-
-
 def swept_curves(path: Path, wanted: np.ndarray, of_amplitude: bool, samples: int = 0) -> Curves:
     """The curve of a swept parameter, with rows at these m, and at some from which it was begun."""
-    curves = empty_swept_curves(path, np.sort(np.concatenate([wanted, STARTS])), samples)
+    curves = Curves(path, ENTRY_M, np.sort(np.concatenate([wanted, STARTS])), (-BEYOND, BEYOND, 0.0), samples)
     for m in STARTS:
         _begin(curves, m, of_amplitude)
     return curves

@@ -14,9 +14,17 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import detected_amplitude_of_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import scale_of
-from phasemap._kernels.orbits.collocation.system import DRIFT_STEP, Equation, no_drift
+from phasemap._kernels.orbits.collocation.system import (
+    DRIFT_STEP,
+    Equation,
+    Orbit,
+    head_of,
+    hold_detected_amplitude,
+    no_drift,
+)
 
 # Kinds of paths.
 FIXED_PATH = -1  # nothing but z0 and A moves
@@ -102,12 +110,19 @@ def held_value(path: Path, m: float) -> float:
 
 
 @kernel
-def held_equation(path: Path, m: float) -> Equation:
-    """Linearised equation at m of the tip offset or amplitude that is held; of a fixed path, of m itself."""
+def held_equation(path: Path, orbit: Orbit, drift: np.ndarray) -> Equation:
+    """Linearised equation, at an orbit, of the tip offset or detected amplitude held; of a fixed path, of m itself."""
     if path.kind == FIXED_PATH:
         return Equation(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    head = head_of(orbit)
+    m = head.parameter
     value = held_value(path, m)
     rate = (held_value(path, m + DRIFT_STEP) - held_value(path, m - DRIFT_STEP)) / (2.0 * DRIFT_STEP)
-    if path.kind == HELD_AMPLITUDE:
-        return Equation(0.0, 1.0, -rate, value - rate * m, 0.0, 0.0)
-    return Equation(1.0, 0.0, -rate, value - rate * m, 0.0, 0.0)
+    if path.kind == HELD_OFFSET:
+        return Equation(1.0, 0.0, -rate, value - rate * m, 0.0, 0.0)
+    of = head.amplitude, head.push, head.drag
+    ahead = detected_amplitude_of_orbit(drift[0][LEVER_ROW:], *of)
+    behind = detected_amplitude_of_orbit(drift[1][LEVER_ROW:], *of)
+    by_m = (ahead - behind) / (2.0 * DRIFT_STEP) - rate
+    one = hold_detected_amplitude(standing_at(path, m).lever, orbit, value)
+    return Equation(0.0, one.normal_a, by_m, one.equals + by_m * m, one.normal_p, one.normal_s)
