@@ -106,7 +106,7 @@ def solve_one_of_each_kind() -> None:
     compile_for(
         (by_response.averaging_rows, pixels, answers),
         (by_response.averaged_near_rows, pixels, answers),
-        (collocation_orbits_at, path, np.zeros((1, 6)), numbers, 0, 1.0, orbit, answers.rows),
+        (collocation_orbits_at, path, np.zeros((1, 6)), numbers, 0, orbit, answers.rows),
         (by_collocation.collocation_rows, pixels, TABLES, answers),
         (by_collocation.collocation_side_rows, pixels, TABLES, 1, answers),
         (by_collocation.force_rows, pixels, TABLES, 0, solved, 0),

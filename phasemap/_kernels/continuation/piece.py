@@ -37,7 +37,7 @@ from phasemap._kernels.continuation.step import (
 )
 from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.lever import phase_of
-from phasemap._kernels.numerics import count_smaller, narrowed
+from phasemap._kernels.numerics import copy, copy_rows, count_smaller, narrowed
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.errors import estimate_errors
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
@@ -50,6 +50,7 @@ from phasemap._kernels.orbits.collocation.system import (
     RP,
     RS,
     RZ,
+    Head,
     Orbit,
     head_of,
     hold_amplitude,
@@ -58,7 +59,7 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, load_harmonic_orbit
-from phasemap._kernels.records import assign, clear
+from phasemap._kernels.records import assign, clear, rows_of
 
 MOST_PIECE_POINTS = 4000
 FOLD_LEVEL = 2  # level of refinement at a fold, whose place is wanted more exactly than an orbit's
@@ -69,6 +70,7 @@ CLOSED_BRACKET = 1e-12  # [1], length of a bracket that holds nothing more: no f
 FEWEST_POINTS_ROUND = 8  # of a curve that closes
 FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where it turns: the fold is known
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
+TIGHT = 0.1  # last change of an orbit of a curve, over that of a pixel's
 # How a piece ends.
 PIECE_LEFT = 0
 PIECE_CLOSED = 1
@@ -87,11 +89,14 @@ class Asked(NamedTuple):
 
 
 class KeptOrbits(NamedTuple):
-    """The first orbits at values wanted: arrays of an `Orbit`, one after another."""
+    """The first orbits at values wanted: arrays of an `Orbit`, one after another; a row for each head."""
 
     elements: np.ndarray
     heads: np.ndarray
     modes: np.ndarray
+
+
+head_kept = rows_of(Head, KeptOrbits, "heads")
 
 
 class Made(NamedTuple):
@@ -103,22 +108,13 @@ class Made(NamedTuple):
 
 
 @kernel
-def kept_orbit(kept: KeptOrbits, i: int, workspace: Orbit) -> Orbit:
-    """Orbit number i of those kept, with the workspace of another."""
-    _, _, _, forces, chain, chained, system, tables, other, other_head, other_modes = workspace
-    return Orbit(
-        kept.elements[i], kept.heads[i], kept.modes[i],
-        forces, chain, chained, system, tables, other, other_head, other_modes,
-    )  # fmt: skip
-
-
-@kernel
 def _keep_orbit(orbit: Orbit, kept: KeptOrbits) -> None:
     """Copy an orbit to the first free place among those kept, if there is one."""
     for i in range(len(kept.heads)):
-        free = kept_orbit(kept, i, orbit)
-        if head_of(free).count == 0:
-            copy_orbit(orbit, free)
+        if head_kept(kept, i).count == 0:
+            copy_rows(orbit.elements, kept.elements[i])
+            copy_rows(orbit.modes, kept.modes[i])
+            copy(orbit.head[0], kept.heads[i])
             return
 
 
@@ -342,11 +338,11 @@ def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
 
 @kernel
 def collocation_orbits_at(
-    path: Path, harmonics: np.ndarray, m: np.ndarray, hold: int, tight: float, orbit: Orbit, found: np.ndarray
+    path: Path, harmonics: np.ndarray, m: np.ndarray, hold: int, orbit: Orbit, found: np.ndarray
 ) -> int:
     """Go from harmonic orbits, shape (n, HARMONIC_WORDS), to the exact ones at these m of the path.
 
-    `hold`: HOLD_OFFSET or HOLD_AMPLITUDE. `tight`: last change, over that of an orbit that is converged.
+    `hold`: HOLD_OFFSET or HOLD_AMPLITUDE.
     `found`, shape (n, COLUMNS): TIP_OFFSET, AMPLITUDE, PHASE, STIFFENING and, where it is known, FLOQUET are filled in.
     Returns how many were found before Newton's method did not converge; `orbit` is left the last one.
     """
@@ -356,7 +352,7 @@ def collocation_orbits_at(
         load_harmonic_orbit(harmonics[i], harmonic)
         if not harmonic.amplitude > 0.0:
             return i
-        tolerance = tight * tolerance_of(oscillator)
+        tolerance = TIGHT * tolerance_of(oscillator)
         done, _, _ = solve_near(path, harmonic, m[i], hold, False, tolerance, MOST_NEWTON_STEPS, orbit)
         if done != col.GOOD or not head.amplitude > 0.0:
             return i

@@ -14,6 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import (
     PIECE_CLOSED,
     PIECE_FULL,
+    TIGHT,
     Asked,
     KeptOrbits,
     Made,
@@ -49,7 +50,6 @@ MOST_KEPT = 8  # orbits of one value on one piece
 SAME = 1e-5  # of the amplitude: orbits as near are the same
 NEAR, NEAR_PUSH = 0.03, 0.1  # of the amplitude and the base amplitude: averaging may be off by so much
 MOST_PIECES = 12
-TIGHT = 0.1  # of the tolerance that pixels use
 BEYOND = 1.01  # m at which a swept curve is left, just outside the values wanted
 STARTS = (-1.003, 0.0071, 1.003)  # m at which all orbits are sought, to begin a swept curve from
 APART = 6  # amplitudes at which pieces apart from the curve from far are sought
@@ -230,7 +230,7 @@ class Curves:
         """The last orbit next to harmonic ones, and what `collocation_orbits_at` found of those that there are."""
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
         orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(harmonics), col.COLUMNS), np.nan)
-        count = collocation_orbits_at(self.path, harmonics, m, hold, TIGHT, orbit, found)
+        count = collocation_orbits_at(self.path, harmonics, m, hold, orbit, found)
         return orbit, found[:count]
 
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
@@ -238,18 +238,20 @@ class Curves:
         copy_orbit(orbit, start)
         tolerance = TIGHT * float(tolerance_of(self.standing(float(head_of(orbit).parameter))))
         asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
+        room = MOST_KEPT if len(self.wanted) == 1 else 0
+        shapes = orbit.elements.shape, orbit.head.shape[1:], orbit.modes.shape
         halves: list[Piece] = []
         for sense in senses:
             check_stopped()
             rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
-            kept = self._room_for_orbits(orbit)
+            kept = KeptOrbits(*(np.zeros((room, *shape)) for shape in shapes))
             point = Point()
             copy_orbit(start, orbit)
             if not mark_start(self.path, orbit, sense, point):
                 continue
             ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
             found = [
-                orbit._replace(elements=kept.elements[i], head=kept.heads[i], modes=kept.modes[i])
+                orbit._replace(elements=kept.elements[i], head=kept.heads[i : i + 1], modes=kept.modes[i])
                 for i in range(len(kept.heads)) if kept.heads[i].any()
             ]  # fmt: skip
             rows = rows[:count].copy()
@@ -266,11 +268,6 @@ class Curves:
         for piece in halves:
             if not any(self._repeats(piece, other) for other in self.pieces):
                 self.pieces.append(piece)
-
-    def _room_for_orbits(self, like) -> KeptOrbits:  # type: ignore[no-untyped-def]
-        """Room for the orbits at the value that is wanted; none where several are."""
-        room = MOST_KEPT if len(self.wanted) == 1 else 0
-        return KeptOrbits(*(np.zeros((room, *part.shape)) for part in (like.elements, like.head, like.modes)))
 
     @staticmethod
     def _repeats(piece: Piece, other: Piece) -> bool:
