@@ -85,7 +85,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
     from phasemap._kernels.orbits.collocation.system import new_orbit
     from phasemap._kernels.orbits.time import march
-    from phasemap._kernels.orbits.time.many_periods import land_free, land_on
+    from phasemap._kernels.orbits.time.many_periods import land_free
     from phasemap._kernels.quadrature import TABLES
     from phasemap._kernels.rows import by_collocation, by_response, marched
     from phasemap._kernels.rows.answers import Answers
@@ -116,7 +116,6 @@ def solve_one_of_each_kind() -> None:
         (free_state, work.law, numbers, 1.0),
         (reach_rows, *given, 1.0, 1, answers.rows, numbers),
         (land_free, oscillator, numbers, 1.0, 1, numbers),
-        (land_on, oscillator, 1.0, numbers, np.zeros((1, 2)), 1.0, 1),
         (move_to_tip_offset, oscillator, 1.0, 1.0, 1, numbers, numbers),
         (move_to_amplitude, oscillator, 1.0, 1.0, 1, numbers, numbers),
         (loop_energies, work.law, work.rows),

@@ -27,7 +27,6 @@ from phasemap.solvers.continuation.curves import (
     Curves,
     distance_curves,
     held_curves,
-    mend,
     swept_curves,
 )
 from phasemap.solvers.continuation.path import UNITS, Question, Scale, fixed_path, swept_path
@@ -162,10 +161,10 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         work = question.work(marched=True)
         return _dataset_in_time(question, work, about, there_and_back(work, wanted))
     curves = distance_curves(fixed_path(question), wanted, samples)
-    parts = segments(curves.pieces, col.TIP_OFFSET)
+    parts = segments(curves)
     first = next((part for part in parts if part.row_at(wanted[-1]) is not None), None)  # on the curve from far
-    approach = walk(curves, col.TIP_OFFSET, first, parts, True, 0)
-    retract = walk(curves, col.TIP_OFFSET, _last(parts, approach, wanted[0]), parts, False, 1)
+    approach = walk(curves, first, parts, True, 0)
+    retract = walk(curves, approach.ended, parts, False, 1)
     return dataset(curves, about, [approach, retract], question)
 
 
@@ -213,22 +212,9 @@ def parameter(
         ]  # fmt: skip
         return _dataset_in_time(question, works[0], about, visits, held)
     wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
-    curves = swept_curves(path, wanted, of_amplitude, samples)
-    if ratio is None:
-        mend(curves, question.scope.drive.free_amplitude)
-    curves.choose(wanted)
+    curves = swept_curves(path, wanted, samples)
     visits = _sweep_at_offset(curves) if ratio is None else _sweep_held(curves, question, name, scale, ratio)
     return dataset(curves, about, visits, question, held)
-
-
-def _last(parts: list[Segment], visit: Visit, x: float) -> Segment | OffOrbit | None:
-    """Segment of the curve, or motion off it, on which a sweep down to x has ended."""
-    if isinstance(visit.ended, OffOrbit):
-        return visit.ended
-    row = visit.rows[0]
-    there = [part for part in parts if part.row_at(x) is not None]
-    same = [part for part in there if np.isclose(part.rows[0, col.AMPLITUDE], row[col.AMPLITUDE], rtol=1e-9)]
-    return same[0] if same else (there[-1] if there and np.isnan(row[col.AMPLITUDE]) else None)
 
 
 def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
@@ -251,19 +237,19 @@ def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: 
 
 def _sweep_at_offset(curves: Curves) -> list[Visit]:
     """Sweeps up and down at a fixed tip offset, each begun on the orbit that stays farthest from the surface."""
-    parts = segments(curves.pieces, col.PARAMETER)
+    parts = segments(curves)
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         there = [(part.row_at(x), part) for part in parts]
         reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
         first = there[min(reached)[1]][1] if reached else None
-        visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction))
+        visits.append(walk(curves, first, parts, direction == 1, direction))
     return visits
 
 
 def _sweep_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
     """Sweeps up and down with the setpoint held, each begun by engaging from far."""
-    parts = segments(curves.pieces, col.PARAMETER, held=True)
+    parts = segments(curves, held=True)
 
     def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
@@ -284,7 +270,7 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Scale, rat
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         first = engaged(float(x))
-        visits.append(walk(curves, col.PARAMETER, first, parts, direction == 1, direction, landing))
+        visits.append(walk(curves, first, parts, direction == 1, direction, landing))
     return visits
 
 

@@ -71,9 +71,9 @@ def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
             return _branches_in_time(question, values + setup.height)
         path, x, m = Course.of(setup, axis, values)
         if axis == "frequency":
-            return _collect(swept_curves(path, m, False), col.PARAMETER, m, np.ptp(values) / 2)
+            return _collect(swept_curves(path, m), m, np.ptp(values) / 2)
         curves = distance_curves(path, np.sort(x), beyond=MARGIN * float(np.ptp(x)))
-        return _collect(curves, col.TIP_OFFSET, x, 1.0)
+        return _collect(curves, x, 1.0)
     except InputError:  # a law that cannot have this material
         return _no_branches(values)
 
@@ -121,9 +121,9 @@ def _no_branches(values: np.ndarray) -> Branches:
     return Branches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), float(np.ptp(values))))
 
 
-def _collect(curves: Curves, column: int, x: np.ndarray, unit: float) -> Branches:
+def _collect(curves: Curves, x: np.ndarray, unit: float) -> Branches:
     """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
-    parts = segments(curves.pieces, column)
+    parts = segments(curves)
     if not parts:  # nothing oscillates
         return _no_branches(x * unit)
     rows = np.stack([np.stack([np.interp(x, part.x, one) for one in part.rows.T], axis=1) for part in parts])

@@ -28,7 +28,14 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.near import tolerance_of
-from phasemap._kernels.orbits.collocation.path import Path, fixed_path, held_value, standing_at
+from phasemap._kernels.orbits.collocation.path import (
+    HELD_AMPLITUDE,
+    HELD_OFFSET,
+    Path,
+    fixed_path,
+    held_value,
+    standing_at,
+)
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     HOLD_AMPLITUDE,
@@ -87,6 +94,7 @@ class Curves:
         self.path, self.index, self.wanted = path, index, wanted
         self.box, self.samples = (float(box[0]), float(box[1]), float(box[2])), samples
         self.level = level
+        self.column = col.PARAMETER if index == ENTRY_M else col.TIP_OFFSET  # of the control, in a full row
         self.pieces: list[Piece] = []
         self._standing: dict[float, Oscillator] = {}  # a start is asked for several times
 
@@ -145,7 +153,11 @@ class Curves:
     def beside(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
         """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
         found = self._go(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
-        return _exact(rows, found) if len(found) == len(rows) and (found[:, col.FLOQUET] < 1).all() else None
+        if len(found) < len(rows) or not (found[:, col.FLOQUET] < 1).all():
+            return None
+        exact, known = rows.copy(), [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]
+        exact[:, known] = found[:, known]
+        return exact
 
     def _harmonic_orbits(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray:
         """Harmonic orbits of result rows at these tip offsets [m], with entries as `HarmonicOrbit` has its fields."""
@@ -159,46 +171,51 @@ class Curves:
 
         `lift`: by which these orbits are first lifted [m].
         """
-        oscillator = self.standing(0.0)
-        for tip_offset, mean, _, push, drag, _ in averaged_orbits(oscillator, amplitude):
-            if not self.box[0] <= tip_offset <= self.box[1] or self._near(
-                tip_offset, amplitude, push / amplitude, oscillator.lever
-            ):
+        for tip_offset, mean, _, push, drag, _ in averaged_orbits(self.standing(0.0), amplitude):
+            if not self.box[0] <= tip_offset <= self.box[1] or self._near(tip_offset, amplitude, push / amplitude):
                 continue
             lifted = np.array([[tip_offset + lift, mean, amplitude, push, drag, 0.0]])
             orbit, found = self._go(lifted, np.zeros(1), True)
-            if len(found) and not self._near(
-                found[0, col.TIP_OFFSET], found[0, col.AMPLITUDE], found[0, col.STIFFENING], oscillator.lever
-            ):
+            if len(found) and not self._near(*(found[0, c] for c in (col.TIP_OFFSET, col.AMPLITUDE, col.STIFFENING))):
                 self._follow(orbit, (1.0, -1.0))
 
-    def after_ends(self, column: int, beside: float, close: float) -> None:
-        """Follow the pieces on which a tip lands where others end, in contact made or lost.
+    def mend(self) -> None:
+        """Follow the pieces on which a tip lands that is let go just beyond an end, in contact made or lost.
 
-        It is let go `beside` the end, in the control, and has settled when its motion is as `close` [m].
+        A law with a neck, or a force that jumps, divides its curve.
         """
-        waiting = list(self.pieces)
+        swept, waiting = self.column == col.PARAMETER, list(self.pieces)
+        beside = BESIDE * (1.0 if swept else float(free_amplitude(self.path.lever)))
         while waiting and len(self.pieces) < MOST_PIECES:
             rows = waiting.pop(0).rows
             for last, before in ((-1, -2), (0, 1)):
                 if len(rows) < 2 or rows[last, col.KIND] != col.END or not rows[last, col.FLOQUET] < 1:
                     continue
-                x = float(rows[last, column] + beside * np.sign(rows[last, column] - rows[before, column]))
-                swept = column == col.PARAMETER
-                m, z0 = (x, float(rows[last, col.TIP_OFFSET])) if swept else (0.0, x)
-                oscillator = self.standing(m)
-                lever = oscillator.lever
-                check_stopped()
-                row, state = np.zeros(col.COLUMNS), state_in_row(lever, rows[last])
-                state[Z0] = z0
-                if not land_free(oscillator, state, close, settling_periods(lever), row):
+                end = rows[last, self.column]
+                x = float(end + beside * np.sign(end - rows[before, self.column]))
+                row = self.let_go(rows[last], x)
+                if row is None:
                     continue
                 known = len(self.pieces)
-                if swept or not self._near(z0, row[col.AMPLITUDE], row[col.STIFFENING], lever):
-                    self.from_row(row, m)
+                if swept or not self._near(x, row[col.AMPLITUDE], row[col.STIFFENING]):
+                    self.from_row(row, x if swept else 0.0)
                 waiting += self.pieces[known:]
 
-    def _near(self, z0: float, amplitude: float, stiffening: float, lever: np.ndarray) -> bool:
+    def let_go(self, start: np.ndarray, x: float) -> np.ndarray | None:
+        """Result row of the orbit on which a tip comes to rest at x of the control, from the orbit of a full row.
+
+        None if it comes to rest on none.
+        """
+        swept = self.column == col.PARAMETER
+        oscillator = self.standing(x if swept else 0.0)
+        lever = oscillator.lever
+        check_stopped()
+        row, state = np.zeros(col.COLUMNS), state_in_row(lever, start)
+        state[Z0] = start[col.TIP_OFFSET] if swept else x
+        settled = SETTLED * float(free_amplitude(lever))
+        return row if land_free(oscillator, state, settled, settling_periods(lever), row) else None
+
+    def _near(self, z0: float, amplitude: float, stiffening: float) -> bool:
         """True if a piece passes an averaged orbit at its amplitude, within the error of averaging."""
         for piece in self.pieces:
             rows = piece.rows
@@ -206,7 +223,7 @@ class Curves:
             i = np.flatnonzero((a[1:] > amplitude) != (a[:-1] > amplitude))
             share = (amplitude - a[i]) / (a[i + 1] - a[i])
             at = [rows[i, c] + share * (rows[i + 1, c] - rows[i, c]) for c in (col.TIP_OFFSET, col.STIFFENING)]
-            off = np.abs(at[1] - stiffening) * amplitude / lever[col.DRIVE]
+            off = np.abs(at[1] - stiffening) * amplitude / self.path.lever[col.DRIVE]
             if ((np.abs(at[0] - z0) < NEAR * amplitude) & (off < NEAR_PUSH)).any():
                 return True
         return False
@@ -277,14 +294,6 @@ class Curves:
         return len(marks) > 0 and all(_contains(other.rows, row) for row in marks)
 
 
-def _exact(rows: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Result rows with the tip offset, amplitude and phase of the exact orbits found from them."""
-    exact = rows.copy()
-    known = [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]
-    exact[:, known] = found[:, known]
-    return exact
-
-
 def _contains(rows: np.ndarray, row: np.ndarray) -> bool:
     """True if one of the rows is this orbit."""
     apart = np.abs(rows[:, col.TIP_OFFSET] - row[col.TIP_OFFSET]) + np.abs(rows[:, col.AMPLITUDE] - row[col.AMPLITUDE])
@@ -307,7 +316,7 @@ def held_curves(path: Path, amplitudes: np.ndarray, samples: int, left: float = 
     # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
         curves.seek(float(amplitude))
-    mend(curves, free)
+    curves.mend()
     return curves
 
 
@@ -321,17 +330,20 @@ def distance_curves(path: Path, wanted: np.ndarray, samples: int = 0, beyond: fl
     return curves
 
 
-def swept_curves(path: Path, wanted: np.ndarray, of_amplitude: bool, samples: int = 0) -> Curves:
-    """The curve of a swept parameter, with rows at these m, and at some from which it was begun."""
+def swept_curves(path: Path, wanted: np.ndarray, samples: int = 0) -> Curves:
+    """The curve of a swept parameter, with rows at these m."""
     curves = Curves(path, ENTRY_M, np.sort(np.concatenate([wanted, STARTS])), (-BEYOND, BEYOND, 0.0), samples)
     for m in STARTS:
-        _begin(curves, m, of_amplitude)
+        _begin(curves, m)
+    if path.kind == HELD_OFFSET:
+        curves.mend()
+    curves.choose(wanted)
     return curves
 
 
-def _begin(curves: Curves, m: float, of_amplitude: bool) -> None:
+def _begin(curves: Curves, m: float) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
-    oscillator = curves.standing(m)
+    oscillator, of_amplitude = curves.standing(m), curves.path.kind == HELD_AMPLITUDE
     value, path = held_value(curves.path, m), fixed_path(oscillator)
     there = curves_to_amplitude(path, value) if of_amplitude else curves_to_offset(path, value, False)
     for orbit in (orbit for piece in there.pieces for orbit in piece.orbits):
@@ -349,7 +361,7 @@ def complete(curves: Curves, lowest: float) -> None:
     free, most = _free_amplitudes(curves.path)
     for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * 0.98 * most), 0.98 * most, APART):
         curves.seek(float(amplitude))
-    mend(curves, free)
+    curves.mend()
 
 
 def curves_to_amplitude(path: Path, amplitude: float) -> Curves:
@@ -379,10 +391,3 @@ def _free_amplitudes(path: Path) -> tuple[float, float]:
     """Amplitude [m] of the free lever at the drive frequency, and the larger of that and the one at resonance."""
     free = float(free_amplitude(path.lever))
     return free, max(free, 0.5 * float(path.lever[col.DRIVE] / path.lever[col.ALPHA0]))
-
-
-def mend(curves: Curves, free: float) -> None:
-    """Find the pieces that lie beyond ends: a law with a neck, or a force that jumps, divides its curve."""
-    if any(piece.rows[i, col.KIND] == col.END for piece in curves.pieces for i in (0, -1)):
-        swept = curves.index == ENTRY_M
-        curves.after_ends(col.PARAMETER if swept else col.TIP_OFFSET, BESIDE * (1.0 if swept else free), SETTLED * free)

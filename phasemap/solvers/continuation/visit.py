@@ -12,18 +12,16 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.collocation.path import HELD_AMPLITUDE, held_value
-from phasemap._kernels.orbits.time.many_periods import land_on, state_in_row
+from phasemap._kernels.orbits.time.many_periods import state_in_row
 from phasemap.experiment.accuracy import MOST_PERIODS
 from phasemap.experiment.lever import detected_signal
 from phasemap.results.status import Status
-from phasemap.solvers.continuation.curves import Curves, Piece, settling_periods
+from phasemap.solvers.continuation.curves import Curves, Piece
 from phasemap.solvers.in_time import ETA
 
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
 MOST_LANDINGS = 8  # between two values wanted
-NEAR = 2e-3  # of the free amplitude: as near to an orbit the tip is on it
 LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
 
 MOST_TURNS = 12  # landings before the feedback is taken to hunt for ever
@@ -67,7 +65,6 @@ class OffOrbit:
 class Segment:
     """Stable orbits between two folds or losses of stability, in the order of the control."""
 
-    piece: int  # number of the piece
     rows: np.ndarray  # shape (n, FULL)
     traces: np.ndarray  # shape (n, 2, samples)
     x: np.ndarray  # shape (n,); the control, rising
@@ -118,10 +115,10 @@ def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
     return good & (rows[:, col.SLOPE] > 0) if held else good
 
 
-def segments(pieces: list[Piece], column: int, held: bool = False) -> list[Segment]:
-    """Stable segments of all pieces, by the control's column; folds, where stability ends, belong to them."""
-    found = []
-    for number, piece in enumerate(pieces):
+def segments(curves: Curves, held: bool = False) -> list[Segment]:
+    """Stable segments of all pieces; folds, where stability ends, belong to them."""
+    found, column = [], curves.column
+    for piece in curves.pieces:
         rows, folds = piece.rows, piece.rows[:, col.KIND] == col.FOLD
         good = stable(rows, held) | folds
         steps = np.sign(np.diff(rows[:, column], prepend=rows[:1, column]))
@@ -136,12 +133,12 @@ def segments(pieces: list[Piece], column: int, held: bool = False) -> list[Segme
                 continue
             part = slice(begin, i)
             if i - begin >= 2 and not (i - begin == 2 and folds[part].all()):
-                found.append(_segment(number, piece, part, column, held))
+                found.append(_segment(piece, part, column, held))
             begin = i - 1 if i < len(rows) and good[i] else i
     return [segment for segment in found if segment is not None and len(segment.x) >= 2]
 
 
-def _segment(number: int, piece: Piece, part: slice, column: int, held: bool) -> Segment | None:
+def _segment(piece: Piece, part: slice, column: int, held: bool) -> Segment | None:
     rows, traces = piece.rows[part], piece.traces[part]
     x = rows[:, column]
     inside = rows[(rows[:, col.KIND] != col.FOLD)]
@@ -150,11 +147,11 @@ def _segment(number: int, piece: Piece, part: slice, column: int, held: bool) ->
     if x[-1] < x[0]:
         rows, traces, x = rows[::-1], traces[::-1], x[::-1]
     rising = np.concatenate([[True], np.diff(x) > 0])
-    return Segment(number, rows[rising], traces[rising], x[rising])
+    return Segment(rows[rising], traces[rising], x[rising])
 
 
 def walk(
-    curves: Curves, column: int, first: Segment | OffOrbit | None, parts: list[Segment], down: bool, direction: int,
+    curves: Curves, first: Segment | OffOrbit | None, parts: list[Segment], down: bool, direction: int,
     landing: Landing | None = None,
 ) -> Visit:  # fmt: skip
     """Go through the values wanted, from the highest down or from the lowest up, beginning on `first`.
@@ -175,12 +172,12 @@ def walk(
             if not isinstance(here, Segment) or here.x[0] <= x <= here.x[-1]:
                 break
             edge = here.rows[0 if down else -1]
-            at = float(edge[column])
+            at = float(edge[curves.column])
             beyond = max(at - beside, x) if down else min(at + beside, x)
-            here = landing(edge, beyond) if landing else land(curves, column, parts, edge, beyond)
-            jumps.append(Jump(direction, edge, _after(curves, column, here, beyond)))
+            here = landing(edge, beyond) if landing else land(curves, parts, edge, beyond)
+            jumps.append(Jump(direction, edge, _after(curves, here, beyond)))
         if isinstance(here, OffOrbit):
-            status[k], row = here.go(curves, column, x)
+            status[k], row = here.go(curves, curves.column, x)
             again = like(parts, x, row) if is_periodic(row) else None
             if again is None:
                 rows[k] = row
@@ -215,11 +212,11 @@ def _passed(here: Segment, wanted: np.ndarray, k: int, down: bool) -> int:
     return max(int(np.searchsorted(wanted, here.x[-1], side="right")), k + 1)
 
 
-def _after(curves: Curves, column: int, here: Segment | OffOrbit | None, x: float) -> np.ndarray | None:
+def _after(curves: Curves, here: Segment | OffOrbit | None, x: float) -> np.ndarray | None:
     """The row of a tip just after a jump; None if it comes to no steady motion."""
     if here is None or isinstance(here, Segment):
         return None if here is None else here.row_at(x)
-    status, row = here.go(curves, column, x)
+    status, row = here.go(curves, curves.column, x)
     return row if status == col.GOOD else None
 
 
@@ -243,32 +240,19 @@ def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
     return found
 
 
-def land(curves: Curves, column: int, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit | None:
+def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit | None:
     """The segment on which a tip settles that comes from the orbit `start` and finds itself at x, if it does.
 
     One that is the only one there is taken to be the one, but not by a contact with hysteresis, which may tap
     irregularly beside it, and then goes on in time.
     """
-    there = [(part, part.row_at(x)) for part in parts]
-    reached = [(part, row) for part, row in there if row is not None]
-    swept = column == col.PARAMETER
-    oscillator = curves.standing(x if swept else 0.0)
-    hysteretic, lever = bool(oscillator.p[col.RELEASE] != 0), oscillator.lever
-    if not reached:
-        return OffOrbit(start) if hysteretic else None
-    if len(reached) == 1 and not hysteretic:
-        return reached[0][0]
-    z0 = float(reached[0][1][col.TIP_OFFSET]) if swept else x
-    lags = np.array([np.pi / 2 - row[col.PHASE] for _, row in reached])
-    sizes = np.array([row[col.AMPLITUDE] for _, row in reached])
-    targets = np.stack([sizes * np.cos(lags), sizes * np.sin(lags)], axis=1)
-    state = state_in_row(lever, start)
-    most = settling_periods(lever)
-    free = float(free_amplitude(lever))
-    which = land_on(oscillator, z0, state, targets, NEAR * free, most)
-    if which >= 0:
-        return reached[int(which)][0]
-    return OffOrbit(start) if hysteretic else None
+    there = [part for part in parts if part.x[0] <= x <= part.x[-1]]
+    hysteretic = bool(curves.standing(x if curves.column == col.PARAMETER else 0.0).p[col.RELEASE] != 0)
+    found = there[0] if len(there) == 1 and not hysteretic else None
+    if there and found is None:
+        row = curves.let_go(start, x)
+        found = None if row is None else like(there, x, row)
+    return OffOrbit(start) if found is None and hysteretic else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,14 +278,12 @@ class SlowFeedback:
 
     def __init__(self, curves: Curves) -> None:
         self.curves = curves
-        self.parts = segments(curves.pieces, col.TIP_OFFSET)
-        reach = max((part.x[-1] for part in self.parts), default=0.0)
+        self.parts = segments(curves)
         self.span = float(np.ptp(curves.wanted)) or float(curves.wanted[-1])
-        self.farthest = next((part for part in self.parts if part.x[-1] == reach), None)
 
     def far(self) -> Place | None:
         """Place of the tip before it is lowered; None if there is none."""
-        return None if self.farthest is None else Place(self.farthest, float(self.farthest.x[-1]))
+        return self._next(np.inf, True)
 
     def nearest(self, row: np.ndarray) -> Place | None:
         """The place at the tip offset of a result row, or else at the nearest end, whose orbit is most like it."""
@@ -347,7 +329,7 @@ class SlowFeedback:
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
-            landed = land(self.curves, col.TIP_OFFSET, self.parts, edge, beyond)
+            landed = land(self.curves, self.parts, edge, beyond)
             # Where it settles on nothing it is moved on until a stable orbit appears.
             following = self._next(beyond, down) if landed is None else Place(landed, beyond)
             if following is None:

@@ -53,7 +53,6 @@ FORMING_TIME = 18.0  # times as long as they last, in which dents of an amplitud
 FORMING_WAY = 0.05  # of the amplitude, a way for which derivatives serve
 FORMING_STEP = 0.1  # of the amplitude: a longer step leads elsewhere
 LANDING_ETA = 0.5  # steps of the march: a hundredth of a degree is enough to tell orbits apart
-LANDED_PERIODS = 3  # periods so close
 
 
 @record
@@ -152,32 +151,6 @@ def state_in_row(lever: np.ndarray, row: np.ndarray) -> np.ndarray:
     u[Z], u[V], u[TOUCHES], u[Z0] = row[col.START_Z], row[col.START_V], row[col.START_HELD], row[col.TIP_OFFSET]
     fill_higher_modes(lever, row[col.MEAN], u)
     return u
-
-
-@kernel
-def land_on(
-    oscillator: Oscillator, z0: float, y: np.ndarray, targets: np.ndarray, close: float, most_periods: int
-) -> int:
-    """Index of the orbit that a tip settles on, -1 if none within `most_periods` periods.
-
-    `targets` (shape (n, 2)): in-phase and quadrature amplitude [m] of the stable orbits at this tip offset; one counts
-    as reached as `close` [m] in this plane. `y`: state at drive phase 0, advanced in place.
-    """
-    acc = PeriodResult()
-    streak, last = 0, -1
-    for _ in range(most_periods):
-        if march_period(oscillator, z0, LANDING_ETA, y, acc) < 0:
-            return -1
-        near, best = -1, math.inf
-        for i in range(len(targets)):
-            apart = math.hypot(acc.cos - targets[i, 0], acc.sin - targets[i, 1])
-            if apart < best:
-                near, best = i, apart
-        streak = streak + 1 if best < close and near == last else 0
-        last = near
-        if streak >= LANDED_PERIODS:
-            return near
-    return -1
 
 
 @kernel
