@@ -385,6 +385,20 @@ def test_every_orbit_of_a_curve_with_the_setpoint_held_is_seen_with_it(scope: pm
     assert float(swept.phase.sel(direction="down")[-1]) == pytest.approx(pixel.phase, abs=1e-5)
 
 
+def test_a_frequency_sweep_on_a_shaker_stays_on_its_branch_however_far_apart_its_values_are() -> None:
+    # Between two of them the tip offset changes by half a nanometre, and the other branch is 2 nm away.
+    scope = pm.Microscope(
+        pm.Cantilever(5.175, 300e3, 115.5, participation=1), pm.Tip(6.35e-9), pm.Drive(5.867e-9, excitation="base")
+    )
+    soft, frequencies = pm.Material(336e6, 0.06176, 0.00488), 300e3 * (1 + np.array([-0.5, 0.0, 0.5]) / 115.5)
+    swept = pm.sweep_parameter(soft, scope, "frequency", frequencies, setpoint=0.75)
+    assert swept.sizes["jump"] == 0
+    for k, frequency in enumerate(frequencies):
+        there = replace(scope, drive=replace(scope.drive, frequency=float(frequency)))
+        pixel = pm.solve_pixel(soft, there, 0.75, "orbit")
+        np.testing.assert_allclose(swept.phase[:, k], pixel.phase, rtol=0, atol=1e-5)
+
+
 def test_what_is_not_allowed_is_one_sentence() -> None:
     with pytest.raises(pm.InputError, match=r"excitation is 'shaker'; allowed: one of direct, base"):
         pm.Drive(10e-9, excitation="shaker")
