@@ -1,4 +1,4 @@
-"""Rows of numbers copied and searched, brackets of roots narrowed, small systems of equations solved."""
+"""Rows of numbers copied and searched, powers of a decay, brackets of roots narrowed, small systems solved."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 
-from phasemap._kernels.compilation import kernel
+from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.quadrature import NODES
 
 MOST_SQUARINGS = 48  # of a monodromy matrix, which leave an error of 1e-14 of its radius
+SLOW_TURN = 2.0  # of an angle, up to which its sine need not take whole turns off
+SLOW_GROWTH = 0.1  # over an angle, up to which a series for an eighth of it will do
 
 
 @kernel
@@ -38,6 +40,43 @@ def count_smaller(row: np.ndarray, x: float, or_equal: bool) -> int:
         else:
             high = middle
     return low
+
+
+@kernel(fastmath=ANY_ORDER)
+def fill_turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray) -> None:
+    """Sine and cosine of factor * angle, to rounding up to 3 rad and to 1e-11 up to 2 pi.
+
+    By polynomials at an eighth, doubled three times: in vectors.
+    """
+    for j in range(len(angle)):
+        sine[j] = 0.125 * factor * angle[j]
+    if factor > SLOW_TURN:
+        for j in range(len(angle)):
+            sine[j] -= 0.25 * math.pi * np.floor(sine[j] / (0.25 * math.pi) + 0.5)
+    for j in range(len(angle)):
+        x = sine[j]
+        q = x * x
+        s = x * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
+        less = q * (-0.5 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * (-1 / 3628800 + q / 479001600)))))
+        s, less = 2.0 * s * (1.0 + less), 2.0 * less * (2.0 + less)
+        s, less = 2.0 * s * (1.0 + less), 2.0 * less * (2.0 + less)
+        sine[j], cosine[j] = 2.0 * s * (1.0 + less), 1.0 + 2.0 * less * (2.0 + less)
+
+
+@kernel(fastmath=ANY_ORDER)
+def fill_growth(angle: np.ndarray, rate: float, growth: np.ndarray) -> None:
+    """Exponential of rate * angle, by a polynomial at an eighth or a 64th, squared; `growth` may be `angle` itself."""
+    slow = abs(rate) < SLOW_GROWTH
+    step = 0.125 * rate if slow else rate / 64.0
+    for j in range(len(angle)):
+        x = step * angle[j]
+        grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
+        grow *= grow
+        grow *= grow
+        growth[j] = grow * grow
+    for _ in range(0 if slow else 3):
+        for j in range(len(angle)):
+            growth[j] *= growth[j]
 
 
 @kernel

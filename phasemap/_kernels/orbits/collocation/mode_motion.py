@@ -11,41 +11,24 @@ import numpy as np
 from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.numerics import fill_growth, fill_turn
 from phasemap._kernels.orbits.collocation.system import PLACES, Orbit, element_of, motion_of_mode
 from phasemap._kernels.quadrature import NODES, T_UPTO
 from phasemap._kernels.records import column, record
 
 
-@kernel(fastmath=ANY_ORDER)
+@kernel
 def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
-    """Fill the free motion of each mode over element e: it turns by exp(lambda theta), lambda = a + i nu.
-
-    By Taylor's series at an eighth of the angle, doubled three times, in vectors: to rounding up to 4 rad.
-    """
+    """Fill the free motion of each mode over element e: its state is multiplied by exp(lambda theta)."""
     one = element_of(orbit, e)
     last = element_of(orbit, e + 1).edge - one.edge
     for i in range(modes_of(lever)):
-        a, nu, _, _, _ = mode_of(lever, i)
-        own = motion_of_mode(orbit, e, i)
-        grow, c, s = own.growth, own.cos, own.sin
+        mode, own = mode_of(lever, i), motion_of_mode(orbit, e, i)
+        angle = own.growth
         for j in range(PLACES):
-            grow[j] = 0.125 * (one.theta[j] - one.edge if j < NODES else last)
-        for j in range(PLACES):
-            x = nu * grow[j]
-            q = x * x
-            sine = x * (1 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 + q * (
-                -1 / 39916800 + q * (1 / 6227020800 - q / 1307674368000)))))))  # fmt: skip
-            less = q * (-1 / 2 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * (
-                -1 / 3628800 + q * (1 / 479001600 + q * (-1 / 87178291200 + q / 20922789888000)))))))  # fmt: skip
-            sine, less = 2.0 * sine * (1.0 + less), 2.0 * less * (2.0 + less)
-            sine, less = 2.0 * sine * (1.0 + less), 2.0 * less * (2.0 + less)
-            s[j], c[j] = 2.0 * sine * (1.0 + less), 1.0 + 2.0 * less * (2.0 + less)
-            x = a * grow[j]
-            x = 1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * (1 / 5040 + x * (
-                1 / 40320 + x * (1 / 362880 + x * (1 / 3628800 + x / 39916800))))))))))  # fmt: skip
-            x *= x
-            x *= x
-            grow[j] = x * x
+            angle[j] = one.theta[j] - one.edge if j < NODES else last
+        fill_turn(angle, mode.turn, own.sin, own.cos)
+        fill_growth(angle, mode.decay, own.growth)
 
 
 @kernel(inline=True)

@@ -21,7 +21,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, phase_rate, static_compliance
-from phasemap._kernels.numerics import copy, factor, substitute
+from phasemap._kernels.numerics import factor, substitute
 from phasemap._kernels.orbits.response.motion import respond
 from phasemap._kernels.orbits.response.nodes import (
     GAUSS_WEIGHTS,
@@ -66,13 +66,6 @@ def new_newton_workspace(nodes: Nodes, wanted: bool) -> NewtonWorkspace:
         np.empty(all_nodes), np.empty(all_nodes), np.empty((2, n)), np.empty((n, n)), np.empty(n, np.int64),
         np.empty((CAUSES, n)), np.empty((CAUSES, 3)),
     )  # fmt: skip
-
-
-@kernel
-def keep_motion(nodes: Nodes, workspace: NewtonWorkspace) -> None:
-    """Keep the motion before a pass."""
-    copy(nodes.w, workspace.w)
-    copy(nodes.u, workspace.u)
 
 
 @kernel
@@ -210,7 +203,7 @@ def _newton_step(lever: np.ndarray, state: PassState, h: float, hold: bool, rate
 
 
 @kernel
-def _cut_short(nodes: Nodes, state: PassState, lift: float, growth: float, workspace: NewtonWorkspace) -> float:
+def cut_short(nodes: Nodes, state: PassState, lift: float, growth: float, workspace: NewtonWorkspace) -> float:
     """Share of a Newton step that is taken, less than all where it changes the depth by too much; cut the motion to it.
 
     `nodes` has the motion after the step, the workspace that before. The caller cuts `lift` of e and `growth` of A.
@@ -225,12 +218,6 @@ def _cut_short(nodes: Nodes, state: PassState, lift: float, growth: float, works
         nodes.w[j] = workspace.w[j] + share * (nodes.w[j] - workspace.w[j])
         nodes.u[j] = workspace.u[j] + share * (nodes.u[j] - workspace.u[j])
     return share
-
-
-@kernel
-def shortened_lift(nodes: Nodes, state: PassState, lift: float, workspace: NewtonWorkspace) -> float:
-    """Lift of the tip [m] by a plain pass, cut short together with the motion of the pass."""
-    return _cut_short(nodes, state, lift, 0.0, workspace) * lift
 
 
 @kernel
@@ -252,7 +239,7 @@ def newton_pass(
         )
     mean, push, drag = rates[BY_PASS] + centre * rates[BY_CENTRE] + amplitude * rates[BY_AMPLITUDE]
     respond(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag)
-    share = _cut_short(nodes, state, centre, amplitude, workspace)
+    share = cut_short(nodes, state, centre, amplitude, workspace)
     state.centre += share * centre
     state.amplitude += share * amplitude
     move_nodes(nodes, state.amplitude, state.centre)

@@ -24,7 +24,7 @@ from phasemap._kernels.columns import DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_longrange, longrange_force
 from phasemap._kernels.lever import Mode, fastest_turn
-from phasemap._kernels.numerics import copy
+from phasemap._kernels.numerics import copy, fill_growth, fill_turn
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
 
@@ -43,8 +43,6 @@ _PLACES = np.concatenate([np.add.outer(np.arange(n), GAUSS_X).reshape(-1) / n fo
 _CONTACT_S = np.sin(np.pi * (_PLACES - 0.5))  # of the nodes of a contact in n parts, from (n - 1) N
 _CONTACT_W = np.pi * np.cos(np.pi * (_PLACES - 0.5)) / np.repeat([1, 2, 4, 8], N * np.array([1, 2, 4, 8]))
 MOST_TURN = 6.0  # [rad] of the fastest mode in half an element
-SLOW_TURN = 2.0  # of theta, up to which sines need not take whole turns off
-SLOW_DECAY = 0.4  # over theta, up to which a series for an eighth of it will do
 
 
 @record
@@ -71,24 +69,6 @@ class Nodes:
     sum_im: np.ndarray = column(ALL_CUT)
     far: np.ndarray = column(N)  # places of the nodes out of contact, and their weights, on (0, 1)
     far_weight: np.ndarray = column(N)
-
-
-@kernel(fastmath=ANY_ORDER)
-def _turn(angle: np.ndarray, factor: float, sine: np.ndarray, cosine: np.ndarray) -> None:
-    """Sine and cosine of factor * angle, to 1e-11 up to 2 pi: polynomials at an eighth, doubled three times."""
-    for j in range(len(angle)):
-        sine[j] = 0.125 * factor * angle[j]
-    if factor > SLOW_TURN:
-        for j in range(len(angle)):
-            sine[j] -= 0.25 * math.pi * np.floor(sine[j] / (0.25 * math.pi) + 0.5)
-    for j in range(len(angle)):
-        x = sine[j]
-        q = x * x
-        s = x * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
-        less = q * (-0.5 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * (-1 / 3628800 + q / 479001600)))))
-        s, less = 2.0 * s * (1.0 + less), 2.0 * less * (2.0 + less)
-        s, less = 2.0 * s * (1.0 + less), 2.0 * less * (2.0 + less)
-        sine[j], cosine[j] = 2.0 * s * (1.0 + less), 1.0 + 2.0 * less * (2.0 + less)
 
 
 @kernel
@@ -126,7 +106,7 @@ def lay_nodes(nodes: Nodes, entry: float, exit_: float) -> None:
         theta[IN + j], weight[IN + j] = entry - before * nodes.far[j], before * nodes.far_weight[j]
         theta[OUT + j], weight[OUT + j] = exit_ + after * nodes.far[j], after * nodes.far_weight[j]
     theta[ENTRY], theta[EXIT] = entry, exit_
-    _turn(nodes.theta[: count_of(nodes)], 1.0, nodes.sin, nodes.cos)
+    fill_turn(nodes.theta[: count_of(nodes)], 1.0, nodes.sin, nodes.cos)
 
 
 @kernel(fastmath=ANY_ORDER)
@@ -141,18 +121,8 @@ def fill_mode(nodes: Nodes, mode: Mode) -> None:
             nodes.turn_sin[j] = nodes.sin[j] * less + nodes.cos[j] * more
             nodes.turn_cos[j] = nodes.cos[j] * less - nodes.sin[j] * more
     else:
-        _turn(theta, nu, nodes.turn_sin, nodes.turn_cos)
-    slow = -mode.decay < SLOW_DECAY
-    step = -0.125 * mode.decay if slow else -mode.decay / 64.0
-    for j in range(count):
-        x = step * theta[j]
-        grow = 1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x / 5040))))))
-        grow *= grow
-        grow *= grow
-        nodes.growth[j] = grow * grow
-    for _ in range(0 if slow else 3):
-        for j in range(count):
-            nodes.growth[j] *= nodes.growth[j]
+        fill_turn(theta, nu, nodes.turn_sin, nodes.turn_cos)
+    fill_growth(theta, -mode.decay, nodes.growth)
 
 
 @kernel

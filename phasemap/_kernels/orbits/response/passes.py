@@ -19,6 +19,7 @@ from phasemap._kernels.lever import (
     reach_of,
     static_compliance,
 )
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.response.errors import (
     PASS_SAFETY,
     estimate_pass_errors,
@@ -27,7 +28,7 @@ from phasemap._kernels.orbits.response.errors import (
     tip_offset_error_factor,
 )
 from phasemap._kernels.orbits.response.motion import respond
-from phasemap._kernels.orbits.response.newton_pass import keep_motion, new_newton_workspace, newton_pass, shortened_lift
+from phasemap._kernels.orbits.response.newton_pass import cut_short, new_newton_workspace, newton_pass
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -219,7 +220,8 @@ def converge(
     for passes in range(MOST_PASSES):
         before = f.w[nearest]
         if newton:
-            keep_motion(f, workspace)
+            copy(f.w, workspace.w)
+            copy(f.u, workspace.u)
         if newton and not (harmonic and passes == 0):
             good, h = newton_pass(oscillator, f, state, h, hold, workspace)
             if not good:
@@ -228,7 +230,7 @@ def converge(
             respond(f, lever, state.mean_force, state.push, state.drag)
             lift = f.w[nearest] - before
             if newton:
-                lift = shortened_lift(f, state, lift, workspace)
+                lift *= cut_short(f, state, lift, 0.0, workspace)
             h = balance_drive(oscillator, f, state, math.nan if hold else lift)
         state.passes += 1
         nodes = quadrature_error(lever, f, state)

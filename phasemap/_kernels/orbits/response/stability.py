@@ -149,11 +149,11 @@ def _several_modes_are_kept(oscillator: Oscillator, nodes: Nodes, state: PassSta
 
 @kernel
 def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool:
-    """True if the tip touches at the nodes in contact and nowhere else."""
+    """True if the tip of a lever of several modes touches at the nodes in contact and nowhere else."""
     p, lever = oscillator.p, oscillator.lever
     amplitude, e, deepest = state.amplitude, state.centre, 0.0
     if nodes.outside == 0:  # no force, so no nodes yet
-        grade_outer_nodes(nodes, amplitude, e, (1e-3 if modes_of(lever) == 1 else 1.0) * amplitude, nodes.theta[EXIT])
+        grade_outer_nodes(nodes, amplitude, e, amplitude, nodes.theta[EXIT])
         nodes.outside = 1
         lay_nodes(nodes, nodes.theta[ENTRY], nodes.theta[EXIT])
         for j in range(N):
@@ -170,7 +170,7 @@ def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool
     for k in range(2 * N):
         j = k if k < N else OUT + k - N
         highest = amplitude * nodes.cos[j] + w[j]
-        if modes_of(lever) > 1 and j % N > 0:
+        if j % N > 0:
             before, after = (j, j - 1) if k < N else (j - 1, j)  # the element before contact runs backwards
             highest = max(
                 highest,
