@@ -18,9 +18,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.excitation import likely_amplitude
-from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_hysteresis, has_longrange
-from phasemap._kernels.lever import bend_by_adhesion
-from phasemap._kernels.numerics import copy, newton_in_bracket
+from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange
+from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
@@ -34,7 +33,6 @@ from phasemap._kernels.orbits.time.tip import (
     move_state,
     ring_down_periods,
     slopes_of_orbit,
-    swing_state,
 )
 
 FALLEN = 0.9  # of the setpoint: less comes of no step along an orbit, but of a fall
@@ -47,7 +45,6 @@ LAST_STRIDE = 0.0125  # of the amplitude, the last one: as closely is its end kn
 RAISING_MISS = 0.1  # of the amplitude, by which a longer one may miss a linear prediction
 END_JUMP = 0.05  # of the amplitude, by which it rises more in a step where it jumps
 RAISING_PATIENCE = 8.0  # ring-down times, in which it comes to rest after such a step
-LINEAR_SWING = 0.3  # of the depth, a swing that the surface answers like a spring
 # Of what its amplitude is too large, by which a tip that came loose is lowered from above where it fell
 LEAD_OF_LOOSE = 2.0
 # What becomes of a tip that is raised.
@@ -110,59 +107,6 @@ def contact_too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
 
 
 @kernel
-def static_depth(oscillator: Oscillator, z0: float) -> float:
-    """Deepest depth [m] at which the lever rests in contact, theory, Eq. (engagement-5); NaN if it does at none."""
-    law, p, lever = oscillator
-    inverse_k = 1.0 / lever[col.STIFFNESS]
-    high = 2.0 * (abs(z0) + bend_by_adhesion(oscillator)) + 1e-12
-    while z0 + high + inverse_k * contact_force(law, high, p) <= 0.0:
-        high *= 2.0
-    low = high
-    for _ in range(200):
-        low, high = 0.7 * low, low
-        if z0 + low + inverse_k * contact_force(law, low, p) <= 0.0:
-            break
-    else:
-        return math.nan
-    d = high
-    for _ in range(40):
-        off, slope = z0 + d + inverse_k * contact_force(law, d, p), 1.0 + inverse_k * contact_slope(law, d, p)
-        d, low, high = newton_in_bracket(d, off, slope, low, high, True)
-    return d
-
-
-@kernel
-def resting_amplitude(oscillator: Oscillator, d: float) -> float:
-    """Amplitude [m] of the small oscillation of a lever that rests in contact at this depth."""
-    law, p, lever = oscillator
-    omega = lever[col.OMEGA]
-    slope = contact_slope(law, d, p) / lever[col.STIFFNESS]
-    alpha = damping(law, d, p) if p[col.DAMPING] != 0.0 else 0.0
-    return lever[col.DRIVE] / math.hypot(
-        lever[col.DYNAMIC_STIFFNESS] + slope, lever[col.DYNAMIC_LOSS] + 2.0 * alpha * omega
-    )
-
-
-@kernel
-def highest_tip_offset_at_rest(oscillator: Oscillator, z0: float, amplitude: float) -> float:
-    """Highest tip offset [m] at which the lever in contact still oscillates little, against its depth and the setpoint.
-
-    Up to there the oscillation is linear about the static deflection, and need not be followed.
-    """
-    law, p, lever = oscillator
-    d = static_depth(oscillator, z0)
-    for _ in range(2000):
-        following = 0.98 * d
-        if not resting_amplitude(oscillator, following) < min(0.9 * amplitude, LINEAR_SWING * following):
-            break
-        offset = -following - contact_force(law, following, p) / lever[col.STIFFNESS]
-        if not offset > z0:
-            break
-        d, z0 = following, offset
-    return z0
-
-
-@kernel
 def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: Tip) -> int:
     """Raise a tip that sticks to the sample along its orbits in contact, to where they end.
 
@@ -172,11 +116,6 @@ def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: Tip) -> 
     p, lever, amplitude, tolerance = oscillator.p, oscillator.lever, goal.amplitude, coarse_tolerance(goal)
     u, acc, linear, before, slopes = tip.u, tip.acc, tip.linear, np.empty(motion_size(lever)), Way()
     copy_state(u, before)
-    z0 = highest_tip_offset_at_rest(oscillator, u[Z0], amplitude)
-    if z0 > u[Z0]:
-        rest_at = z0 + static_depth(oscillator, z0)
-        u[TOUCHES], u[Z0] = 1.0, z0
-        swing_state(lever, rest_at, rest_at, 0.0, u)
     patience, shortest = int(RAISING_PATIENCE * ring_down_periods(lever)) + ANGLES, LAST_STRIDE * amplitude
     stride, step, ceiling = RAISING_STRIDE * amplitude, 0.0, math.inf
     slope = low = 0.0
