@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Microscope
-    from phasemap.scenes.scene import Setup
+    from phasemap.scenes.scene import SceneSetup
 
 ZEROS = ("phase_zero", "phase_zero_error", "height_zero", "height_zero_error")
 SHOWN = {"modulus": ("GPa", 1e-9), "adhesion": ("J/m²", 1.0), "damping": ("", 1.0)}
@@ -123,7 +123,7 @@ def invert(arguments: argparse.Namespace) -> None:
     conclude(arguments, found, "inversion", said, started)
 
 
-def _load(paths: list[Path], setup: Setup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
+def _load(paths: list[Path], setup: SceneSetup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
     """The images, their setpoints and their microscopes."""
     from phasemap.io.measured import one_scan
     from phasemap.io.read import read_image
@@ -161,7 +161,7 @@ def _with_sign(image: xr.Dataset, sign: str) -> xr.Dataset:
 
 
 def _invert(
-    given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
+    given: _Given, setup: SceneSetup, options: dict[str, Any], arguments: argparse.Namespace
 ) -> tuple[xr.Dataset, list[str]]:
     """Dataset of regions or maps, and notes on it."""
     if arguments.regions is not None:
@@ -200,7 +200,7 @@ def _by_pixel(given: _Given, options: dict[str, Any], arguments: argparse.Namesp
 
 
 def _by_regions(
-    text: str, given: _Given, setup: Setup, options: dict[str, Any], arguments: argparse.Namespace
+    text: str, given: _Given, setup: SceneSetup, options: dict[str, Any], arguments: argparse.Namespace
 ) -> xr.Dataset:
     """Fit of one material to each region."""
     from phasemap.inference.images.regions import fit_regions
@@ -225,7 +225,7 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
     return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
 
 
-def _known(setup: Setup, text: str | None) -> dict[int, Material]:
+def _known(setup: SceneSetup, text: str | None) -> dict[int, Material]:
     """Materials by the label of their region."""
     known = {}
     for word in text.split(",") if text else ():
@@ -236,7 +236,7 @@ def _known(setup: Setup, text: str | None) -> dict[int, Material]:
     return known
 
 
-def _material(setup: Setup, option: str, name: str) -> Material:
+def _material(setup: SceneSetup, option: str, name: str) -> Material:
     check_choice(option, name, setup.materials)
     return setup.materials[name]
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from phasemap.experiment.material import Material
     from phasemap.experiment.microscope import Microscope
-    from phasemap.scenes.scene import Setup
+    from phasemap.scenes.scene import SceneSetup
 
 BEYOND = 5e-9  # farther than the free amplitude, where an approach begins [m]
 SETPOINTS = (0.98, 0.1)
@@ -120,7 +120,7 @@ def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
     return numbers_in(name, text, {"distance": "m", "setpoint": "1"}.get(axis) or UNITS[axis])
 
 
-def _material(setup: Setup, name: str | None) -> tuple[str, Material]:
+def _material(setup: SceneSetup, name: str | None) -> tuple[str, Material]:
     """The material asked for, or the only one."""
     names = list(setup.materials)
     if not names:
@@ -167,7 +167,7 @@ def _usual_ends(axis: str, material: Material, scope: Microscope) -> tuple[float
 
 
 def _sweep_along_axis(
-    arguments: argparse.Namespace, values: np.ndarray, material: Material, setup: Setup
+    arguments: argparse.Namespace, values: np.ndarray, material: Material, setup: SceneSetup
 ) -> xr.Dataset:
     """Sweep the material along the axis that the command names: distance, setpoint, frequency or a parameter."""
     from phasemap.sweeps import sweep as by
@@ -290,7 +290,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     conclude(arguments, found, "contrast", said_of_contrast(found), started, **colours_of(arguments))
 
 
-def _names(setup: Setup, text: str | None) -> tuple[str, str]:
+def _names(setup: SceneSetup, text: str | None) -> tuple[str, str]:
     """The two materials asked for, or the only two."""
     known = list(setup.materials)
     if len(known) < 2:

@@ -24,8 +24,8 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, rows_of
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
-from phasemap.explorer.words import LAG, PHASE, Found, lines_of, shown_number
-from phasemap.results.quantities import CHANNELS, OF_SECOND, Motion
+from phasemap.explorer.words import LAG, PHASE, PointMotion, lines_of, shown_number
+from phasemap.results.quantities import CHANNELS, OF_SECOND, TipMotion
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
 from phasemap.results.words import FORCES, describe_failures, describe_validity
@@ -55,7 +55,7 @@ INFINITE = (math.inf, -math.inf)
 SAME = 1.0  # degrees between the orbit that engaging finds and the same on a curve
 
 
-class Picture(NamedTuple):
+class DrawnImage(NamedTuple):
     """An image as the page draws it."""
 
     about: dict[str, Any]  # everything but the maps, as JSON has it
@@ -65,7 +65,7 @@ class Picture(NamedTuple):
     phase: NDArray[np.float32]
 
 
-def picture(setting: Setting) -> Picture:
+def picture(setting: Setting) -> DrawnImage:
     """Answer a drag: the image of every pixel engaged from far, and what each material does."""
     step = setting.subject.step
     labels, relief = setting.subject.sample_under(setting.scope.tip)
@@ -131,7 +131,7 @@ def image(setting: Setting) -> xr.Dataset:
     return simulate(setting.surface, setting.scope, **setting.options)
 
 
-def scan(setting: Setting) -> Picture:
+def scan(setting: Setting) -> DrawnImage:
     """The whole image for the page to draw; of one that is taken in two directions the trace."""
     with untold():
         ds = image(setting)
@@ -188,7 +188,7 @@ def middle_of(setting: Setting) -> float:
 def _picture(
     setting: Setting, ds: xr.Dataset, about: dict[str, Any], height: NDArray[np.float64], phase: NDArray[np.float64],
     what: str,
-) -> Picture:  # fmt: skip
+) -> DrawnImage:  # fmt: skip
     """Maps of an image as the page wants them, and sentences on the materials or pixels in `ds`."""
     height = height * 1e9
     height = height - (float(np.nanmin(height)) if np.isfinite(height).any() else 0.0)
@@ -198,7 +198,7 @@ def _picture(
         "failed": describe_failures(ds, what),
         "warnings": [*setting.warnings, *filter(None, [far_off(setting.scope)]), *describe_validity(ds, what)],
     }
-    return Picture(about, height.astype(np.float32), phase.astype(np.float32))
+    return DrawnImage(about, height.astype(np.float32), phase.astype(np.float32))
 
 
 def matched(
@@ -232,7 +232,7 @@ def matched(
     return {"measured": {**shifts, "says": says if math.isfinite(simulated) else ""}}
 
 
-def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> Found:
+def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> PointMotion:
     """Motion that engaging from far finds on one material, for the sentences."""
     values = {key: ds[key].values.tolist()[material] for key in VARIABLES}
     words = {}
@@ -243,18 +243,18 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable:
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
     orbit = {name: ds[name].values[material] for name in OF_SECOND if name in ds}
     status = Status.of(values["status"])
-    return Found(
+    return PointMotion(
         name=name, regime=words["branch"], bistable=bistable, motion=words["motion"], solver=words["solver"],
         advice="" if status is Status.good else status.value, phase=values["phase"],
         tip_phase=math.degrees(float(tip_phase)), lost=values["dissipation"],
         air=float(lost_in_air(lever, tip_amplitude)), most=float(supplied(lever, tip_amplitude, np.zeros(()))),
         virial=values["virial"], indentation=values["indentation"], tip_offset=values["tip_offset"],
         height=values["tip_offset"] - amplitude,
-        second=_second_shown(Motion(lever, setting.scope, tip_amplitude, tip_phase, orbit)),
+        second=_second_shown(TipMotion(lever, setting.scope, tip_amplitude, tip_phase, orbit)),
     )  # fmt: skip
 
 
-def _second_shown(motion: Motion) -> str:
+def _second_shown(motion: TipMotion) -> str:
     """Sentence on the signal of a driven second mode."""
     second = motion.scope.drive.second
     if second is None or not math.isfinite(float(motion.orbit["mean_gradient"])):
@@ -266,7 +266,7 @@ def _second_shown(motion: Motion) -> str:
     return f"the second mode has {1e12 * shown['mode2_amplitude']:.3g} pm at a phase of {shown['mode2_phase']:.3g}°"
 
 
-def _plain(found: Found, setting: Setting) -> dict[str, Any]:
+def _plain(found: PointMotion, setting: Setting) -> dict[str, Any]:
     """Material as JSON has it."""
     values = {**found._asdict(), "phase": setting.counted(found.phase)}
     return {key: None if value != value or value in INFINITE else value for key, value in values.items()}

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phasemap.explorer.answers import Picture
+from phasemap.explorer.answers import DrawnImage
 from phasemap.explorer.limits import compiling, far_off
 from phasemap.explorer.offered import Offered, presets
 from phasemap.explorer.setting import Setting
@@ -89,6 +89,6 @@ def with_length(text: bytes) -> bytes:
     return struct.pack("<I", len(text)) + text
 
 
-def _packed(picture: Picture) -> bytes:
+def _packed(picture: DrawnImage) -> bytes:
     """A picture: the length of its JSON, the JSON, and two maps of 32-bit floats."""
     return with_length(to_json(picture.about)) + picture.height.tobytes() + picture.phase.tobytes()

@@ -30,7 +30,7 @@ MOST = 8  # materials, each with three sliders
 SIDE = 256  # pixels of the longer side of the image that is solved while a slider moves
 
 
-class Sample(NamedTuple):
+class ShownSample(NamedTuple):
     """Material of each pixel, and the relief."""
 
     labels: NDArray[np.int32]  # shape (ny, nx); number of the material
@@ -58,11 +58,11 @@ class Subject:
     pixel_size: tuple[float, float]  # (dy, dx) [m]
     # What `phasemap.simulate` takes besides, as the scene says; at least setpoint and solver
     options: Mapping[str, Any]
-    sample: Sample = field(repr=False)
+    sample: ShownSample = field(repr=False)
     scene: Scene | None = field(default=None, repr=False)  # where it came from, if that was a scene
     in_python: bool = False  # whether the user's own Python knows its surface and microscope
     measured: Measured | None = field(default=None, repr=False)  # what is to be matched, if there is something
-    _dilated: dict[Tip, Sample] = field(default_factory=dict, init=False, repr=False)
+    _dilated: dict[Tip, ShownSample] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def plain(self) -> bool:
@@ -100,7 +100,7 @@ class Subject:
         """Spacing of the pixels that are solved while a slider moves."""
         return -(-max(map(int, self.sample.labels.shape)) // SIDE)
 
-    def sample_under(self, tip: Tip) -> Sample:
+    def sample_under(self, tip: Tip) -> ShownSample:
         """The sample as this tip meets it: another one only where the scene asks for a tip of finite size."""
         if self.scene is None or not self.scene.config["surface"].get("dilate") or tip == self.scope.tip:
             return self.sample
@@ -150,7 +150,7 @@ def _of_scene(scene: Scene, setpoint: float | None) -> Subject:
     _check_count(len(names))
     if len(names) < len(every):
         every = {name: every[name] for name in names}
-        sample = Sample(labels.reshape(sample.labels.shape).astype(np.int32), sample.topography)
+        sample = ShownSample(labels.reshape(sample.labels.shape).astype(np.int32), sample.topography)
     name = scene.source.stem if scene.source is not None else "scene"
     measured = _measured_of(scene, sample.labels.shape)
     return Subject(name, scene.microscope, every, scene.surface.pixel_size, options, sample, scene, measured=measured)
@@ -167,7 +167,7 @@ def _of_surface(surface: Surface, scope: Microscope, options: Mapping[str, Any])
         raise InputError("surface", Word("without a material in some pixels"), "a material in every pixel")
     found = materials_of(rows, surface.viscosity is not None)
     materials = {f"material {ascii_uppercase[i]}": one for i, one in enumerate(found)}
-    sample = Sample(labels, surface.topography)
+    sample = ShownSample(labels, surface.topography)
     return Subject("surface", scope, materials, surface.pixel_size, options, sample, in_python=True)
 
 
@@ -192,7 +192,7 @@ def _check_count(count: int) -> None:
 
 
 @unquestioned()
-def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
+def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> ShownSample:
     """Find which material is where: the surface is made of stand-ins, which differ even where the materials do not."""
     stand_ins = {name: Material(modulus=1.0 + i) for i, name in enumerate(names)}
     every = {name: stand_ins.get(name, Material(modulus=1.0)) for name in scene.config["materials"]}
@@ -200,7 +200,7 @@ def _sample_of(scene: Scene, names: tuple[str, ...], tip: Tip) -> Sample:
     surface = dilate(table, build_surface(dict(table), every, _folder_of(scene)).surface, tip)
     labels = np.round(surface.modulus - 1.0).astype(np.int32)
     labels.setflags(write=False)
-    return Sample(labels, surface.topography)
+    return ShownSample(labels, surface.topography)
 
 
 def _folder_of(scene: Scene | None) -> Path:

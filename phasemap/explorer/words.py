@@ -35,7 +35,7 @@ PHASE = Convention("phase", "positive", "negative", "0", "their size", "sin(phas
 LAG = Convention("lag", "below 90°", "above 90°", "90°", "their distance from 90°", "cos(lag)", "sin(lag)", -1)
 
 
-class Found(NamedTuple):
+class PointMotion(NamedTuple):
     """Motion of the tip on one material at the working point."""
 
     name: str
@@ -83,7 +83,7 @@ class Found(NamedTuple):
         return math.copysign(math.degrees(math.acos(max(-1.0, min(1.0, energy / self.most)))), self.tip_phase)
 
 
-def lines_of(first: Found, second: Found, counted: Convention = PHASE) -> list[str]:
+def lines_of(first: PointMotion, second: PointMotion, counted: Convention = PHASE) -> list[str]:
     """Say why the second material is brighter or darker in the phase image than the first, most important first.
 
     `first`, `second`: twice the same where there is one material only.
@@ -101,7 +101,7 @@ def lines_of(first: Found, second: Found, counted: Convention = PHASE) -> list[s
     return said + [line for one in dict.fromkeys((first, second)) for line in _warnings(one)]
 
 
-def _explain_one_sign(first: Found, second: Found, counted: Convention) -> list[str]:
+def _explain_one_sign(first: PointMotion, second: PointMotion, counted: Convention) -> list[str]:
     """Sentences for two phases of the same sign."""
     contrast, explained = second.phase - first.phase, second.explained - first.explained
     energies = f"{_shown(second.lost)} against {_shown(first.lost)} eV per cycle in contact"
@@ -130,7 +130,7 @@ def _explain_one_sign(first: Found, second: Found, counted: Convention) -> list[
     ]
 
 
-def _explain_two_signs(first: Found, second: Found, counted: Convention) -> list[str]:
+def _explain_two_signs(first: PointMotion, second: PointMotion, counted: Convention) -> list[str]:
     """Sentences for a positive and a negative phase."""
     lossless, contrast = second.lossless - first.lossless, second.phase - first.phase
     positive, negative = (first, second) if first.stiffens else (second, first)
@@ -148,7 +148,7 @@ def _explain_two_signs(first: Found, second: Found, counted: Convention) -> list
     ]
 
 
-def _alone(one: Found, counted: Convention) -> str:
+def _alone(one: PointMotion, counted: Convention) -> str:
     """Sentences on the phase of a single material."""
     phase = one.phase if counted is PHASE else 90 - one.phase
     return (
@@ -158,14 +158,14 @@ def _alone(one: Found, counted: Convention) -> str:
     )
 
 
-def _compared(first: Found, second: Found, counted: Convention) -> str:
+def _compared(first: PointMotion, second: PointMotion, counted: Convention) -> str:
     """Say how the second material looks beside the first."""
     contrast = counted.sign * (second.phase - first.phase)
     word = "brighter" if contrast > 0 else "darker"
     return f"{second.name} is {abs(contrast):.3g}{DEGREES} {word} than {first.name}"
 
 
-def _warnings(one: Found) -> list[str]:
+def _warnings(one: PointMotion) -> list[str]:
     """Further sentences on a material: warnings."""
     said = []
     if one.bistable:

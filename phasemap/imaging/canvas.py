@@ -18,7 +18,7 @@ from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, flag_attributes, float_attributes, motion_of
 
 Array = np.ndarray
-Pixels = slice | NDArray[np.intp]
+PixelRange = slice | NDArray[np.intp]
 Values = dict[str, Any]
 """An array for each variable."""
 
@@ -76,7 +76,7 @@ class Canvas:
         """Status codes of all pixels, PENDING where nothing was put; shape (pixels,), of all directions in turn."""
         return self._arrays["status"].reshape(-1)
 
-    def put(self, pixels: Pixels, values: dict[str, Array], direction: int = 0) -> None:
+    def put(self, pixels: PixelRange, values: dict[str, Array], direction: int = 0) -> None:
         """Fill in the variables of `values`, one entry a pixel."""
         for name, value in values.items():
             if name == "height" and self._surface.topography is not None:

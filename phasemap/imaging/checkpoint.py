@@ -34,7 +34,7 @@ LIST = "names"  # of what is in a file, for a damaged one may have lost some
 PART = re.compile(r"[0-9a-f]{64}-(lines-\d+-\d+|materials-\d+)\.npz")
 
 
-class Lines(NamedTuple):
+class FilledLines(NamedTuple):
     """Lines that were filled."""
 
     # first, last: from this line to before that one
@@ -87,7 +87,7 @@ class Checkpoint:
         """Keep arrays, in place of those that were kept under this name."""
         self._write(f"{self._name}-{name}.npz", values)
 
-    def lines(self) -> Iterator[Lines]:
+    def lines(self) -> Iterator[FilledLines]:
         """Yield the lines of the image that were kept, from the first on as far as there is no gap."""
         bounds: list[list[int]] = []
         with suppress(OSError):
@@ -102,10 +102,10 @@ class Checkpoint:
             if not found:
                 return
             notes = {name: value.item() for name, value in _of_kind("note", found).items()}
-            yield Lines(first, last, _of_kind("variable", found), notes, _of_kind("state", found))
+            yield FilledLines(first, last, _of_kind("variable", found), notes, _of_kind("state", found))
             first = last
 
-    def keep(self, lines: Lines) -> None:
+    def keep(self, lines: FilledLines) -> None:
         """Keep lines."""
         variables = {f"variable.{name}": values for name, values in lines.arrays.items()}
         notes = {f"note.{name}": np.array(value) for name, value in lines.notes.items()}

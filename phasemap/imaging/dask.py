@@ -24,8 +24,8 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging.canvas import Canvas, image_of, joined_notes
-from phasemap.imaging.job import Job, Stretch, fill_part, plan_image, simulator_of
-from phasemap.imaging.materials import Place, Survey, survey
+from phasemap.imaging.job import Job, LineRun, fill_part, plan_image, simulator_of
+from phasemap.imaging.materials import Survey, Window, survey
 from phasemap.results.variables import FLAGS
 
 Key = tuple[str, int] | str
@@ -60,7 +60,7 @@ def simulate_lazily(job: Job) -> xr.Dataset:
     except ImportError as error:
         raise InputError("surface", Word("in Dask arrays"), "maps in memory", f"Dask is not whole: {error}.") from error
     tiny = delayed(replace(job, surface=_placeholder(job.surface)), traverse=False)
-    maps = Maps.of(job.surface)
+    maps = BlockMaps.of(job.surface)
     filled = _filling(job, tiny, maps, _planned(job, tiny, maps))
     directions = job.control.directions
     front = (0,) if directions else ()
@@ -109,7 +109,7 @@ def _placeholder(surface: Surface) -> Surface:
     return Surface(1e9, **more, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
 
 
-def _planned(job: Job, tiny: Any, maps: Maps) -> Any:
+def _planned(job: Job, tiny: Any, maps: BlockMaps) -> Any:
     """The plan of the image, after a survey of each block."""
     most, token, joined = simulator_of(job.control).most(job), _token("survey"), _token("join")
     tasks: dict[Any, Any] = {}
@@ -125,15 +125,15 @@ def _planned(job: Job, tiny: Any, maps: Maps) -> Any:
     return _delayed(plan, token, tasks, [tiny, *maps.lazy])
 
 
-def _survey(most: int, place: Place, lines: slice, job: Job, pieces: list[Any]) -> Survey:
-    return survey(Part(place, lines, pieces).surface(job.surface), most, place)
+def _survey(most: int, place: Window, lines: slice, job: Job, pieces: list[Any]) -> Survey:
+    return survey(ImagePart(place, lines, pieces).surface(job.surface), most, place)
 
 
 def _join(most: int, surveys: list[Survey]) -> Survey:
     return reduce(lambda one, other: one.joined(other, most), surveys)
 
 
-def _filling(job: Job, tiny: Any, maps: Maps, plan: Any) -> Filling:
+def _filling(job: Job, tiny: Any, maps: BlockMaps, plan: Any) -> Filling:
     """The parts of the image, each with a task of its own."""
     lines = maps.lines() if job.control.directions else None
     keys: dict[tuple[int, int], Key] = {}
@@ -155,8 +155,8 @@ def _filling(job: Job, tiny: Any, maps: Maps, plan: Any) -> Filling:
     return Filling(keys, (tuple(heights), widths), last)
 
 
-def _fill(place: Place, lines: slice, job: Job, stretches: list[Stretch], state: Any, pieces: list[Any]) -> Filled:
-    part = replace(job, surface=Part(place, lines, pieces).surface(job.surface), place=place)
+def _fill(place: Window, lines: slice, job: Job, stretches: list[LineRun], state: Any, pieces: list[Any]) -> Filled:
+    part = replace(job, surface=ImagePart(place, lines, pieces).surface(job.surface), place=place)
     canvas = Canvas(part.surface, job.names, job.control.directions)
     state = fill_part(part, stretches, canvas, state)
     return canvas.arrays(), canvas.notes, state
@@ -187,10 +187,10 @@ def _joined_notes(notes: list[dict[str, float]]) -> dict[str, Array]:
 LINES = 1 << 20  # pixels of a part where parts are whole lines, at least one line
 
 
-class Part(NamedTuple):
+class ImagePart(NamedTuple):
     """Part of an image, with all that is needed to make its surface."""
 
-    place: Place
+    place: Window
     lines: slice  # of the blocks
     # Of each quantity None, a number, an array of the part, or a list of blocks beside each other; before they
     # are computed, of their keys
@@ -213,36 +213,36 @@ class Part(NamedTuple):
         return cut[0] if len(cut) == 1 else np.concatenate(cut, axis=1)
 
 
-class Maps(NamedTuple):
+class BlockMaps(NamedTuple):
     """The maps of a surface, or some of its rows, in blocks of the same size."""
 
     values: list[Any]  # of each quantity None, an array in memory, or a Dask array
     chunks: tuple[tuple[int, ...], tuple[int, ...]]  # heights and widths of the blocks, those of the first Dask array
-    place: Place
+    place: Window
 
     @classmethod
-    def of(cls, surface: Surface) -> Maps:
+    def of(cls, surface: Surface) -> BlockMaps:
         """Make the maps of a surface."""
         values = [getattr(surface, name) for name in QUANTITIES]
         rows, columns = chunks_of(next(value for value in values if is_lazy(value)))
         chunks = tuple(filter(None, rows)), tuple(filter(None, columns))  # a block may be empty
         values = [value.rechunk(chunks) if is_lazy(value) else value for value in values]
-        return cls(values, chunks, Place(0, 0, surface.shape))
+        return cls(values, chunks, Window(0, 0, surface.shape))
 
     @property
     def lazy(self) -> list[Any]:
         """The Dask arrays among them."""
         return [value for value in self.values if is_lazy(value)]
 
-    def rows(self) -> Iterator[Maps]:
+    def rows(self) -> Iterator[BlockMaps]:
         """Yield the maps of each row of blocks."""
         top = 0
         for height in self.chunks[0]:
             values = [None if value is None else value[top : top + height] for value in self.values]
-            yield Maps(values, ((height,), self.chunks[1]), self.place._replace(row=self.place.row + top))
+            yield BlockMaps(values, ((height,), self.chunks[1]), self.place._replace(row=self.place.row + top))
             top += height
 
-    def after(self, task: Any) -> Maps:
+    def after(self, task: Any) -> BlockMaps:
         """Maps of the same values, but no block is computed before a task is done, even if it was before."""
         import dask.array as da
         from dask.highlevelgraph import HighLevelGraph
@@ -261,7 +261,7 @@ class Maps(NamedTuple):
         height, most = self.chunks[0][0], LINES // sum(self.chunks[1])
         return max((lines for lines in range(1, min(most, height) + 1) if height % lines == 0), default=1)
 
-    def parts(self, lines: int | None = None) -> Iterator[list[Part]]:
+    def parts(self, lines: int | None = None) -> Iterator[list[ImagePart]]:
         """Parts beside each other, from top to bottom: the blocks, or so many whole lines of a row of blocks."""
         heights, widths = self.chunks
         edges = [0, *np.cumsum(widths).tolist()]
@@ -271,8 +271,8 @@ class Maps(NamedTuple):
             for first in range(0, height, lines or height):
                 last = min(first + (lines or height), height)
                 yield [
-                    Part(
-                        Place(self.place.row + top + first, edges[left], self.place.image),
+                    ImagePart(
+                        Window(self.place.row + top + first, edges[left], self.place.image),
                         slice(first, last),
                         self._pieces(row, range(left, right), slice(top + first, top + last), edges),
                     )

@@ -27,7 +27,7 @@ from phasemap.results.quantities import OF_SECOND, motion_seen
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.seen_by_detector import fill_energy_closure
 
-Numbers = Callable[[slice], NDArray[np.int32]]
+MaterialNumbers = Callable[[slice], NDArray[np.int32]]
 """Function that gives the number of the distinct material of each pixel of a range."""
 
 FEW = 1 << 13  # distinct materials up to which an atlas does not pay
@@ -77,11 +77,11 @@ class Block(NamedTuple):
     first: int
     last: int
     materials: Array  # shape (n, 4); what they are made of, each once
-    numbers: Numbers  # which of these each pixel of a range is made of
+    numbers: MaterialNumbers  # which of these each pixel of a range is made of
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class PixelPlan:
     """Plan for all pixels of an image: a table of its materials, or an atlas of more, or neither."""
 
     materials: Array | None = None  # shape (n, 4) or (n, 10), or None; all that the image has
@@ -101,13 +101,13 @@ def interpolates(job: Job) -> bool:
     return job.solver.name == "auto" and plain and not job.only_in_time
 
 
-def _plan(job: Job, survey: Survey, _before: Plan | None) -> Plan:
+def _plan(job: Job, survey: Survey, _before: PixelPlan | None) -> PixelPlan:
     """Plan of an image: its materials solved if they are few, or an atlas of them."""
     if survey.materials is not None:
-        return Plan(survey.materials, solved(job, survey.materials, job.progress))
+        return PixelPlan(survey.materials, solved(job, survey.materials, job.progress))
     if not interpolates(job):
-        return Plan()
-    return Plan(interpolants=make_atlas(job, survey.sample, survey.count))
+        return PixelPlan()
+    return PixelPlan(interpolants=make_atlas(job, survey.sample, survey.count))
 
 
 def solved(job: Job, materials: Array, progress: Progress | None = None) -> Values:
@@ -151,7 +151,7 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
     return values
 
 
-def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
+def _fill(job: Job, plan: PixelPlan, canvas: Canvas, _state: None) -> None:
     """Fill the canvas with the pixels of an image or a part of it."""
     if plan.materials is not None and plan.values is not None:
         _put(job, canvas, plan.values, numbers_of(job, plan.materials), 0, job.pixels)
@@ -165,7 +165,7 @@ def _fill(job: Job, plan: Plan, canvas: Canvas, _state: None) -> None:
             job.report(last)
 
 
-def numbers_of(job: Job, materials: Array) -> Numbers:
+def numbers_of(job: Job, materials: Array) -> MaterialNumbers:
     """Function that gives the number, among all materials of the surface, of each pixel of a range."""
     found = job.surface.found
     if found is not None and found[0] is materials:
@@ -176,7 +176,7 @@ def numbers_of(job: Job, materials: Array) -> Numbers:
     return numbers_in(job, known)
 
 
-def numbers_in(job: Job, known: Distinct) -> Numbers:
+def numbers_in(job: Job, known: Distinct) -> MaterialNumbers:
     """Function that gives the number, among the known materials, of each pixel of a range."""
     return lambda part: known.numbers(job.surface.materials(part))
 
@@ -194,7 +194,7 @@ def blocks(job: Job, most: int) -> Iterator[Block]:
         first = last
 
 
-def _put(job: Job, canvas: Canvas, values: Values, numbers: Numbers, first: int, last: int) -> None:
+def _put(job: Job, canvas: Canvas, values: Values, numbers: MaterialNumbers, first: int, last: int) -> None:
     """Give each pixel of a range the values of its material."""
 
     def put(start: int, stop: int) -> None:

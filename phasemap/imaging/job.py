@@ -24,9 +24,9 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.imaging.canvas import Canvas, Values, joined_notes, values_of
-from phasemap.imaging.checkpoint import Checkpoint, Lines
+from phasemap.imaging.checkpoint import Checkpoint, FilledLines
 from phasemap.imaging.imperfections import scopes_by_row
-from phasemap.imaging.materials import Place, Survey
+from phasemap.imaging.materials import Survey, Window
 from phasemap.results.quantities import needs_of
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened
@@ -43,7 +43,7 @@ class Job:
     """Work of an image or a part of one."""
 
     surface: Surface  # of the image, or of the part that is to be filled
-    place: Place  # where it lies in the image
+    place: Window  # where it lies in the image
     scope: Microscope
     amplitude: float  # at the setpoint [m]
     control: Control
@@ -168,7 +168,7 @@ SIMULATORS: dict[type[Control], str] = {Engage: "engaged", Raster: "raster", Fee
 """Modules that make the images of each control, imported with their kernels where they are needed."""
 
 
-class Stretch(NamedTuple):
+class LineRun(NamedTuple):
     """Lines that one tip scans."""
 
     # first, last: from this line of the image to before that one
@@ -185,18 +185,18 @@ def simulator_of(control: Control) -> Simulator:
     return import_module(f"phasemap.imaging.{SIMULATORS[type(control)]}").SIMULATOR
 
 
-def plan_image(job: Job, survey: Survey) -> list[Stretch]:
+def plan_image(job: Job, survey: Survey) -> list[LineRun]:
     """Plan an image for each tip that scans it. `job`: its surface may be any part of the image's."""
     simulator, before = simulator_of(job.control), None
     stretches = []
     for rows, scope in scopes_by_row(job.realism, job.scope, job.place.image[0]):
         mine = replace(job, scope=scope, place=job.place._replace(row=rows.start))
         before = simulator.plan(mine, survey, before)
-        stretches.append(Stretch(rows.start, rows.stop, scope, before))
+        stretches.append(LineRun(rows.start, rows.stop, scope, before))
     return stretches
 
 
-def fill_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = None) -> Any:
+def fill_part(job: Job, stretches: list[LineRun], canvas: Canvas, state: Any = None) -> Any:
     """Fill the canvas of a part of the image, to which the tip comes in a state, and return that in which it leaves.
 
     Without time a changed tip is engaged anew.
@@ -217,14 +217,14 @@ def fill_part(job: Job, stretches: list[Stretch], canvas: Canvas, state: Any = N
     return state
 
 
-def fill_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: Checkpoint) -> None:
+def fill_kept(job: Job, stretches: list[LineRun], canvas: Canvas, checkpoint: Checkpoint) -> None:
     """Fill the canvas some lines at a time, keep them every few seconds, and go on after those that were kept.
 
     How many lines are filled at a time depends on how long they take; the numbers do not depend on it.
     """
     simulator, surface, lines = simulator_of(job.control), job.surface, job.surface.shape[0]
     first, state = _restored(job, canvas, checkpoint)
-    waiting = Lines(first, first, {}, {}, {})
+    waiting = FilledLines(first, first, {}, {}, {})
     at_once = 1 if job.control.carried else job.workers  # lines that threads may share
     for rows in checkpoint.portions(first, lines, at_once, lines):
         mine = replace(job, surface=surface.rows(rows), place=job.place._replace(row=rows.start))
@@ -236,7 +236,7 @@ def fill_kept(job: Job, stretches: list[Stretch], canvas: Canvas, checkpoint: Ch
             done = slice(waiting.first, waiting.last)
             arrays = canvas.part(surface.rows(done), done).arrays()
             checkpoint.keep(waiting._replace(arrays=arrays, state=simulator.freeze(state)))
-            waiting = Lines(rows.stop, rows.stop, {}, {}, {})
+            waiting = FilledLines(rows.stop, rows.stop, {}, {}, {})
 
 
 def _restored(job: Job, canvas: Canvas, checkpoint: Checkpoint) -> tuple[int, Any]:

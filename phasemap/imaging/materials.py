@@ -63,7 +63,7 @@ def _bits(materials: Array) -> NDArray[np.uint64]:
 SAMPLE = 1 << 16  # pixels that are drawn from an image
 
 
-class Place(NamedTuple):
+class Window(NamedTuple):
     """Place of a part in an image."""
 
     # row, column: of its first pixel
@@ -116,12 +116,12 @@ class Survey:
         return Survey(None, sample, pixels)
 
 
-def survey(surface: Surface, most: int, place: Place | None = None, workers: int = 1) -> Survey:
+def survey(surface: Surface, most: int, place: Window | None = None, workers: int = 1) -> Survey:
     """Look at the materials of a surface, or of the part of one that lies in `place`, at all of them up to `most`."""
     materials, pixels = _all_of_few(surface, most, workers), surface.shape[0] * surface.shape[1]
     if place is None and materials is not None:
         return Survey(materials, np.empty((0, materials.shape[1])), pixels)
-    where = place or Place(0, 0, surface.shape)
+    where = place or Window(0, 0, surface.shape)
     return Survey(materials, _each_once(surface.materials(where.drawn(surface.shape))), pixels)
 
 

@@ -28,7 +28,7 @@ MOST = 1 << 17  # distinct materials that are kept at a time
 WALKED = (".stable", ".engaged", ".offsets", ".reach")  # what `walk` reads of a material
 
 
-class Table(NamedTuple):
+class OrbitTable(NamedTuple):
     """Distinct materials and what holds the setpoint on each."""
 
     materials: Array  # shape (n, 4)
@@ -49,14 +49,14 @@ def _interpolates(job: Job) -> bool:
     return interpolates(job) and not set(OF_ORBITS) & set(job.needs)
 
 
-def _plan(job: Job, survey: Survey, _before: Table | Interpolants | None) -> Table | Interpolants | None:
+def _plan(job: Job, survey: Survey, _before: OrbitTable | Interpolants | None) -> OrbitTable | Interpolants | None:
     """The branches of all materials if these are few, or an atlas of more, or neither."""
     if survey.materials is not None:
         return _table(job, survey.materials, job.progress)
     return make_atlas(job, survey.sample, survey.count) if _interpolates(job) else None
 
 
-def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
+def _table(job: Job, materials: Array, progress: Progress | None) -> OrbitTable:
     """Solve the branches of materials."""
 
     def solve(some: Array, later: Progress | None) -> Values:
@@ -66,10 +66,10 @@ def _table(job: Job, materials: Array, progress: Progress | None) -> Table:
         orbits = dict(zip(WALKED, found.orbits, strict=True))
         return {**values_of(job.names, rows, found.status, found.solver, job.scope), **orbits}
 
-    return Table(materials, job.in_chunks(materials, solve, progress))
+    return OrbitTable(materials, job.in_chunks(materials, solve, progress))
 
 
-def _fill(job: Job, plan: Table | Interpolants | None, canvas: Canvas, state: TipState | None) -> TipState:
+def _fill(job: Job, plan: OrbitTable | Interpolants | None, canvas: Canvas, state: TipState | None) -> TipState:
     """Fill the canvas, trace and retrace, from the state in which the tip comes; returns that in which it leaves."""
     tip = TipState() if state is None else state
     if isinstance(plan, Interpolants):
@@ -89,7 +89,7 @@ def _progress_of(job: Job, block: Block) -> Progress:
     return lambda done, total: job.report(start + done * size // total)
 
 
-def _walk(job: Job, canvas: Canvas, block: Block, table: Table, tip: TipState) -> TipState:
+def _walk(job: Job, canvas: Canvas, block: Block, table: OrbitTable, tip: TipState) -> TipState:
     """Fill in lines to which the tip comes in a state, and return the state in which it leaves them."""
     assert isinstance(job.control, Raster)
     anew, pixels, count = job.control.engage == "line", job.surface.shape[1], len(table.materials)
@@ -123,7 +123,9 @@ def _fill_interpolated(job: Job, plan: Interpolants, canvas: Canvas, tip: TipSta
     return tip
 
 
-def _table_on_way(job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.int32], tip: TipState) -> Table:
+def _table_on_way(
+    job: Job, plan: Interpolants, materials: Array, numbers: NDArray[np.int32], tip: TipState
+) -> OrbitTable:
     """Table of materials with all that a tip meets on its way over lines of them, shape (lines, pixels).
 
     How far it stays on a branch of which is not known whether it is there shows step by step: it is asked of twice as
@@ -144,7 +146,7 @@ def _table_on_way(job: Job, plan: Interpolants, materials: Array, numbers: NDArr
         orbits.stable[:, asked], orbits.offsets[:, asked] = found.stable, found.orbits.offsets
         ahead = min(2 * ahead, farthest)
     values = values_of(job.names, branches.rows, branches.status, branches.solver, job.scope)
-    return Table(materials, {**values, **dict(zip(WALKED, orbits, strict=True))})
+    return OrbitTable(materials, {**values, **dict(zip(WALKED, orbits, strict=True))})
 
 
 def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branches, StableOrbits]:

@@ -33,7 +33,7 @@ from phasemap.imaging.checkpoint import Checkpoint
 from phasemap.imaging.dask import check_lazy, simulate_lazily
 from phasemap.imaging.imperfections import changes, drifted, finish
 from phasemap.imaging.job import Job, fill_kept, fill_part, plan_image, simulator_of
-from phasemap.imaging.materials import Place, survey
+from phasemap.imaging.materials import Window, survey
 from phasemap.results.channels import inputs_of, split, with_channels
 from phasemap.results.quantities import needs_of
 from phasemap.results.status import Status
@@ -190,7 +190,11 @@ def _checked(
         check_image(surface.shape, names, control.directions, workspace(realism))
     surface = drifted(surface, realism.drift)
     method = by_name(asked.solver)
-    place, amplitude, workers = Place(0, 0, surface.shape), setpoint * scope.driven_amplitude, workers_of(asked.threads)
+    place, amplitude, workers = (
+        Window(0, 0, surface.shape),
+        setpoint * scope.driven_amplitude,
+        workers_of(asked.threads),
+    )
     job = Job(
         surface, place, scope, amplitude, control, method, asked.accuracy, realism, names, workers, asked.progress
     )

@@ -25,7 +25,7 @@ FAINT = 1e-3  # of the largest virial that the drive holds: a contact that store
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TipMotion:
     """Known motion of the tip in some pixels."""
 
     lever: Array  # shape (n,); as of `phasemap.experiment.lever.lever_of`
@@ -184,7 +184,7 @@ class Channel:
     name: str
     long_name: str
     units: str
-    value: Callable[[Motion], Array]  # ``value(motion)``, of a `Motion`
+    value: Callable[[TipMotion], Array]  # ``value(motion)``, of a `TipMotion`
     source: str  # where the formula is from
     needs: tuple[str, ...] = ()  # variables that the orbit must have; without them there is no such channel
     # The variable that the orbit may have, of which this is a multiple; else it comes from amplitude and phase
@@ -193,11 +193,13 @@ class Channel:
     mode: int = 0  # of the lever, that it is of; 0 of none
 
 
-def motion_seen(scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None) -> Motion:
+def motion_seen(
+    scope: Microscope, amplitude: Array, phase: Array, orbit: Mapping[str, Array] | None = None
+) -> TipMotion:
     """The motion of the tip, from the amplitude [m] and phase [degree] that the detector shows."""
     lever = lever_of(scope)
     size, angle = of_tip(lever, amplitude, np.radians(phase))
-    return Motion(lever, scope, size, angle, orbit or {})
+    return TipMotion(lever, scope, size, angle, orbit or {})
 
 
 def is_derived(name: str) -> bool:
@@ -251,7 +253,7 @@ def _of_mode(i: int) -> tuple[Channel, Channel]:
 def _bimodal(
     name: str, long_name: str, units: str, value: str, source: str = LABUDA, needs: tuple[str, ...] = OF_SECOND
 ) -> Channel:
-    """A channel of a second mode that is driven; `value` is a property of `Motion`."""
+    """A channel of a second mode that is driven; `value` is a property of `TipMotion`."""
     return Channel(name, long_name, units, attrgetter(value), source, needs, bimodal=True)
 
 

@@ -23,13 +23,13 @@ from phasemap._shared.processes import in_processes
 from phasemap._shared.units import UDUNITS
 from phasemap.io.netcdf import check_dataset, save
 from phasemap.results.variables import provenance
-from phasemap.scenes.ensemble_file import Parts, assemble
+from phasemap.scenes.ensemble_file import PartsFolder, assemble
 from phasemap.scenes.samples import check_overrides, make_samples, unit_of
 from phasemap.scenes.scene import TABLES, Scene, scene_from_tables
 from phasemap.scenes.tables import Complaints, missing, read_tables, with_value
 
 Table = dict[str, Any]
-Form = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
+ImageForm = tuple[tuple[int, int], tuple[float, float]]  # shape and pixel size of an image
 
 
 @dataclass(frozen=True, repr=False)
@@ -138,7 +138,7 @@ class Ensemble:
         path = check_dataset(path, overwrite)
         whole("workers", workers, 1)
         first = self.scene(0)
-        parts = Parts(path, (self._tables(sample) for sample in range(len(self))), self.folder)
+        parts = PartsFolder(path, (self._tables(sample) for sample in range(len(self))), self.folder)
         try:
             if progress is not None:
                 progress(parts.done, len(self))
@@ -245,12 +245,12 @@ def _check_key(key: str, tables: Table) -> None:
         check_choice(f"the material of {key}", rest[0], materials)
 
 
-def _form(scene: Scene) -> Form:
+def _form(scene: Scene) -> ImageForm:
     """Shape and pixel size, which the images of all samples must share."""
     return scene.surface.shape, scene.surface.pixel_size
 
 
-def _check_form(scene: Scene, first: Form) -> None:
+def _check_form(scene: Scene, first: ImageForm) -> None:
     """Refuse an image that does not fit on that of the first sample."""
     for name, value, same in zip(("number of pixels", "pixel size"), _form(scene), first, strict=True):
         if value != same:
@@ -272,7 +272,7 @@ def _naming_sample(sample: int) -> Iterator[None]:
         complaints.make()
 
 
-def _make(job: tuple[int, Table, Path], folder: Path, form: Form, named: bool) -> Path:
+def _make(job: tuple[int, Table, Path], folder: Path, form: ImageForm, named: bool) -> Path:
     """Simulate a sample into its file, with the numbers among its attributes, but for the time it took."""
     sample, tables, file = job
     with _naming_sample(sample):

@@ -37,7 +37,7 @@ Form = dict[str, tuple[int, ...]]
 Key = tuple[str, Mapping[str, str], list[Any]]  # the name of a variable, its attributes, a value a sample
 
 
-class Parts:
+class PartsFolder:
     """The folder ``OUT.nc.parts`` with one netCDF file for each sample that is done.
 
     The name of a file is the SHA-256 of all that its image depends on: the sample's scene, the files that the scene

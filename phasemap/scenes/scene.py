@@ -149,7 +149,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Setup:
+class SceneSetup:
     """Microscope, materials and setpoint of a scene, without its surface: all that a sweep needs."""
 
     microscope: Microscope
@@ -157,7 +157,7 @@ class Setup:
     setpoint: float | None
 
 
-def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Setup:
+def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> SceneSetup:
     """Read microscope, materials and setpoint of a scene file; its surface is neither made nor read."""
     tables = read_tables(path, overrides)
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
@@ -167,7 +167,7 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
         microscope, materials = complaints.of(microscope_of, tables), complaints.of(materials_of, tables)
         complaints.make()
         assert microscope is not None and materials is not None
-        return Setup(microscope, materials, None if setpoint is None else setpoint[0])
+        return SceneSetup(microscope, materials, None if setpoint is None else setpoint[0])
 
 
 @asked_as()

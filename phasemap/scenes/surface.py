@@ -39,7 +39,7 @@ HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 
 
-class Labels(NamedTuple):
+class MaterialMap(NamedTuple):
     """Material of each pixel of a surface."""
 
     values: np.ndarray  # int, shape (ny, nx)
@@ -51,12 +51,12 @@ class Built(NamedTuple):
 
     surface: Surface
     files: dict[str, str]  # the SHA-256 of each file that was read, by the name that the scene gives it
-    labels: Labels | None  # none where the surface is made of maps
+    labels: MaterialMap | None  # none where the surface is made of maps
 
 
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
     """Make the surface that the ``[surface]`` table of a scene describes. Raises FileError if a file cannot be read."""
-    generators = _generators("Labels")
+    generators = _generators("MaterialMap")
     if "kind" not in table:
         raise missing("[surface]", "kind")
     kind = table["kind"]
@@ -102,7 +102,7 @@ def variation_of(table: Mapping[str, Any]) -> Variation | None:
 
 def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: Files, generator: Callable[..., np.ndarray] | None
-) -> tuple[Surface, Labels]:
+) -> tuple[Surface, MaterialMap]:
     """A map of labels, given or generated, and the material of each."""
     own = ("materials", "pixel_size", "topography", "heights", "variation")
     if generator is None:
@@ -127,7 +127,7 @@ def _from_labels(
         relief["topography"] = heights + _relief(relief.get("topography", 0.0), labels.shape)
     arguments = {"pixel_size": table["pixel_size"], **relief, "variation": variation_of(table)}
     surface = construct("[surface]", arguments, Surface.from_labels, labels=labels, materials=chosen)
-    return surface, Labels(labels, called)
+    return surface, MaterialMap(labels, called)
 
 
 def _from_maps(table: dict[str, Any], files: Files) -> Surface:
@@ -142,7 +142,9 @@ def _from_maps(table: dict[str, Any], files: Files) -> Surface:
     return construct("[surface]", maps, Surface)
 
 
-def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], files: Files) -> tuple[Surface, Labels]:
+def _from_measured(
+    table: dict[str, Any], materials: Mapping[str, Material], files: Files
+) -> tuple[Surface, MaterialMap]:
     """The height of a measured image as topography, and its phase populations as materials."""
     check_keys("[surface]", table, ("file", "materials", "height", "phase", "variation"), ("file", "materials"))
     chosen = _materials(table["materials"], materials)
@@ -153,7 +155,7 @@ def _from_measured(table: dict[str, Any], materials: Mapping[str, Material], fil
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
     grid, variation = (coordinate_step(image, "y"), coordinate_step(image, "x")), variation_of(table)
     surface = Surface.from_labels(labels, chosen, topography=topography, pixel_size=grid, variation=variation)
-    return surface, Labels(labels, dict(enumerate(table["materials"])))
+    return surface, MaterialMap(labels, dict(enumerate(table["materials"])))
 
 
 def _generators(result: str) -> dict[str, Callable[..., np.ndarray]]:

@@ -16,7 +16,7 @@ from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.solvers.in_time import ETA
 from phasemap.solvers.problem import Work
-from phasemap.solvers.seen_by_detector import Found, at_tip, shown
+from phasemap.solvers.seen_by_detector import SolvedRows, at_tip, shown
 from phasemap.solvers.solver import LENGTH, PHASE, March, Solver
 
 Codes = NDArray[np.int8]
@@ -72,7 +72,7 @@ class Branches(NamedTuple):
 
 def stable_branches(
     work: Work, solver: Solver, accuracy: Accuracy, workers: int = 1, progress: Progress | None = None,
-    engaged: Found | None = None,
+    engaged: SolvedRows | None = None,
 ) -> Branches:  # fmt: skip
     """Find the stable orbits that hold the setpoint on the attractive and on the repulsive branch.
 

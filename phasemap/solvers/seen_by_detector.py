@@ -23,7 +23,7 @@ from phasemap.experiment.lever import (
 )
 from phasemap.solvers.problem import Work
 
-Found = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
+SolvedRows = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
 """Result rows, status and solver codes."""
 
 

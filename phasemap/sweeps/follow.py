@@ -29,13 +29,13 @@ from phasemap.solvers.continuation.curves import (
     held_curves,
     swept_curves,
 )
-from phasemap.solvers.continuation.path import UNITS, Question, Scale, fixed_path, swept_path
+from phasemap.solvers.continuation.path import UNITS, Question, Spacing, fixed_path, swept_path
 from phasemap.solvers.continuation.visit import (
     Jump,
     OffOrbit,
-    Place,
     Segment,
     SlowFeedback,
+    TipPlace,
     Visit,
     like,
     move_in_time,
@@ -193,7 +193,7 @@ def parameter(
     def held_under(changed: Microscope) -> float:
         return height if ratio is None else ratio * changed.driven_amplitude
 
-    scale, of_amplitude = Scale.over(axis), ratio is not None
+    scale, of_amplitude = Spacing.over(axis), ratio is not None
     for value in (scale.low, scale.high):
         question.with_parameter(name, value)
     directions, words = ("up", "down"), name.replace("_", " ")
@@ -217,7 +217,9 @@ def parameter(
     return dataset(curves, about, visits, question, held)
 
 
-def _hold(feedback: SlowFeedback, place: Place | None, order: range, direction: int) -> tuple[Visit, Place | None]:
+def _hold(
+    feedback: SlowFeedback, place: TipPlace | None, order: range, direction: int
+) -> tuple[Visit, TipPlace | None]:
     """Hold one amplitude after the other."""
     curves = feedback.curves
     n = len(curves.wanted)
@@ -247,7 +249,7 @@ def _sweep_at_offset(curves: Curves) -> list[Visit]:
     return visits
 
 
-def _sweep_held(curves: Curves, question: Question, name: str, scale: Scale, ratio: float) -> list[Visit]:
+def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, ratio: float) -> list[Visit]:
     """Sweeps up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves, held=True)
 

@@ -29,7 +29,7 @@ from phasemap.solvers.run import run
 from phasemap.solvers.solver import Solver
 from phasemap.validation.picture import Claim, Picture, judged
 
-Pixels = NDArray[np.intp]
+Indices = NDArray[np.intp]
 Values = dict[str, NDArray[Any]]
 
 
@@ -38,7 +38,7 @@ class Again:
     """Variables that a solver found again in n pixels of a picture."""
 
     picture: Picture
-    pixels: Pixels  # shape (n,); flat, in the order of the picture
+    pixels: Indices  # shape (n,); flat, in the order of the picture
     values: Values  # variables of these pixels, as an image has them, shape (n,) each
     materials: int  # how many distinct ones were solved
 
@@ -77,7 +77,7 @@ class Again:
 class _Part:
     """Pixels under one tip: their distinct materials, and which each has."""
 
-    pixels: Pixels
+    pixels: Indices
     work: Work
     numbers: NDArray[np.intp]
 
@@ -97,7 +97,7 @@ def image_again(picture: Picture, surface: Surface, threads: int | None, progres
 
 
 def solve_again(
-    picture: Picture, surface: Surface, pixels: Pixels, solver: Solver, threads: int | None, progress: Progress | None
+    picture: Picture, surface: Surface, pixels: Indices, solver: Solver, threads: int | None, progress: Progress | None
 ) -> Again:
     """Solve some pixels again, given flat, of the surface as it passed under the tip."""
     claims, carries = picture.claims, isinstance(picture.claims.control, Raster)
@@ -128,7 +128,7 @@ def after(progress: Progress | None, done: int, total: int) -> Progress | None:
     return None if progress is None else lambda count, _: progress(min(done + count, total), total)
 
 
-def _parts(picture: Picture, surface: Surface, pixels: Pixels) -> list[_Part]:
+def _parts(picture: Picture, surface: Surface, pixels: Indices) -> list[_Part]:
     """Pixels by the tip that scans them."""
     claims, size = picture.claims, surface.shape[0] * surface.shape[1]
     microscope = claims.microscope
@@ -143,14 +143,14 @@ def _parts(picture: Picture, surface: Surface, pixels: Pixels) -> list[_Part]:
     return parts
 
 
-def _work(surface: Surface, pixels: Pixels, scope: Microscope, amplitude: float) -> tuple[Work, NDArray[np.intp]]:
+def _work(surface: Surface, pixels: Indices, scope: Microscope, amplitude: float) -> tuple[Work, NDArray[np.intp]]:
     """Work of the distinct materials of pixels, and which each pixel has."""
     materials, numbers = np.unique(surface.materials(pixels), axis=0, return_inverse=True)
     viscous = surface.viscosity is not None
     return make_work(materials, viscous, scope, amplitude, marched=True), numbers.reshape(-1)
 
 
-def _slots(picture: Picture, pixels: Pixels, numbers: NDArray[np.intp], orbits: StableOrbits) -> NDArray[np.intp]:
+def _slots(picture: Picture, pixels: Indices, numbers: NDArray[np.intp], orbits: StableOrbits) -> NDArray[np.intp]:
     """Slot of the orbit, of a material, on which the tip is that comes to a pixel as it leaves the last."""
     branches, offsets = (values.reshape(-1)[pixels] for values in carried(picture))
     comes = zip(numbers, branches, offsets, strict=True)

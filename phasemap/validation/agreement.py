@@ -48,26 +48,26 @@ FACTOR = 10.0  # between errors that are estimated twice
 NAMED = 3  # variables that differ
 
 
-class Errors(NamedTuple):
+class StatedErrors(NamedTuple):
     """Errors of phase [degree] and height [m] of some pixels; NaN where they are not known."""
 
     phase: Array
     height: Array
 
 
-def _stated(again: Again) -> Errors:
+def _stated(again: Again) -> StatedErrors:
     """Errors that the image states, or else those that were asked for; averaging states none."""
     claims, errors = again.picture.claims, []
-    for name in Errors._fields:
+    for name in StatedErrors._fields:
         if f"error_{name}" in again.picture:
             errors.append(again.claimed(f"error_{name}"))
         else:
             usual = np.nan if claims.solver == "averaging" else getattr(claims.accuracy, name)
             errors.append(np.full(len(again.pixels), usual))
-    return Errors(*errors)
+    return StatedErrors(*errors)
 
 
-def _allowed(again: Again, errors: Errors, approximate: Mask) -> dict[str, Array]:
+def _allowed(again: Again, errors: StatedErrors, approximate: Mask) -> dict[str, Array]:
     """Largest differences of `QUANTITIES`, for such errors of phase and height in all; NaN where one says nothing.
 
     An error e of the phase is one of the force's first harmonic, k u0 e, of the drive's work, pi k u0 A e, and of the
@@ -158,7 +158,7 @@ def _branch(again: Again, both: Mask, same: Mask) -> Claim:
 def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Claim:
     """Claim that the image is as near to the other solution as it says."""
     unit, scale = UNITS[FLOATS[name].units]
-    whose = "estimated" if name in Errors._fields else "its"  # which follows from those that are estimated
+    whose = "estimated" if name in StatedErrors._fields else "its"  # which follows from those that are estimated
     about = f"solved again: {name.replace('_', ' ')} within {whose} error"
     apart, largest = np.abs(quantity.claimed - quantity.again), quantity.allowed
     known = both & ~np.isnan(largest)
@@ -176,10 +176,10 @@ def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Clai
 def _quantities(again: Again) -> dict[str, _Quantity]:
     """Values of `QUANTITIES` in the image and found again; errors of both and the quantisation are allowed."""
     picture, values, said = again.picture, again.values, _stated(again)
-    own = Errors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
+    own = StatedErrors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
     made = again.raw("solver") if "solver" in picture else np.full(len(again.pixels), col.AVERAGING)
     approximate = np.isin(made, (col.AVERAGING, col.INTERPOLATED))
-    largest = _allowed(again, Errors(said.phase + own.phase, said.height + own.height), approximate)
+    largest = _allowed(again, StatedErrors(said.phase + own.phase, said.height + own.height), approximate)
     there = filter(picture.__contains__, QUANTITIES)
     return {name: _Quantity(again.claimed(name), values[name], largest[name]) for name in there}
 
@@ -266,8 +266,8 @@ def _largest(again: Again, share: float) -> dict[str, Array]:
         scanned = [name for name in SCAN_VARIABLES if name in FLOATS and name not in FLAGS]
         by_name = {name: SAME[FLOATS[name].units] + 2 * picture.coarse(name) for name in scanned}
         return {name: np.full(len(again.pixels), limit) for name, limit in by_name.items()}
-    errors = (share * np.nan_to_num(values[f"error_{name}"]) for name in Errors._fields)
-    exact = Errors(*(error + rounding for error, rounding in zip(errors, ITERATIONS, strict=True)))
+    errors = (share * np.nan_to_num(values[f"error_{name}"]) for name in StatedErrors._fields)
+    exact = StatedErrors(*(error + rounding for error, rounding in zip(errors, ITERATIONS, strict=True)))
     largest = _allowed(again, exact, np.zeros(len(again.pixels), bool))
     largest["height"] = largest["tip_offset"] = largest["height"] + 1e-15 * np.abs(values["height"])
     regular = np.where(np.isnan(largest["indentation"]), np.nan, OTHERWISE * np.abs(values["indentation"]))

@@ -26,7 +26,7 @@ from phasemap.explorer.offered import Offered, Opened, first_of
 from phasemap.explorer.saving import SAVED, python_of
 from phasemap.explorer.setting import Setting, knobs, starred, values_of
 from phasemap.explorer.subject import Subject, subject_of
-from phasemap.explorer.words import Found, lines_of, shown_number
+from phasemap.explorer.words import PointMotion, lines_of, shown_number
 from phasemap.results.words import describe_alike
 from phasemap.scenes.scene import load_scene, scene_from_tables
 
@@ -47,10 +47,10 @@ def step(changes: dict[str, Any] | None = None, **message: Any) -> Setting:
     return Setting.of(subject_of(STEP, overrides=[SMALL]), {"changes": changes or {}, **message})
 
 
-def shown(setting: Setting) -> list[Found]:
+def shown(setting: Setting) -> list[PointMotion]:
     """What the page is told of each material."""
     told = answers.picture(setting).about["materials"]
-    return [Found(**{key: math.nan if value is None else value for key, value in one.items()}) for one in told]
+    return [PointMotion(**{key: math.nan if value is None else value for key, value in one.items()}) for one in told]
 
 
 def test_the_image_of_a_setting_is_the_one_that_the_scene_has_with_these_values() -> None:

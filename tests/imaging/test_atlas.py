@@ -18,7 +18,7 @@ from phasemap.imaging import engaged
 from phasemap.imaging.engaged import OF_ANSWER
 from phasemap.imaging.interpolation.atlas import Atlas
 from phasemap.imaging.interpolation.borders import Undecided, find_borders
-from phasemap.imaging.interpolation.cells import Cell, Piece, evaluate
+from phasemap.imaging.interpolation.cells import Cell, FilledCell, evaluate
 from phasemap.imaging.interpolation.exact_orbits import DEPTH, Axes, ExactOrbits
 from phasemap.results.variables import SOLVER_NAMES
 
@@ -378,7 +378,7 @@ class TestParts:
         rng = np.random.default_rng(form)
         cell = Cell((-1.0, 2.0, 0.0, 1.0, 0.1, 1.0), 0.5, 2.0, form)
         coefficients = rng.standard_normal((3, 4, 5, 6))
-        atlas = Atlas.of([[kernel.LEAF, 0, -1, -1]], [0.0], [], [Piece(cell, coefficients, np.zeros(2))])
+        atlas = Atlas.of([[kernel.LEAF, 0, -1, -1]], [0.0], [], [FilledCell(cell, coefficients, np.zeros(2))])
         points = np.column_stack([rng.uniform(-1, 2, 50), rng.uniform(0, 1, 50), rng.uniform(0.4, 2.1, 50)])
         piece, values = atlas(np.ascontiguousarray(points.T), np.arange(6))
         inside = (abs(cell.inside(points)) <= 1).all(axis=1) & (points[:, 2] >= 0.5) & (points[:, 2] <= 2.0)

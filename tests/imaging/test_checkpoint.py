@@ -87,7 +87,7 @@ def test_an_image_that_was_killed_twice_is_the_same_to_the_last_bit(
     folder, keep = tmp_path / "parts", Checkpoint.keep
     for parts in (2, 3):
 
-        def keep_and_die(self: Checkpoint, lines: checkpoint.Lines, parts: int = parts) -> None:
+        def keep_and_die(self: Checkpoint, lines: checkpoint.FilledLines, parts: int = parts) -> None:
             keep(self, lines)
             if len(list(written(folder))) == parts:
                 raise Killed
@@ -117,7 +117,7 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     from phasemap.experiment.accuracy import Accuracy
     from phasemap.imaging.canvas import Canvas
     from phasemap.imaging.job import Job, fill_part, plan_image, simulator_of
-    from phasemap.imaging.materials import Place, survey
+    from phasemap.imaging.materials import Window, survey
     from phasemap.results.variables import check_variables, variables_of
     from phasemap.solvers.solver import by_name
 
@@ -125,7 +125,7 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     control, realism = options.get("control", pm.Engage()), options.get("realism", pm.Realism())
     names = check_variables(None, variables_of(control))
     job = Job(
-        surface, Place(0, 0, surface.shape), SCOPE, 0.7 * SCOPE.driven_amplitude, control,
+        surface, Window(0, 0, surface.shape), SCOPE, 0.7 * SCOPE.driven_amplitude, control,
         by_name(options.get("solver", "auto")), Accuracy(), realism, names, 1,
     )  # fmt: skip
     stretches = plan_image(job, survey(surface, simulator_of(control).most(job)))
@@ -134,7 +134,7 @@ def test_an_image_does_not_depend_on_where_it_is_cut(cuts: set[int], name: str) 
     for first, last in itertools.pairwise(bounds):
         part = surface.rows(rows := slice(first, last))
         mine = canvas.part(part, rows)
-        state = fill_part(replace(job, surface=part, place=Place(first, 0, surface.shape)), stretches, mine, state)
+        state = fill_part(replace(job, surface=part, place=Window(first, 0, surface.shape)), stretches, mine, state)
     expected = pm.simulate(surface, SCOPE, 0.7, **options)
     assert all(array.tobytes() == expected[variable].values.tobytes() for variable, array in canvas.arrays().items())
 
@@ -198,12 +198,12 @@ def test_a_part_that_does_not_fit_is_made_again(misfit: str, tmp_path: Path) -> 
 @pytest.mark.usefixtures("eager")
 def test_the_state_of_another_lever_is_never_handed_to_compiled_code() -> None:
     from phasemap._kernels import columns as col
-    from phasemap.imaging.feedback.lines import TipState
+    from phasemap.imaging.feedback.lines import LoopState
 
-    state = TipState(col.AVERAGING).freeze()
+    state = LoopState(col.AVERAGING).freeze()
     for wrong in ({**state, "y": state["y"][:1]}, {**state, "loop": np.zeros(1)}, {**state, "engine": np.array(9)}):
         with pytest.raises((KeyError, ValueError)):
-            TipState.thaw(wrong)
+            LoopState.thaw(wrong)
 
 
 @pytest.mark.usefixtures("eager")
@@ -299,7 +299,7 @@ def test_a_folder_that_cannot_be_made_costs_a_warning_and_not_the_image(place: s
 def test_a_folder_that_vanishes_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep, folder = Checkpoint.keep, tmp_path / "parts"
 
-    def keep_and_lose(self: Checkpoint, lines: checkpoint.Lines) -> None:
+    def keep_and_lose(self: Checkpoint, lines: checkpoint.FilledLines) -> None:
         keep(self, lines)
         if lines.first < 6:
             discard(folder)  # as another run with the same output does in the end

@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 import phasemap as pm
 from phasemap.imaging import dask as blocks
 from phasemap.imaging import engaged, raster
-from phasemap.imaging.materials import Place, survey
+from phasemap.imaging.materials import Window, survey
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
 SOFT, HARD = pm.Material(0.5e9, adhesion=0.1, damping=0.1), pm.Material(3e9, adhesion=0.15, damping=0.005)
@@ -264,8 +264,8 @@ def test_surveys_of_parts_say_the_same_in_any_order() -> None:
                 cut = np.s_[top : top + 13, left : left + 17]
                 maps = {name: getattr(surface, name)[cut] for name in ("modulus", "damping")}
                 part = pm.Surface(**maps, adhesion=0.12, pixel_size=4e-9)
-                parts.append(survey(part, most, Place(top, left, surface.shape)))
-        whole = survey(surface, most, Place(0, 0, surface.shape))
+                parts.append(survey(part, most, Window(top, left, surface.shape)))
+        whole = survey(surface, most, Window(0, 0, surface.shape))
         for seed in range(3):
             shuffled = [parts[i] for i in np.random.default_rng(seed).permutation(len(parts))]
             joined = shuffled[0]

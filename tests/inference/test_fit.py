@@ -16,7 +16,7 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import evidence, problem
-from phasemap.inference.curves.data import Setup, check_data, check_parameters
+from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.recorded import EVERY, compared, of_curve, under
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.continuation.visit import Visit
@@ -394,7 +394,7 @@ def test_a_drive_beside_the_resonance_has_the_phase_asked_and_leaves_what_the_fr
     quality: float, excitation: str
 ) -> None:
     scope = pm.Microscope(pm.Cantilever(1.0, 50e3, quality), pm.Tip(7e-9), pm.Drive(20e-9, 51e3, excitation))
-    first = Setup(FILM, scope, 0.0)
+    first = CurveSetting(FILM, scope, 0.0)
     for asked in (-20.0, 10.0, 89.9):
         setup = first.with_parameter("free_phase", asked)
         assert setup.scope.free_phase == pytest.approx(asked, abs=1e-9) or asked == 89.9
@@ -404,9 +404,9 @@ def test_a_drive_beside_the_resonance_has_the_phase_asked_and_leaves_what_the_fr
 
 def test_a_law_starts_from_the_numbers_of_another_whatever_its_own_are_called() -> None:
     scope, start, more = under("neck", SCOPE, FILM)
-    for one in check_parameters([*more, "modulus", "free_phase"], Setup(start, scope, 0.0), "tip_offset"):
+    for one in check_parameters([*more, "modulus", "free_phase"], CurveSetting(start, scope, 0.0), "tip_offset"):
         assert one.value(one.q(0.7 * one.start + 0.1)) == pytest.approx(0.7 * one.start + 0.1), one.name
-    lengthened = Setup(start, scope, 0.0).with_parameter("neck_length", 2e-9)
+    lengthened = CurveSetting(start, scope, 0.0).with_parameter("neck_length", 2e-9)
     assert lengthened.scope.interaction.contact == pm.interaction.Neck(2e-9) and lengthened.value("neck_length") == 2e-9
 
 
@@ -432,7 +432,7 @@ def test_a_law_that_is_not_there_is_refused() -> None:
 def test_derivatives_from_orbits_beside_are_those_of_whole_curves(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
     values, height = (FREQUENCIES[::8], HEIGHT) if axis == "frequency" else (OFFSETS[::8], 0.0)
     one, way = (response, "up") if axis == "frequency" else (distance, "approach")
-    seen, setup = one(FILM, way, 15), Setup(FILM, SCOPE, height)
+    seen, setup = one(FILM, way, 15), CurveSetting(FILM, SCOPE, height)
     given = {name: (seen[name][::8], NOISE[f"{name}_error"]) for name in ("amplitude", "phase")}
     data = check_data(axis, values, way, given)
     model = problem.Problem(data, setup, check_parameters(("modulus", "adhesion", "phase_offset"), setup, axis))
@@ -447,7 +447,7 @@ def test_derivatives_from_orbits_beside_are_those_of_whole_curves(axis: str, mon
 
 def test_a_law_that_loses_energy_is_named_and_its_own_numbers_are_fitted_above_their_least() -> None:
     scope, _, more = under("lossy dmt", SCOPE, FILM)
-    setup = Setup(FILM, scope, 0.0)
+    setup = CurveSetting(FILM, scope, 0.0)
     ratio, loss = check_parameters(list(more)[:2], setup, "tip_offset")
     assert (ratio.name, loss.name, loss.units) == ("adhesion_ratio", "outer_loss", "N s m-1")
     assert [round(ratio.value(q), 3) for q in (-3, 0, 1, 9)] == [1.001, 2.0, 11.0, 1000.0]
@@ -457,13 +457,13 @@ def test_a_law_that_loses_energy_is_named_and_its_own_numbers_are_fitted_above_t
 
 
 def test_the_modulus_of_a_material_that_relaxes_takes_its_relaxation_along() -> None:
-    spectrum = Setup(RUBBER, SCOPE, 0.0).with_parameter("modulus", 5e9).material
+    spectrum = CurveSetting(RUBBER, SCOPE, 0.0).with_parameter("modulus", 5e9).material
     assert spectrum.relaxation == pm.Prony([2e9, 1e9], [1e-6, 1e-5], 2e9)
     solid = pm.Material(2e9, relaxed_modulus=1e9, relaxation_time=1e-6)
-    assert Setup(solid, SCOPE, 0.0).with_parameter("modulus", 0.5e9).material == replace(
+    assert CurveSetting(solid, SCOPE, 0.0).with_parameter("modulus", 0.5e9).material == replace(
         solid, modulus=0.5e9, relaxed_modulus=0.25e9
     )
-    assert [one.name for one in check_parameters(None, Setup(RUBBER, SCOPE, 0.0), "tip_offset")] == [
+    assert [one.name for one in check_parameters(None, CurveSetting(RUBBER, SCOPE, 0.0), "tip_offset")] == [
         "modulus",
         "adhesion",
     ]
@@ -501,7 +501,7 @@ def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.Monk
     visit = Visit(rows, rows, np.zeros(7, np.int8), [])
     monkeypatch.setattr(problem, "there_and_back", lambda *_: (visit, visit))
     monkeypatch.setattr(problem, "seen", lambda rows, _: rows)
-    wet = Setup(
+    wet = CurveSetting(
         pm.Material(1e9, 0.05, 0.01, liquid_film=1e-9), replace(SCOPE, interaction=pm.Interaction("capillary")), 0.0
     )
     found = problem.branches(wet, "tip_offset", np.arange(7.0))
@@ -513,7 +513,7 @@ def test_the_repulsive_branch_is_known_where_the_way_over_the_data_does_not_lead
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 200.0), pm.Tip(8e-9), pm.Drive(20e-9), law)
     wet, far = pm.Material(3e9, 0.03, damping=0.01, liquid_film=1.5e-9), np.array([17.6e-9, 18.0e-9, 22e-9])
     assert (pm.sweep_distance(wet, scope, far).phase < 0).all()
-    found = problem.branches(Setup(wet, scope, 0.0), "tip_offset", far)
+    found = problem.branches(CurveSetting(wet, scope, 0.0), "tip_offset", far)
     there = (found.phase > 0) & (found.gap == 0)
     assert there[:, 0].any() and not there[:, 2].any()
 

@@ -73,7 +73,7 @@ class Series(NamedTuple):
     sin: np.ndarray
 
 
-class Errors(NamedTuple):
+class MeanErrors(NamedTuple):
     """Errors of a mean, and the bias of its lag."""
 
     lag: float  # that is stated [rad]
@@ -247,7 +247,7 @@ def branch_slope(lever: np.ndarray, x: float, y: float) -> float:
 
 
 @kernel
-def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, amplitude: float) -> Errors:
+def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, amplitude: float) -> MeanErrors:
     """Errors of averages from `first` on: theory, Eq. (irregular-6).
 
     Where an amplitude is held, lag and tip offset vary with it, by single taps or on the way to the setpoint. Slopes of
@@ -275,4 +275,4 @@ def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, am
     offset += abs(w_slope * missed) + share
     unknown = max(abs(slope * missed), abs(branch - slope) * max(abs(missed), offset)) if held else 0.0
     offset_scatter = math.hypot(half_width(w, n), STEPS_LENGTH) + share
-    return Errors(lag + unknown, offset, slope * missed, lag + share * abs(slope), offset_scatter)
+    return MeanErrors(lag + unknown, offset, slope * missed, lag + share * abs(slope), offset_scatter)

@@ -14,8 +14,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import (
-    Errors,
     LockIn,
+    MeanErrors,
     Series,
     Total,
     add_total,
@@ -165,7 +165,7 @@ def astray(amplitude: float, groups: Groups) -> bool:
 
 
 @kernel
-def scatters_little(errors: Errors) -> bool:
+def scatters_little(errors: MeanErrors) -> bool:
     """True if averages scatter so little about their mean that it counts as held."""
     return errors.lag_scatter < 2.0 * WORST_PHASE and errors.offset_scatter < 2.0 * WORST_LENGTH
 

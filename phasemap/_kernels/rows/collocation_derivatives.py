@@ -46,7 +46,7 @@ from phasemap._kernels.orbits.collocation.system import (
     hold_parameter,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.rows.derivatives import Found, Setpoints
+from phasemap._kernels.rows.derivatives import Derivatives, Setpoints
 
 MOST_KEPT_ELEMENTS = 40  # of most orbits: few have more
 PLACE = HEAD_WORDS + (MOST_KEPT_ELEMENTS + 1) * ELEMENT_WORDS
@@ -124,7 +124,7 @@ def fill_derivatives_by_property(
 
 @kernel
 def collocation_block(
-    law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, tables: np.ndarray, found: Found
+    law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, tables: np.ndarray, found: Derivatives
 ) -> None:
     """Fill in phase and tip offset of exact orbits near known ones, as `averaged_block` does of averaged ones.
 

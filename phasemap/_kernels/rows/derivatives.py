@@ -40,7 +40,7 @@ class Setpoints(NamedTuple):
     places: np.ndarray
 
 
-class Found(NamedTuple):
+class Derivatives(NamedTuple):
     """Orbits of n materials in m images, and their derivatives with respect to k logarithms."""
 
     values: np.ndarray  # shape (n, m, 2); phase [rad] and tip offset [m]
@@ -68,7 +68,9 @@ def averaged_phases(law: Law, rows: np.ndarray, setpoints: Setpoints, search: bo
 
 
 @kernel
-def averaged_block(law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, found: Found) -> None:
+def averaged_block(
+    law: Law, rows: np.ndarray, step: float, setpoints: Setpoints, search: bool, found: Derivatives
+) -> None:
     """Fill in averaged phase and tip offset of n materials in m images, and their derivatives.
 
     `rows` (shape (1 + k, n, ROW)): parameters of the materials, and those with each of k logarithms larger by `step`.

@@ -187,7 +187,7 @@ ETA = 0.7  # size of the march's steps: 5e-4 degree
 ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
 
 
-class TipState:
+class LoopState:
     """The state that goes from pixel to pixel: the lever's, and the loop's with the range that engaging gave it."""
 
     def __init__(self, engine: int) -> None:
@@ -201,7 +201,7 @@ class TipState:
         return numbers if self.loop is None else {**numbers, "loop": self.loop}
 
     @classmethod
-    def thaw(cls, arrays: Mapping[str, Array]) -> TipState:
+    def thaw(cls, arrays: Mapping[str, Array]) -> LoopState:
         """State from the arrays of `freeze`. Raises KeyError, ValueError if they are not that."""
         tip = cls(int(arrays["engine"]))
         tip.loop = Loop() if "loop" in arrays else None
@@ -221,12 +221,12 @@ class TipState:
         begin_periods(lever, 0.0, y[A_REAL], y[A_IMAG], periods)
         self.engine, self.state = col.MARCH, periods
 
-    def copy(self) -> TipState:
+    def copy(self) -> LoopState:
         """Copy of the state, which moves on by itself."""
         return copy.deepcopy(self)
 
 
-class Lines:
+class ScanLines:
     """Some lines of an image under one control, whose gains are known, and one tip.
 
     `numbers` (shape (ny, nx)): which of the distinct materials of `work` each pixel has.
@@ -252,7 +252,7 @@ class Lines:
         first = work.part(starts)
         self.orbits = run(by_name("auto"), first, ENGAGED, threads=job.workers)[0]
 
-    def scan(self, row: int, tip: TipState) -> None:
+    def scan(self, row: int, tip: LoopState) -> None:
         """Scan one line there and back, after engaging if the tip is not.
 
         Where the averaged lever cannot follow, `auto` has the equation of motion scan the line and all that come after.
@@ -265,7 +265,7 @@ class Lines:
             tip.engine, tip.state, tip.loop = before.engine, before.state, before.loop
         self._put_line(row, made, tip.engine)
 
-    def _scan(self, row: int, tip: TipState) -> tuple[Recorded, int]:
+    def _scan(self, row: int, tip: LoopState) -> tuple[Recorded, int]:
         """Rows recorded along a line, and GOOD or the status that ended it."""
         nx = self.job.surface.shape[1]
         program = program_of(self.numbers[row], self._ground(row), self.dwell, self.control.overscan)

@@ -15,8 +15,8 @@ from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.feedback.lines import (
     ENGAGED,
     Lifts,
-    Lines,
-    TipState,
+    LoopState,
+    ScanLines,
     check_loop,
     drive_frequency,
     lifts_by_stiffness,
@@ -34,7 +34,7 @@ MOST = 1 << 17  # distinct materials up to which gains are those for all of them
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class LinePlan:
     """Plan for all lines of an image under one tip."""
 
     control: Feedback  # with gains
@@ -51,7 +51,7 @@ def _check(job: Job) -> None:
         raise InputError("solver", name, "'averaging', 'march' or 'auto' with control=Feedback(), which acts in time")
 
 
-def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
+def _plan(job: Job, survey: Survey, before: LinePlan | None) -> LinePlan:
     """Plan with gains found by the first tip, and the tip's shift by higher harmonics on each material."""
     control = job.control
     assert isinstance(control, Feedback)
@@ -65,7 +65,7 @@ def _plan(job: Job, survey: Survey, before: Plan | None) -> Plan:
         if control.integral_gain is None:
             control = quietened(linear.tuned(), job, work, engine)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
-    return Plan(control, engine, lifts_by_stiffness(job, work) if engine == col.AVERAGING else None, notes)
+    return LinePlan(control, engine, lifts_by_stiffness(job, work) if engine == col.AVERAGING else None, notes)
 
 
 def _engine_of(job: Job, work: Work) -> int:
@@ -94,16 +94,16 @@ def _engine_of(job: Job, work: Work) -> int:
     return col.AVERAGING if name == "averaging" else col.MARCH
 
 
-def _fill(job: Job, plan: Plan, canvas: Canvas, state: TipState | None) -> TipState | None:
+def _fill(job: Job, plan: LinePlan, canvas: Canvas, state: LoopState | None) -> LoopState | None:
     """Fill the canvas of some lines, to which the tip comes in a state, and return that in which it leaves."""
     materials, numbers = job.surface.unique()
-    lines = Lines(job, plan.control, job.work(materials), numbers, plan.engine, plan.lifts, canvas)
+    lines = ScanLines(job, plan.control, job.work(materials), numbers, plan.engine, plan.lifts, canvas)
     bounds = range(len(numbers) + 1)
     tip = None
     if plan.control.engage == "line":
-        spread(lambda row, _: lines.scan(row, TipState(plan.engine)), bounds, job.workers, _counted(job))
+        spread(lambda row, _: lines.scan(row, LoopState(plan.engine)), bounds, job.workers, _counted(job))
     else:
-        tip = TipState(plan.engine) if state is None else state.copy()
+        tip = LoopState(plan.engine) if state is None else state.copy()
         spread(lambda row, _: lines.scan(row, tip), bounds, 1, _counted(job))
     canvas.note({**plan.notes, "ringing_lines": int((~lines.calm).sum())})
     return tip
@@ -140,5 +140,5 @@ NOTES = {
 
 SIMULATOR = Simulator(
     lambda job: MOST, _plan, _fill, _check, NOTES, freeze=lambda tip: {} if tip is None else tip.freeze(),
-    thaw=lambda arrays: TipState.thaw(arrays) if arrays else None,
+    thaw=lambda arrays: LoopState.thaw(arrays) if arrays else None,
 )  # fmt: skip

@@ -27,7 +27,7 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
-from phasemap.imaging.feedback.lines import ENGAGED, TipState, lifts_by_stiffness, loop_of, tau_per_second
+from phasemap.imaging.feedback.lines import ENGAGED, LoopState, lifts_by_stiffness, loop_of, tau_per_second
 from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
@@ -223,5 +223,5 @@ def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndar
     loop.lowest, loop.highest = -np.inf, np.inf
     nudged[col.TIP_OFFSET] -= TOO_NEAR * job.amplitude
     setup = Setup(work.law, work.lever, loop, generator(0, "unused: without noise"))
-    done = engage_in_time(setup, row, 0.0, nudged, TipState(engine).state)
+    done = engage_in_time(setup, row, 0.0, nudged, LoopState(engine).state)
     return bool(done == col.GOOD and loop.settled)

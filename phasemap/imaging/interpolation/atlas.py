@@ -23,7 +23,7 @@ from phasemap._kernels.materials.interpolate import (
 )
 from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
-from phasemap.imaging.interpolation.cells import Cell, Piece, fit
+from phasemap.imaging.interpolation.cells import Cell, FilledCell, fit
 from phasemap.imaging.interpolation.chebyshev import unscaled
 from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
@@ -42,7 +42,11 @@ class Atlas:
 
     @classmethod
     def of(
-        cls, nodes: Sequence[Sequence[int]], values: Sequence[float], borders: Sequence[Border], pieces: Sequence[Piece]
+        cls,
+        nodes: Sequence[Sequence[int]],
+        values: Sequence[float],
+        borders: Sequence[Border],
+        pieces: Sequence[FilledCell],
     ) -> Atlas:
         """Pack the parts of an atlas."""
         number = {id(border): i for i, border in enumerate(borders)}
@@ -89,7 +93,7 @@ def _without_rest(table: Array) -> Array:
     return table[: rows[-1] + 1, : columns[-1] + 1] if len(rows) else table[:1, :1]
 
 
-def _packed(pieces: Sequence[Piece]) -> ChebyshevSeries:
+def _packed(pieces: Sequence[FilledCell]) -> ChebyshevSeries:
     """Series of each piece, without the negligible coefficients at the end along u."""
     count = pieces[0].coefficients.shape[-1] if pieces else 0
     sizes = np.array([piece.coefficients.shape[:3] for piece in pieces], np.int64).reshape(-1, 3)
@@ -152,7 +156,7 @@ class _Builder:
         self.nodes: list[list[int]] = []
         self.values: list[float] = []
         self.borders: list[Border] = []
-        self.pieces: list[Piece] = []
+        self.pieces: list[FilledCell] = []
 
     def _node(self, kind: int, which: int, value: float = 0.0) -> int:
         self.nodes.append([kind, which, -1, -1])
@@ -241,7 +245,7 @@ class _Builder:
         """A leaf with the interpolant of a cell, or the two halves of it."""
         budget = self._budget(materials)
         found = fit(self.exact, cell, self.tolerances, materials, budget) if budget else None
-        if isinstance(found, Piece):
+        if isinstance(found, FilledCell):
             self.pieces.append(found)
             return self._node(LEAF, len(self.pieces) - 1)
         if found is None or found.hopeless or depth > DEEPEST:

@@ -22,9 +22,9 @@ from phasemap.imaging.interpolation.chebyshev import clipped, unscaled
 from phasemap.imaging.interpolation.exact_orbits import (
     DEPTH,
     HEIGHT,
+    AdhesionLines,
     Brackets,
     ExactOrbits,
-    Lines,
     jumps_on,
     orbits_above,
     scan,
@@ -107,7 +107,7 @@ def find_borders(
     return found
 
 
-def _point_below(lines: Lines, height: float) -> float | None:
+def _point_below(lines: AdhesionLines, height: float) -> float | None:
     """The point of a scan next below this adhesion, if a layer of its own lies below."""
     at = int(np.searchsorted(lines.heights[0], height, "right")) - 1
     return float(lines.heights[0, at]) if at >= LEAST_BELOW else None

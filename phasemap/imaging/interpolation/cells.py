@@ -102,7 +102,7 @@ class Cell:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class FilledCell:
     """A cell with its interpolant."""
 
     cell: Cell
@@ -146,7 +146,7 @@ def evaluate(coefs: Array, inside: Array) -> Array:
     return np.asarray(chebval3d(t0, t1, t2, coefs)).T
 
 
-class Fit:
+class Refinement:
     """An interpolant in the making: exact orbits on a grid that grows along the coordinate that needs it."""
 
     def __init__(self, exact: ExactOrbits, cell: Cell) -> None:
@@ -194,12 +194,12 @@ class Fit:
         return np.array([float((chebyshev.tail(coefs, axis, 3) / tolerances).max()) for axis in range(3)])
 
 
-def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> Piece | Rough:
+def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> FilledCell | Rough:
     """Interpolate in a cell, with at most `budget` exact orbits, and try the interpolant on some of its `materials`."""
     asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:
         return Rough(0, hopeless=True)
-    making = Fit(exact, cell)
+    making = Refinement(exact, cell)
     trial = _Trial(exact, cell, materials, tolerances)
     grown, before = -1, np.full(3, np.inf)
     while True:
@@ -241,7 +241,7 @@ class _Trial:
         self.inside = cell.inside(self.points)
         self.values: Array | None = None
 
-    def passed(self, coefs: Array) -> Piece | None:
+    def passed(self, coefs: Array) -> FilledCell | None:
         """Return the piece if its estimated errors are within the tolerances."""
         if self.values is None:
             self.values = self.exact(self.points)
@@ -253,4 +253,4 @@ class _Trial:
         if (estimates > self.tolerances).any():
             return None
         least = FLOOR * self.tolerances[[HEIGHT, PHASE]]
-        return Piece(self.cell, coefs, estimates[[HEIGHT, PHASE]] + np.maximum(least, self.exact.errors))
+        return FilledCell(self.cell, coefs, estimates[[HEIGHT, PHASE]] + np.maximum(least, self.exact.errors))

@@ -174,7 +174,7 @@ FEWEST, PLAIN = 3, 0.8  # halvings after which such a share leaves no doubt
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class AdhesionLines:
     """Orbits along lines of varying adhesion, each array of shape (lines, points)."""
 
     heights: Array
@@ -204,7 +204,7 @@ def _points(bases: Array, heights: Array) -> Array:
     return points
 
 
-def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> Lines:
+def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> AdhesionLines:
     """Orbits along lines.
 
     Time, which is slow, is asked where it may find periodic orbits that curves do not lead to: past the last that they
@@ -228,7 +228,7 @@ def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float =
         orbits[where] = exact(points[where])
         if np.isnan(orbits[where][:, HEIGHT]).all():
             break
-    return Lines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
+    return AdhesionLines(heights, orbits[..., HEIGHT], orbits[..., DEPTH])
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,14 +261,14 @@ class Brackets:
         )
 
 
-def _largest_step(lines: Lines) -> Brackets:
+def _largest_step(lines: AdhesionLines) -> Brackets:
     rows, at = np.arange(len(lines.heights)), lines.steps().argmax(axis=1)
     return Brackets(
         lines.heights[rows, at], lines.heights[rows, at + 1], lines.offsets[rows, at], lines.offsets[rows, at + 1]
     )
 
 
-def jumps_on(exact: ExactOrbits, bases: Array, lines: Lines) -> tuple[Brackets, NDArray[np.bool_]]:
+def jumps_on(exact: ExactOrbits, bases: Array, lines: AdhesionLines) -> tuple[Brackets, NDArray[np.bool_]]:
     """Bracket the largest step on every line, and whether it is a jump."""
     brackets = _largest_step(lines)
     before = brackets.step

@@ -23,7 +23,7 @@ from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
 
-Box = tuple[float, float, float, float]
+Rectangle = tuple[float, float, float, float]
 
 SHARES = (4.5, 3.0, 2.0, 1.2)
 """Distances beyond the end at which orbits are looked for, over the error that the end may have."""
@@ -168,7 +168,7 @@ def _discriminant(b: Array) -> Array:
     return np.asarray(b[:, 2] ** 2 - 3 * b[:, 3] * b[:, 1])
 
 
-def interpolated(known: list[Ends], sizes: tuple[int, int], nodes: Array, box: Box) -> tuple[list[Ends], float]:
+def interpolated(known: list[Ends], sizes: tuple[int, int], nodes: Array, box: Rectangle) -> tuple[list[Ends], float]:
     """Ends of the branch above nodes, from those on a coarser grid, and how far off they may be, relatively."""
     every = np.column_stack([ends.table for ends in known])
     coefs = chebyshev.coefficients(every.reshape(*sizes, -1), [0, 1])

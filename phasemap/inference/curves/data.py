@@ -101,7 +101,7 @@ def _finite(name: str, values: Any, unit: str) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Setup:
+class CurveSetting:
     """Everything that the measured curve depends on."""
 
     material: Material
@@ -114,7 +114,7 @@ class Setup:
         """A motion [m, degree] as the instrument says it."""
         return {"amplitude": self.amplitude_scale * amplitude, "phase": phase + self.phase_offset}
 
-    def with_parameter(self, name: str, value: float) -> Setup:
+    def with_parameter(self, name: str, value: float) -> CurveSetting:
         """The setup with one parameter changed."""
         if name == "phase_offset":
             return replace(self, phase_offset=value)
@@ -216,7 +216,7 @@ class Parameter:
         return float(of_q * self.size * (self.value(q) - self.ends[0] if self.logarithmic else 1.0))
 
 
-def check_parameters(names: object, setup: Setup, axis: str) -> tuple[Parameter, ...]:
+def check_parameters(names: object, setup: CurveSetting, axis: str) -> tuple[Parameter, ...]:
     """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping.
 
     `names`: a sequence, or a mapping to how well each is known: a factor above 1, a standard error, or None.
@@ -246,7 +246,7 @@ def losses_of(material: Material) -> tuple[str, ...]:
     return () if relaxes(material) else ("damping",) if material.viscosity is None else ("viscosity",)
 
 
-def _parameter(name: str, setup: Setup, spread: float | None) -> Parameter:
+def _parameter(name: str, setup: CurveSetting, spread: float | None) -> Parameter:
     """Make a parameter that is known beforehand within `spread`; by default within the usual spread of its kind."""
     start, ends = setup.value(name), (0.0, np.inf)
     if field := numbers_of_law(setup.scope.interaction).get(name):

@@ -22,7 +22,7 @@ ROUNDS = 2  # of secants
 FARTHEST = 0.15  # that secants go, in standard deviations of the prior
 
 
-class Solution(NamedTuple):
+class Estimate(NamedTuple):
     """The likeliest parameters, with covariance and evidence around them."""
 
     q: np.ndarray  # shape (parameters,); in standard deviations of the prior
@@ -33,7 +33,7 @@ class Solution(NamedTuple):
     tried: int  # starts
 
 
-def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> Solution:
+def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> Estimate:
     """The best solution from q given first and from the start, and from others as long as none is good."""
     degrees = problem.data.size - len(problem.parameters)
     found: list[tuple[float, np.ndarray]] = []
@@ -72,7 +72,7 @@ def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance
     return found
 
 
-def _gaussian_around(problem: Problem, q: np.ndarray, tried: int) -> Solution:
+def _gaussian_around(problem: Problem, q: np.ndarray, tried: int) -> Estimate:
     """Gaussian approximation of the posterior around the best parameters: covariance, evidence, factor on the errors.
 
     The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
@@ -90,7 +90,7 @@ def _gaussian_around(problem: Problem, q: np.ndarray, tried: int) -> Solution:
     information = slopes.T @ slopes / growth**2 + np.eye(n)
     covariance = axes.T @ np.linalg.inv(information) @ axes
     evidence = -data * math.log(growth) - 0.5 * (chi2 / growth**2 + q @ q + np.linalg.slogdet(information)[1])
-    return Solution(q, chi2, growth, covariance, float(evidence), tried)
+    return Estimate(q, chi2, growth, covariance, float(evidence), tried)
 
 
 def _slopes(problem: Problem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.interaction import Interaction
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.curves.data import Setup, check_data, check_parameters
+from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
 from phasemap.inference.curves.problem import Problem
 from phasemap.inference.curves.recorded import EVERY, begun, compared, of_curve, under
@@ -188,11 +188,11 @@ def _fit(
     axis: str, values: Any, given: dict[str, tuple[Any, Any]], direction: Any,
     begun: tuple[Material, Microscope, float], parameters: Any, starts: int, known: Mapping[str, float] | None = None,
 ) -> Fit:  # fmt: skip
-    """A fit from `begun`, as of `Setup`, tried first from the values `known` of a simpler law, if there are any."""
+    """A fit from `begun`, as of `CurveSetting`, tried first from values `known` of a simpler law, if there are any."""
     if axis == "frequency" and Question(*begun[:2]).only_in_time:
         allowed = "one of a material and a law that are not marched in time"
         raise InputError("a frequency response", Word("given"), allowed, "fit_distance fits these too.")
-    data, setup = check_data(axis, values, direction, given), Setup(*begun)
+    data, setup = check_data(axis, values, direction, given), CurveSetting(*begun)
     chosen = check_parameters(parameters, setup, axis)
     if data.size <= len(chosen):
         raise InputError(

@@ -17,9 +17,9 @@ from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
 from phasemap.experiment.lever import seen
-from phasemap.inference.curves.data import Data, Parameter, Setup
+from phasemap.inference.curves.data import CurveSetting, Data, Parameter
 from phasemap.solvers.continuation.curves import Curves, distance_curves, swept_curves
-from phasemap.solvers.continuation.path import Question, Scale, fixed_path, swept_path
+from phasemap.solvers.continuation.path import Question, Spacing, fixed_path, swept_path
 from phasemap.solvers.continuation.visit import segments
 from phasemap.sweeps.follow import there_and_back
 
@@ -53,17 +53,17 @@ class Course(NamedTuple):
     m: np.ndarray
 
     @classmethod
-    def of(cls, setup: Setup, axis: str, values: np.ndarray) -> Course:
+    def of(cls, setup: CurveSetting, axis: str, values: np.ndarray) -> Course:
         """The course of a sweep over these values [Hz or m]."""
         question = Question(setup.material, setup.scope)
         if axis != "frequency":
             return cls(fixed_path(question), values + setup.height, np.zeros(len(values)))
-        scale = Scale.over(values)
+        scale = Spacing.over(values)
         path = swept_path(question, "frequency", scale, lambda _: setup.height, False)
         return cls(path, np.full(len(values), setup.height), scale.m(values))
 
 
-def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
+def branches(setup: CurveSetting, axis: str, values: np.ndarray) -> Branches:
     """The branches of a sweep over these values [Hz or m]."""
     question = Question(setup.material, setup.scope)
     try:
@@ -78,7 +78,7 @@ def branches(setup: Setup, axis: str, values: np.ndarray) -> Branches:
         return _no_branches(values)
 
 
-def moved(setup: Setup, axis: str, values: np.ndarray, rows: np.ndarray, at: np.ndarray) -> np.ndarray | None:
+def moved(setup: CurveSetting, axis: str, values: np.ndarray, rows: np.ndarray, at: np.ndarray) -> np.ndarray | None:
     """Stable orbits at values[at], each near one of another setup, as the detector sees them; None if one is missing.
 
     That is what a derivative needs, by Newton's method for each datum, in a tenth of the time that all branches take.
@@ -174,12 +174,12 @@ class Problem:
     jumps pass data, and pull them back.
     """
 
-    def __init__(self, data: Data, setup: Setup, parameters: tuple[Parameter, ...]) -> None:
+    def __init__(self, data: Data, setup: CurveSetting, parameters: tuple[Parameter, ...]) -> None:
         self.data, self.setup, self.parameters = data, setup, parameters
         self.evaluations = 0
         self._kept: dict[bytes, Branches] = {}
 
-    def setup_at(self, q: np.ndarray) -> Setup:
+    def setup_at(self, q: np.ndarray) -> CurveSetting:
         """Material and microscope at the fitted parameters q."""
         setup = self.setup
         for parameter, number in zip(self.parameters, q, strict=True):

@@ -35,7 +35,7 @@ FITTED = ("neck_length", "adhesion_ratio", "outer_loss")
 EVERY = (*dict.fromkeys(("dmt", *LAWS)), "neck", "lossy dmt")
 
 
-class Recorded(NamedTuple):
+class FitArguments(NamedTuple):
     """Arguments of a fit."""
 
     distances: np.ndarray  # [m]; 0 where the tip was nearest
@@ -46,7 +46,7 @@ class Recorded(NamedTuple):
     parameters: dict[str, float | None]  # what is to be fitted, and how well it is known beforehand
 
 
-def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
+def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> FitArguments:
     """Arguments of a fit to a curve of `phasemap.read_curve`, for a material like `start`."""
     if not {"distance", "amplitude"} <= set(curve.data_vars):
         raise InputError("the curve", ", ".join(map(str, curve.data_vars)), "one of phasemap.read_curve")
@@ -87,7 +87,7 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> Recorded:
     if "phase" in values:
         parameters |= {"phase_offset": ZERO, "free_phase": None}
     given = {name: (means[name][:, seen], errors[name][:, seen]) for name in means}
-    return Recorded(
+    return FitArguments(
         middles, given, tuple(map(str, curve["direction"].values)), scope,
         float(means["amplitude"][:, seen][:, 0].mean() - middles[0]), parameters,
     )  # fmt: skip

@@ -10,8 +10,8 @@ import xarray as xr
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, Data, Setup
-from phasemap.inference.curves.evidence import Solution
+from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, CurveSetting, Data
+from phasemap.inference.curves.evidence import Estimate
 from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
 from phasemap.inference.verdict import (
     DETERMINED,
@@ -161,7 +161,7 @@ def shown(value: float, error: float, unit: str) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f} {word}".rstrip()
 
 
-def make_fit(problem: Problem, solution: Solution) -> Fit:
+def make_fit(problem: Problem, solution: Estimate) -> Fit:
     """Fit of a solution, with the curve, the errors and the sentences on how far to believe them."""
     data, q = problem.data, solution.q
     names = [parameter.name for parameter in problem.parameters]
@@ -210,7 +210,7 @@ def make_fit(problem: Problem, solution: Solution) -> Fit:
     )  # fmt: skip
 
 
-def _codes(problem: Problem, solution: Solution) -> np.ndarray:
+def _codes(problem: Problem, solution: Estimate) -> np.ndarray:
     """Codes of how well each parameter is known: as `codes_of`, and better than beforehand."""
     sizes = np.array([max(p.size, 1.0) if p.logarithmic else 1.0 for p in problem.parameters])
     codes = codes_of(solution.covariance * np.outer(sizes, sizes))
@@ -227,7 +227,7 @@ def _run_away(problem: Problem, q: np.ndarray) -> list[str]:
     ]
 
 
-def _softer(problem: Problem, setup: Setup, error: float) -> list[str]:
+def _softer(problem: Problem, setup: CurveSetting, error: float) -> list[str]:
     """A sentence where the modulus is not that of the material that the fit started from."""
     ratio = setup.material.modulus / problem.setup.material.modulus
     if not (abs(np.log(ratio)) > np.log(APART) and error < 1):
@@ -240,7 +240,7 @@ def _softer(problem: Problem, setup: Setup, error: float) -> list[str]:
     ]
 
 
-def _off_branch(setup: Setup, data: Data, choice: Choice, curve: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+def _off_branch(setup: CurveSetting, data: Data, choice: Choice, curve: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """True for data that the sweep does not visit, and for those of them that are alone next to a jump of the sweep."""
     off = np.zeros((len(data.directions), len(data.values)), bool)
     excused = off.copy()
@@ -290,7 +290,7 @@ def _add_data(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) ->
     curve["off_branch"] = (dims, flags, coded("whether the sweep visits the datum's branch", "visited", "off_branch"))
 
 
-def _unlikely(solution: Solution, degrees: int) -> str:
+def _unlikely(solution: Estimate, degrees: int) -> str:
     tried = solution.tried
     return (
         f"chi2 is {solution.chi2 / degrees:.3g} times the degrees of freedom after {tried} starting "

@@ -55,7 +55,7 @@ FLAGS = (
 POOR, NO_ORBIT, NO_DATA, AVERAGED, AMBIGUOUS = (1 << FLAGS.index(name) for name in FLAGS[3:])
 
 
-class Found(NamedTuple):
+class Estimates(NamedTuple):
     """Materials of pixels or regions."""
 
     materials: Array  # shape (..., 3)
@@ -65,7 +65,7 @@ class Found(NamedTuple):
 
 
 def dataset_of(
-    found: Found, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any], how: str
+    found: Estimates, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any], how: str
 ) -> xr.Dataset:
     """Materials over these dims, settings over "image", and where all this comes from; places are those of an image."""
     ds = xr.Dataset()
@@ -292,7 +292,7 @@ def invert(
     )  # fmt: skip
     model, shape = make_model(stack.scopes, stack.setpoints, prior, factor), given[0]["phase"].shape
     found = _solve(model, stack, threads, progress)
-    maps = Found(*(values.reshape(*shape, *values.shape[1:]) for values in found))
+    maps = Estimates(*(values.reshape(*shape, *values.shape[1:]) for values in found))
     configuration = {"prior": describe(prior), "prior_factor": factor}
     ds = dataset_of(maps, stack, given[0], ("y", "x"), configuration, "inverted")
     parts = [f"{name.replace('_', ' ')} {100 * np.mean(found.flags >> i & 1):.3g} %"
@@ -304,10 +304,10 @@ def invert(
     return ds
 
 
-def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress | None) -> Found:
+def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress | None) -> Estimates:
     """Materials of all pixels; those with the same errors at a time."""
     grid, count, workers = make_grid(model), len(stack), workers_of(threads)
-    answer = Found(
+    answer = Estimates(
         np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count, np.uint8)
     )
 
@@ -323,7 +323,7 @@ def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress |
     return answer
 
 
-def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Found:
+def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Estimates:
     """Materials of pixels that have the same errors."""
     problem = problem_of_pixels(model, stack)
     found, *others = (refine(problem, one) for one in descend_from_grid(problem, grid))
@@ -346,4 +346,4 @@ def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Found:
     flags |= AMBIGUOUS * untouched
     flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
     lost = np.where(found.good & (data > 0), 1.0, np.nan)
-    return Found(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)
+    return Estimates(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)

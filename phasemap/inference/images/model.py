@@ -18,7 +18,7 @@ from phasemap._kernels.law import Law
 from phasemap._kernels.lever import low_q
 from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.collocation_derivatives import PLACE, collocation_block
-from phasemap._kernels.rows.derivatives import Found, Setpoints, averaged_block, averaged_phases, response_block
+from phasemap._kernels.rows.derivatives import Derivatives, Setpoints, averaged_block, averaged_phases, response_block
 from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
@@ -99,7 +99,7 @@ class Model:
         """Places of orbits of this many materials and images, of which none is known."""
         return np.full(shape if self.averages else (*shape, PLACE), np.nan)
 
-    def orbits(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Found:
+    def orbits(self, q: Array, sides: Codes, places: Array, search: bool = False) -> Derivatives:
         """Orbits of n materials in all images near `places`, which are moved to them, and derivatives.
 
         Averaged ones, on the branches `sides`; exact ones, wherever those at `places` lead, of levers that averaging is
@@ -107,7 +107,7 @@ class Model:
         `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
         n, m = sides.shape
-        found = Found(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
+        found = Derivatives(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
         rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
         setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
         if self.averages:

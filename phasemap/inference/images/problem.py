@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.rows.derivatives import Found
+from phasemap._kernels.rows.derivatives import Derivatives
 from phasemap._shared.arrays import Array, within_half_a_turn
 from phasemap.inference.images.model import Model
 from phasemap.inference.images.stack import HEIGHT, PHASE, Projection, Stack, Zeros
@@ -51,7 +51,7 @@ class Problem:
         some = {name: getattr(self, name)[chosen] for name in ("data", "sides", "fixed", "held", "centre")}
         return replace(self, **some)
 
-    def orbits(self, q: Array, places: Array, search: bool = False) -> Found:
+    def orbits(self, q: Array, places: Array, search: bool = False) -> Derivatives:
         """Orbits of these materials near `places`, which are moved to them."""
         n, m, u = len(self.sides), self.sides.shape[2], len(self.unknown)
         there = places[:, self.unknown].reshape(n * u, *places.shape[2:])
@@ -60,7 +60,7 @@ class Problem:
         values = self.fixed.copy()
         values[:, self.unknown] = found.values.reshape(n, u, m, 2)
         good = np.asarray(found.good.reshape(n, u).all(axis=1))
-        return Found(values, found.slopes.reshape(n, u, m, 2, 3), good)
+        return Derivatives(values, found.slopes.reshape(n, u, m, 2, 3), good)
 
     def defect(self, q: Array, places: Array, values: Array) -> tuple[Array, Flags]:
         """Differences of exact orbits from these averaged values, and of which problems all of them are known."""

@@ -21,7 +21,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.invert import AMBIGUOUS, AVERAGED, POOR, Found, dataset_of
+from phasemap.inference.images.invert import AMBIGUOUS, AVERAGED, POOR, Estimates, dataset_of
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.problem import Problem, Solution, descend, information, problem_of, refine
 from phasemap.inference.images.stack import (
@@ -29,8 +29,8 @@ from phasemap.inference.images.stack import (
     HEIGHT,
     PHASE,
     SHARED,
-    Plan,
     Stack,
+    ZeroPlan,
     list_of_images,
     make_plan,
     make_stack,
@@ -261,7 +261,9 @@ def fit_regions(
     return ds
 
 
-def _prepare(model: Model, stack: Stack, materials: dict[int, Material], plan: Plan) -> tuple[Problem, Array, Array]:
+def _prepare(
+    model: Model, stack: Stack, materials: dict[int, Material], plan: ZeroPlan
+) -> tuple[Problem, Array, Array]:
     """The problem, and the materials and places of their orbits that it starts from; some are known."""
     grid = make_grid(model)
     grids = [grid_of_one(model.around(materials[r])) if r in materials else grid for r in range(len(stack))]
@@ -292,7 +294,7 @@ def of_regions(
     flags = (np.isin(codes, (COMBINED, OPEN)) << np.arange(3)).sum(axis=1)
     flags |= POOR * poor | AVERAGED * (not fitted.best.exact[0]) | AMBIGUOUS * bool(fitted.others)
     misfit = np.array(chi2 / degrees if degrees > 0.5 else np.nan)
-    found = Found(materials, errors, misfit, flags.astype(np.uint8))
+    found = Estimates(materials, errors, misfit, flags.astype(np.uint8))
     ds = dataset_of(found, stack, image, ("region",), configuration, "fitted by regions")
     logarithms = [f"{name} {names[r]}" for r in unknown for name in PARAMETERS]
     ds = ds.assign_coords(
@@ -305,7 +307,7 @@ def of_regions(
     return ds
 
 
-def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan: Plan) -> None:
+def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan: ZeroPlan) -> None:
     """Put zeros, and measured values beside fitted ones, into the Dataset of materials."""
     columns = plan.zeros(len(stack)).columns
     moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
@@ -336,7 +338,7 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
     ds["branch"] = (dims, found.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1))
 
 
-def tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: Plan) -> None:
+def tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: ZeroPlan) -> None:
     """Write the verdict, and advice on further measurements."""
     flags, names = int(np.bitwise_or.reduce(ds["flag"].values)), ds["region"].values.tolist()
     if flags & POOR:

@@ -216,7 +216,7 @@ class Projection:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ZeroPlan:
     """Prior knowledge of the zeros of phase and height of m images."""
 
     # phase, height: "shared" for one unknown of all images, "free" for one in each, None where it is known
@@ -275,14 +275,14 @@ class Plan:
 
 def make_plan(
     images: list[xr.Dataset], phase: tuple[Any, Any], height: tuple[Any, Any], topography_error: object
-) -> Plan:
+) -> ZeroPlan:
     """Check the zeros that are given, and their standard errors."""
     count = len(images)
     if phase[0] is None:
         phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]
     kinds = _kind("phase_zero", phase[0], (SHARED, FREE)), _kind("height_zero", height[0], (FREE,))
     none, unknown = np.zeros(count), isinstance(topography_error, float) and topography_error == np.inf
-    return Plan(
+    return ZeroPlan(
         *kinds,
         none if kinds[0] else np.radians(zeros_of(images, "phase_zero", phase[0], "degree")),
         none if kinds[1] else zeros_of(images, "height_zero", height[0], "m"),

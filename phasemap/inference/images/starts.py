@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 from phasemap._shared.arrays import Array
 from phasemap.inference.images.model import SIDES, Model
 from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, information, problem_of_pixels
-from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Plan, Stack
+from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Stack, ZeroPlan
 
 Codes = NDArray[np.int8]
 
@@ -233,7 +233,7 @@ def grid_of_one(model: Model) -> Grid:
 
 
 def make_starts(
-    model: Model, stack: Stack, grids: list[Grid], known: list[int], plan: Plan, sides: Codes | None
+    model: Model, stack: Stack, grids: list[Grid], known: list[int], plan: ZeroPlan, sides: Codes | None
 ) -> tuple[Array, Codes, Array]:
     """Logarithms of the unknown regions, shape (n, 3 u), branches, shape (n, r, m), and places of their orbits.
 

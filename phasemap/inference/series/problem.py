@@ -37,7 +37,7 @@ ALL = np.newaxis
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class PlaceTable:
     """Places of orbits over logarithms of the material, logarithm of the free amplitude [m], and setpoint.
 
     Of a single material, over the last two alone.
@@ -56,7 +56,7 @@ class Table:
         return np.where(there, found[:2], np.nan), there
 
 
-def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float], levels: Array) -> Table:
+def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float], levels: Array) -> PlaceTable:
     """Solve for all nodes, each from where the orbit of its neighbour is.
 
     `reach`: largest logarithms of the materials; None for the model's reference alone. `amplitudes`: least and largest
@@ -90,7 +90,7 @@ def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float
                 solve((i, j), places[before], False)
     counts = [len(axis) for axis in (*materials, logs, levels)]
     whole = places.transpose(3, 0, 1, 2).reshape(*counts, 2)
-    return Table([*materials, logs, levels], np.concatenate([_filled(whole), ~np.isnan(whole)], axis=-1))
+    return PlaceTable([*materials, logs, levels], np.concatenate([_filled(whole), ~np.isnan(whole)], axis=-1))
 
 
 def _filled(places: Array) -> Array:
@@ -136,7 +136,7 @@ class Part(NamedTuple):
 
     regions: Indices
     model: Model  # of any settings
-    table: Table
+    table: PlaceTable
     known: bool
 
     def solved(self, logs: Array, amplitudes: Array, ratios: Array) -> Array:

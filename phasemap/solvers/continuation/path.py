@@ -83,7 +83,7 @@ def fixed_path(question: Question) -> Path:
 
 
 @dataclass(frozen=True)
-class Scale:
+class Spacing:
     """Dependence of a parameter on m in [-1, 1]: linear or logarithmic."""
 
     low: float
@@ -91,7 +91,7 @@ class Scale:
     logarithmic: bool
 
     @classmethod
-    def over(cls, values: np.ndarray) -> Scale:
+    def over(cls, values: np.ndarray) -> Spacing:
         """The scale for a sweep over these values."""
         low, high = float(values.min()), float(values.max())
         return cls(low, high, low > 0 and high > WIDE * low)
@@ -111,7 +111,7 @@ class Scale:
 
 
 def swept_path(
-    question: Question, name: str, scale: Scale, held: Callable[[Microscope], float], of_amplitude: bool
+    question: Question, name: str, scale: Spacing, held: Callable[[Microscope], float], of_amplitude: bool
 ) -> Path:
     """The path of a sweep in a parameter, with z0 or A held.
 

@@ -256,7 +256,7 @@ def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> S
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class TipPlace:
     """Place of the tip: at a tip offset on a segment, or off all of them."""
 
     on: Segment | OffOrbit
@@ -266,7 +266,7 @@ class Place:
 class Held(NamedTuple):
     """Orbit on which a feedback holds an amplitude."""
 
-    place: Place | None  # none if the tip hunts, or nothing can be held
+    place: TipPlace | None  # none if the tip hunts, or nothing can be held
     row: np.ndarray | None  # shape (FULL,), or None
     trace: np.ndarray | None  # shape (2, samples), or None; none too where the motion is not periodic
     # If the feedback lost its orbit on the way: from where it was last held, to where it is held again
@@ -281,30 +281,30 @@ class SlowFeedback:
         self.parts = segments(curves)
         self.span = float(np.ptp(curves.wanted)) or float(curves.wanted[-1])
 
-    def far(self) -> Place | None:
+    def far(self) -> TipPlace | None:
         """Place of the tip before it is lowered; None if there is none."""
         return self._next(np.inf, True)
 
-    def nearest(self, row: np.ndarray) -> Place | None:
+    def nearest(self, row: np.ndarray) -> TipPlace | None:
         """The place at the tip offset of a result row, or else at the nearest end, whose orbit is most like it."""
-        z0, places = float(row[col.TIP_OFFSET]), list[tuple[float, float, Place]]()
+        z0, places = float(row[col.TIP_OFFSET]), list[tuple[float, float, TipPlace]]()
         for part in self.parts:
-            here = Place(part, float(np.clip(z0, part.x[0], part.x[-1])))
+            here = TipPlace(part, float(np.clip(z0, part.x[0], part.x[-1])))
             there = part.row_at(here.z0)
             assert there is not None
             apart = abs(there[col.AMPLITUDE] / row[col.AMPLITUDE] - 1.0) + abs(there[col.PHASE] - row[col.PHASE])
             places.append((abs(here.z0 - z0), float(apart), here))
         return min(places, key=lambda place: place[:2], default=(0.0, 0.0, None))[2]
 
-    def _next(self, z0: float, down: bool) -> Place | None:
+    def _next(self, z0: float, down: bool) -> TipPlace | None:
         """The first place that a tip reaches that is lowered, or raised, from where nothing is stable."""
         if down:
             part = max((part for part in self.parts if part.x[-1] < z0), key=lambda part: part.x[-1], default=None)
-            return None if part is None else Place(part, float(part.x[-1]))
+            return None if part is None else TipPlace(part, float(part.x[-1]))
         part = min((part for part in self.parts if part.x[0] > z0), key=lambda part: part.x[0], default=None)
-        return None if part is None else Place(part, float(part.x[0]))
+        return None if part is None else TipPlace(part, float(part.x[0]))
 
-    def seek(self, place: Place, index: int, direction: int) -> Held:
+    def seek(self, place: TipPlace, index: int, direction: int) -> Held:
         """Move the tip until the amplitude is the wanted value `index`."""
         target = float(self.curves.wanted[index])
         lost: np.ndarray | None = None
@@ -325,13 +325,13 @@ class SlowFeedback:
             if wanted.any():
                 best = int(ahead[first])
                 jump = None if lost is None else Jump(direction, lost, rows[best])
-                return Held(Place(place.on, float(x[best])), rows[best], place.on.traces[best], jump)
+                return Held(TipPlace(place.on, float(x[best])), rows[best], place.on.traces[best], jump)
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
             landed = land(self.curves, self.parts, edge, beyond)
             # Where it settles on nothing it is moved on until a stable orbit appears.
-            following = self._next(beyond, down) if landed is None else Place(landed, beyond)
+            following = self._next(beyond, down) if landed is None else TipPlace(landed, beyond)
             if following is None:
                 break
             place = following
@@ -345,9 +345,9 @@ class SlowFeedback:
         jump, z0 = None if lost is None else Jump(direction, lost, row), float(row[col.TIP_OFFSET])
         segment = like(self.parts, z0, row) if is_periodic(row) else None
         if segment is None:
-            return Held(Place(tip, z0), row, None, jump)
+            return Held(TipPlace(tip, z0), row, None, jump)
         known = (segment.rows[:, col.KIND] == col.WANTED) & (segment.rows[:, col.INDEX] == index)
         near = int(np.argmin(np.where(known, np.abs(segment.x - z0), np.inf)))
         if not known.any():
-            return Held(Place(segment, z0), row, None, jump)
-        return Held(Place(segment, float(segment.x[near])), segment.rows[near], segment.traces[near], jump)
+            return Held(TipPlace(segment, z0), row, None, jump)
+        return Held(TipPlace(segment, float(segment.x[near])), segment.rows[near], segment.traces[near], jump)

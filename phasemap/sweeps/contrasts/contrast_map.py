@@ -29,7 +29,7 @@ from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name, check_marches
 from phasemap.sweeps.contrasts.pair import Axes, Pair, borders, regime_of, regimes
-from phasemap.sweeps.contrasts.result import DIMS, RULE, Choice, choose, record
+from phasemap.sweeps.contrasts.result import DIMS, RULE, Recommended, choose, record
 from phasemap.sweeps.sweep import check_axis
 
 Array = np.ndarray
@@ -159,7 +159,7 @@ def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, pro
     return found
 
 
-def _recommended(choice: Choice, rising: Axes, contrasts: xr.DataArray) -> dict[str, Any]:
+def _recommended(choice: Recommended, rising: Axes, contrasts: xr.DataArray) -> dict[str, Any]:
     """Attributes of the recommended working point."""
     values: Sequence[Any] = [np.nan] * 4
     if choice.place is not None:

@@ -87,14 +87,14 @@ def _points(dim: str, what: str, found: Sequence[Jump] | Sequence[Inversion]) ->
     }
 
 
-class Choice(NamedTuple):
+class Recommended(NamedTuple):
     """The point recommended."""
 
     place: tuple[int, int, int] | None  # its indices in the map, None if no point holds both materials
     sentence: str  # where it is, and why
 
 
-def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[Jump]) -> Choice:
+def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[Jump]) -> Recommended:
     """Choose the point to work at, from arrays of shape (2, frequencies, free amplitudes, setpoints, ...)."""
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
@@ -111,11 +111,13 @@ def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, ju
                 _regimes(names, regime[(slice(None), *place)]),
                 _caution(grade, float(distance[place])),
             )
-            return Choice(place, f"{_where(axes, place)}: {', '.join(words)}")
+            return Recommended(place, f"{_where(axes, place)}: {', '.join(words)}")
     if not found.any():
-        return Choice(None, "no point of the map holds both materials; change the setpoints or the free amplitudes.")
+        return Recommended(
+            None, "no point of the map holds both materials; change the setpoints or the free amplitudes."
+        )
     place = _index_of_least(np.where(found, -np.abs(height), np.inf))
-    return Choice(
+    return Recommended(
         place,
         f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[found].max():.2g} degrees "
         f"anywhere); use the height, where {names[1]} minus {names[0]} is {say(height[place], 'm', 3)}.",

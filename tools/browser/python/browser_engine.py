@@ -17,7 +17,7 @@ from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.experiment import interaction
 from phasemap.explorer import routes
 from phasemap.explorer.setting import Setting
-from phasemap.explorer.subject import Sample, Subject
+from phasemap.explorer.subject import ShownSample, Subject
 
 SAMPLES = Path(__file__).parent / "samples"
 _subjects = {}
@@ -81,6 +81,6 @@ def made(name, said):
         python["materials"],
         tuple(said["pixel_size"]),
         python["options"],
-        Sample(labels, relief),
+        ShownSample(labels, relief),
         scene,
     )

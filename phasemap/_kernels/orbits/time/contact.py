@@ -85,7 +85,7 @@ class Motion:
     sums: PeriodResult  # over the period, before they are made means
 
 
-class Beam(NamedTuple):
+class DrivenLever(NamedTuple):
     """The lever under its drive, over a tip offset."""
 
     omega: float
@@ -101,7 +101,7 @@ class Here(NamedTuple):
     """The moving system: the lever, and a contact of any kind."""
 
     contact: Any
-    beam: Beam
+    beam: DrivenLever
 
 
 class Push(NamedTuple):
@@ -135,7 +135,7 @@ def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: M
 
 
 @Chosen
-def step_length(contact: Any, beam: Beam, step_size: float, motion: Motion) -> float:
+def step_length(contact: Any, beam: DrivenLever, step_size: float, motion: Motion) -> float:
     """Length of the next step."""
     raise NotImplementedError
 

@@ -25,7 +25,7 @@ from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
     TURNED,
-    Beam,
+    DrivenLever,
     Here,
     Motion,
     Moved,
@@ -140,7 +140,7 @@ def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float
 
 @step_length.of(Elastic)
 @kernel(inline=True)
-def _step_length(contact: Elastic, beam: Beam, step_size: float, motion: Motion) -> float:
+def _step_length(contact: Elastic, beam: DrivenLever, step_size: float, motion: Motion) -> float:
     u, now, neck = motion.here.at, contact.now, contact.neck
     if now.mode == OFF_SURFACE:
         return step_size / flight_rate(contact, beam, u.x, u.v)
@@ -193,7 +193,7 @@ def _stop_at_event(contact: Elastic, here: Here, motion: Motion) -> None:
 
 
 @kernel
-def _enter_contact(contact: Elastic, beam: Beam, q: float, motion: Motion) -> None:
+def _enter_contact(contact: Elastic, beam: DrivenLever, q: float, motion: Motion) -> None:
     """Let the tip be in contact, at q."""
     now, u = contact.now, motion.here.at
     now.mode, now.bottom, now.withdrawing, u.x = CONTACT_MADE, 0.0, 0, q

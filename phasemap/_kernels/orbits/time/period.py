@@ -20,7 +20,7 @@ from phasemap._kernels.orbits.time.contact import (
     PERIOD_ENDS,
     PLACE_OF_X,
     TURNED,
-    Beam,
+    DrivenLever,
     Here,
     Motion,
     MotionPoint,
@@ -209,14 +209,14 @@ def march_through(here: Here, step_size: float, motion: Motion) -> int:
 
 
 @kernel(light=True)
-def beam_over(lever: np.ndarray, z0: float, modes: Modes) -> Beam:
+def beam_over(lever: np.ndarray, z0: float, modes: Modes) -> DrivenLever:
     """The lever over a tip offset [m]."""
     rate = 1.0 + HIGHER_WEIGHT * HIGHER_WEIGHT * (modes.fastest - 1.0)
-    return Beam(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], z0, rate, modes.share, modes)
+    return DrivenLever(lever[col.OMEGA], lever[col.ALPHA0], lever[col.DRIVE], z0, rate, modes.share, modes)
 
 
 @kernel
-def begin_period(beam: Beam, y: np.ndarray, motion: Motion) -> None:
+def begin_period(beam: DrivenLever, y: np.ndarray, motion: Motion) -> None:
     """Set the lever's motion to that of a state."""
     u, begin = motion.here.at, y[PERIOD_BEGIN] if len(y) > PERIOD_BEGIN else 0.0
     u.x, u.v = y[Z] - beam.z0, y[V]

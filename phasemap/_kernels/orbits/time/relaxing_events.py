@@ -24,7 +24,7 @@ from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     OLD_TURN,
     PLACE_OF_X,
-    Beam,
+    DrivenLever,
     Here,
     Motion,
     MotionPoint,
@@ -199,7 +199,7 @@ def _note_depth(contact: Relaxing, here: Here, motion: Motion) -> None:
 
 
 @kernel
-def note_expected_depth(contact: Relaxing, beam: Beam, q: float, z: float, u: Moved) -> None:
+def note_expected_depth(contact: Relaxing, beam: DrivenLever, q: float, z: float, u: Moved) -> None:
     """Note the depth that the contact of a tip at z [m] may come to: the lengths of steps depend on it."""
     contact.now.deep = depth_reached(contact, beam, q, u.v, pull_in_contact(contact, beam, z, u))
 

@@ -14,7 +14,7 @@ from phasemap._kernels.law import (
     longrange_force,
 )
 from phasemap._kernels.orbits.time import surface_memory as memory
-from phasemap._kernels.orbits.time.contact import OFF_SURFACE, Beam, Here, Motion, MotionPoint, step_length
+from phasemap._kernels.orbits.time.contact import OFF_SURFACE, DrivenLever, Here, Motion, MotionPoint, step_length
 from phasemap._kernels.orbits.time.relaxing import Pace, Relaxing, dent_at
 from phasemap._kernels.orbits.time.runge_kutta import find_slopes
 from phasemap._kernels.orbits.time.step_density import (
@@ -104,7 +104,7 @@ def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
 
 
 @kernel(inline=True)
-def _contact_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
+def _contact_step(contact: Relaxing, beam: DrivenLever, step_size: float, motion: Motion) -> float:
     """Length of a step in contact, in s (dtau = 2 q ds): by stiffness, the rate of sinking in, and relaxation."""
     u, now, pace = motion.here.at, contact.now, contact.pace
     if motion.here.known == 0:
@@ -123,7 +123,7 @@ def _contact_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motio
 
 
 @kernel(inline=True)
-def _flight_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
+def _flight_step(contact: Relaxing, beam: DrivenLever, step_size: float, motion: Motion) -> float:
     """Length of a step out of contact [1/omega_c]; the last faint remains of a dent are taken away at once."""
     law, p, u, held = contact.law, contact.p, motion.here.at, contact.now.held == 1
     dent, rise = dent_at(contact, motion.time)
@@ -143,7 +143,7 @@ def _flight_step(contact: Relaxing, beam: Beam, step_size: float, motion: Motion
 
 @step_length.of(Relaxing)
 @kernel(inline=True)
-def _step_length(contact: Relaxing, beam: Beam, step_size: float, motion: Motion) -> float:
+def _step_length(contact: Relaxing, beam: DrivenLever, step_size: float, motion: Motion) -> float:
     """Length of the next step over a relaxing surface [tau]."""
     if contact.now.mode == OFF_SURFACE:
         return _flight_step(contact, beam, step_size, motion)

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import contact_force, contact_slope, damping, has_longrange, longrange_force, longrange_slope
 from phasemap._kernels.lever import reach_of
-from phasemap._kernels.orbits.time.contact import Beam, Moved
+from phasemap._kernels.orbits.time.contact import DrivenLever, Moved
 
 # Weights in the density of steps of approach and of contact, chosen for the least work at 1e-6 to 1e-2 degree; and of
 # the fastest mode of several, which moves by far less than the first.
@@ -24,13 +24,13 @@ LEAST_GAP_IN_NECK = 1e-9
 
 
 @kernel
-def flight_rate(contact: Any, beam: Beam, d: float, v: float) -> float:
+def flight_rate(contact: Any, beam: DrivenLever, d: float, v: float) -> float:
     """Density of steps out of contact: rates of the lever, of the force's gradient, of the force as the tip moves."""
     return math.sqrt(beam.rate + approach_square(contact, beam, d, v, False))
 
 
 @kernel
-def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool) -> float:
+def approach_square(contact: Any, beam: DrivenLever, d: float, v: float, in_neck: bool) -> float:
     """Square of the density of steps out of contact, or in a neck, by the force's gradient and rate of change."""
     law, p, inverse_k, least = contact.law, contact.p, contact.compliance, 0.0
     if law.lossy == 1 and p[col.LOSS] != 0.0:
@@ -56,7 +56,7 @@ def approach_square(contact: Any, beam: Beam, d: float, v: float, in_neck: bool)
 
 
 @kernel
-def contact_rate(contact: Any, beam: Beam, bottom: float, q: float) -> float:
+def contact_rate(contact: Any, beam: DrivenLever, bottom: float, q: float) -> float:
     """Square of the density of steps in contact (over s, dtau = 2 q ds) by stiffness and damping of the surface.
 
     q'' = 2 q z'' gives 4 d F'/k.
@@ -70,7 +70,7 @@ def contact_rate(contact: Any, beam: Beam, bottom: float, q: float) -> float:
 
 
 @kernel
-def depth_reached(contact: Any, beam: Beam, q: float, v: float, pull: float) -> float:
+def depth_reached(contact: Any, beam: DrivenLever, q: float, v: float, pull: float) -> float:
     """The largest q, root of the depth, that a tip at (q, v) in contact comes to, roughly.
 
     There stiffness works as fast as speed and pull do: q^2 rate = v^2 + q^2 pull, with what q^2 rate is already.
@@ -83,7 +83,7 @@ def depth_reached(contact: Any, beam: Beam, q: float, v: float, pull: float) -> 
 
 
 @kernel
-def pull_in_contact(contact: Any, beam: Beam, z: float, u: Moved) -> float:
+def pull_in_contact(contact: Any, beam: DrivenLever, z: float, u: Moved) -> float:
     """Square of the density of steps in contact by adhesion and by the lever's own acceleration about z [m]."""
     modes, pull = beam.modes, abs(contact.pull) * beam.share + math.hypot(z, u.v)
     for i in range(1, modes.count):
