@@ -56,7 +56,7 @@ class Built(NamedTuple):
 
 def build_surface(table: dict[str, Any], materials: Mapping[str, Material], folder: Path) -> Built:
     """Make the surface that the ``[surface]`` table of a scene describes. Raises FileError if a file cannot be read."""
-    generators = _generators("MaterialMap")
+    generators = _generators("Labels")
     if "kind" not in table:
         raise missing("[surface]", "kind")
     kind = table["kind"]
