@@ -553,3 +553,13 @@ def test_the_averaged_lever_is_refused_where_a_higher_mode_rings_longer() -> Non
     ringing = replace(SCOPE, cantilever=replace(SCOPE.cantilever, modes=(pm.Eigenmode(6.27, 6000.0),)))
     with pytest.raises(pm.InputError, match="solver is 'averaging'; allowed: 'march' or 'auto': a higher mode rings"):
         pm.simulate(line([0, 1]), ringing, SETPOINT, "averaging", FAST)
+
+
+def test_orbits_that_cannot_be_averaged_say_nothing_of_gains() -> None:
+    # A lever softer than its contact, which adhesion bends by ten times its free amplitude.
+    sample = pm.Surface.from_labels(
+        [[0, 1]], {0: pm.Material(11.945e6, 0.20643, 0.008009), 1: pm.Material(2e9, 0.02, 0.01)}, pixel_size=2e-9
+    )
+    scope = pm.Microscope(pm.Cantilever(0.200742, 300e3, 6.45383), pm.Tip(18.8e-9), pm.Drive(12.03155e-9))
+    image = pm.simulate(sample, scope, 0.55772, control=pm.Feedback(line_rate=50.0))
+    assert (image.status == 0).all()

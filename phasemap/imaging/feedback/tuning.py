@@ -121,6 +121,8 @@ def _loop_jacobians(control: Feedback, scope: Microscope, work: Work) -> Jacobia
             for proportional, integral in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
                 loop.proportional, loop.integral = proportional, integral
                 gains.append(_jacobian(work, p, loop, state, shift))
+            if not np.isfinite(gains).all():
+                continue  # adhesion bends the lever too much to be averaged
             still = gains[0]
             lever = still[of.A_REAL : of.A_IMAG + 1, of.A_REAL : of.A_IMAG + 1]
             lifted = (
