@@ -17,7 +17,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap.inference.images.model import make_model
 from phasemap.inference.sampling import REACH
-from phasemap.inference.series.problem import OTHER, WORSE
+from phasemap.inference.series.likelihood import OTHER, WORSE
 from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR
 from phasemap.inference.verdict import PARAMETERS, PRIOR

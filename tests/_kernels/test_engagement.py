@@ -19,8 +19,10 @@ from phasemap._kernels.engagement import (
     second_drive,
     stuck,
 )
+from phasemap._kernels.engagement.by_averaging import BY_AVERAGING, BY_CURVE, BY_FOLD, IN_TIME
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum
+from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
 from phasemap.experiment.lever import one_mode
 
@@ -123,7 +125,7 @@ def test_where_repulsion_balances_attraction_a_lever_without_further_losses_lack
     oscillator, top = over(lever_at(), pull=PULL, longrange=PULL), Maximum()
     amplitude = 0.8 * FREE
     top.gap, top.behind, top.push = -0.1e-9, -0.2e-9, push_at(oscillator, amplitude, -0.1e-9)
-    lacks = plain(other_branch.drag_at_balance)(oscillator, amplitude, top)
+    lacks = plain(other_branch.mismatch_at_balance)(oscillator, amplitude, top)
     assert lacks == pytest.approx(0.8**2 - 1.0, abs=1e-12)  # (2 alpha0 A / u0)^2 - 1
 
 
@@ -164,3 +166,43 @@ def test_a_second_drive_is_seen_without_the_harmonics_of_the_first() -> None:
 def test_angles_are_counted_from_one_phasor_to_another() -> None:
     one, other = 2.0 * np.exp(0.4j), 0.3 * np.exp(-2.1j)
     assert plain(averages.angle_between)(one.real, one.imag, other.real, other.imag) == pytest.approx(-2.5)
+
+
+def rung(oscillator: Oscillator, amplitude: float) -> int:
+    """Way in which the branch is decided: a row of the table of theory/engagement."""
+    return int(plain(by_averaging.engage_by_averaging)(oscillator, amplitude, HarmonicOrbit(), Maximum()))
+
+
+def attracted(share: float, lever: np.ndarray, amplitude: float) -> Oscillator:
+    """A lever whose strongest attraction is this share of what its amplitude needs at resonance."""
+    needed = FREE / Q * math.sqrt(1 - (amplitude / FREE) ** 2)
+    gaps = -np.linspace(0, 1e-9, 201)
+    strongest = -min(push_at(over(lever, longrange=PULL, pull=PULL), amplitude, gap) for gap in gaps)
+    pull = PULL * share * needed / strongest
+    oscillator = over(lever, HERTZ * pull / PULL, pull, pull)
+    return oscillator._replace(law=oscillator.law._replace(attracts=1))
+
+
+@pytest.mark.parametrize(("share", "way"), [(0.3, BY_AVERAGING), (1.0, BY_FOLD), (2.0, BY_AVERAGING)])
+def test_averaging_decides_unless_attraction_is_nearly_what_the_setpoint_needs(share: float, way: int) -> None:
+    amplitude = FREE / math.sqrt(3)
+    assert rung(attracted(share, lever_at(), amplitude), amplitude) == way
+
+
+@pytest.mark.parametrize(("share", "way"), [(0.5, BY_AVERAGING), (3.0, IN_TIME)])
+def test_a_lever_that_attraction_carries_over_its_resonance_is_engaged_in_time(share: float, way: int) -> None:
+    omega = 0.9985  # where the lever swings 10 nm, and 16 nm at its resonance
+    amplitude = 0.8 * FREE / Q / abs(1 - omega**2 + 1j * omega / Q)
+    assert rung(attracted(share, lever_at(omega), amplitude), amplitude) == way
+
+
+@pytest.mark.parametrize("forces", [{"pull": PULL}, {"longrange": PULL, "pull": PULL}])
+def test_adhesion_alone_and_forces_that_may_repel_before_contact_ask_for_the_curve(forces: dict[str, float]) -> None:
+    oscillator = over(lever_at(), **forces)
+    repels = oscillator.law._replace(attracts=0 if "longrange" in forces else 1)
+    assert rung(oscillator._replace(law=repels), 0.6 * FREE) == BY_CURVE
+
+
+def test_without_attraction_and_adhesion_averaging_decides() -> None:
+    oscillator = over(lever_at())
+    assert rung(oscillator._replace(law=oscillator.law._replace(attracts=1)), 0.6 * FREE) == BY_AVERAGING

@@ -6,7 +6,7 @@ import xarray as xr
 
 from phasemap.cli import main
 from phasemap.inference import sampling
-from phasemap.inference.series import problem as of_series
+from phasemap.inference.series import likelihood as of_series
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ import pytest
 from phasemap._shared import threads
 from phasemap.cli import main
 from phasemap.inference import sampling
-from phasemap.inference.series import problem as of_series
+from phasemap.inference.series import likelihood as of_series
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "paper.py")  # parameters only

@@ -30,7 +30,7 @@ from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, attractive_mismatch
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near, slope_is_clear
 from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.records import clear
@@ -180,7 +180,7 @@ def orbit_by_response(
     False where these do not decide, or passes do not come to an orbit that is clear of a fold: curves tell then.
     """
     if rung == BY_AVERAGING:
-        return refine(oscillator, harmonic, limits, workspace)
+        return exact_orbit_near(oscillator, harmonic, limits, workspace)
     if rung != BY_FOLD:
         return False
     worst = worst_amplitude(oscillator.lever, amplitude)
@@ -189,13 +189,15 @@ def orbit_by_response(
         return False
     known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
     if side == REPULSIVE:
-        return known and not rebounds(oscillator, harmonic.push) and refine(oscillator, harmonic, limits, workspace)
-    if known and refine(oscillator, harmonic, limits, workspace) and slope_is_clear(oscillator, limits, workspace):
+        found = known and not rebounds(oscillator, harmonic.push)
+        return found and exact_orbit_near(oscillator, harmonic, limits, workspace)
+    found = known and exact_orbit_near(oscillator, harmonic, limits, workspace)
+    if found and slope_is_clear(oscillator, limits, workspace):
         return True
     if worst != amplitude:
         peak = response_maximum(oscillator, amplitude, peak.gap, peak.step, workspace)
     found = fill_orbit_outside_maximum(oscillator, amplitude, peak, harmonic, workspace)
-    found = found and refine(oscillator, harmonic, limits, workspace)
+    found = found and exact_orbit_near(oscillator, harmonic, limits, workspace)
     harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
     return found and slope_is_clear(oscillator, limits, workspace)
 
@@ -217,7 +219,7 @@ def averaging_suffices(
 
 
 @kernel
-def choose(
+def fill_sufficient_row(
     lever: np.ndarray, harmonic: HarmonicOrbit, nodes: Nodes, state: PassState, average: bool, limits: ErrorLimits,
     row: np.ndarray,
 ) -> int:  # fmt: skip

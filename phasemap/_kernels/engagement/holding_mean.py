@@ -56,7 +56,7 @@ WORST_LENGTH = 1e-11  # the same [m]
 SERIES_START = 64  # averages that are kept, before room is made for more
 HUNTED = 0.2  # of the amplitude, root mean square by which groups miss it: the feedback hunts, and holds nothing
 HOPE = 4.0  # times the periods allowed, that a mean would take by its first standard errors: it is given up
-WORST_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
+WORST_MEAN_CLOSURE = 0.05  # energy in less energy out, over energy in, with which a mean still counts
 
 
 class Controller(NamedTuple):
@@ -221,7 +221,7 @@ def fill_mean(
         row[col.PHASE] += errors.lag_off
     else:
         row[col.ERROR_PHASE] += abs(errors.lag_off)
-    return col.GOOD if abs(row[col.CLOSURE]) < WORST_CLOSURE else col.NOT_SETTLED
+    return col.GOOD if abs(row[col.CLOSURE]) < WORST_MEAN_CLOSURE else col.NOT_SETTLED
 
 
 @kernel

@@ -29,7 +29,7 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, refine, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near, slope_is_clear
 from phasemap._kernels.records import assign, clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
@@ -69,7 +69,7 @@ def averaged_orbit_on_branch(
     if side == ATTRACTIVE:
         start_outside_maximum(oscillator, amplitude, top, harmonic)
         return col.PENDING
-    drag = drag_at_balance(oscillator, amplitude, top)
+    drag = mismatch_at_balance(oscillator, amplitude, top)
     return col.NO_STABLE_ORBIT if drag >= DAMPED * low_q_margin_factor(lever) else col.PENDING
 
 
@@ -82,7 +82,7 @@ def start_outside_maximum(oscillator: Oscillator, amplitude: float, top: Maximum
 
 
 @kernel
-def drag_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
+def mismatch_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) -> float:
     """Mismatch at P = 0, where repulsion balances attraction; deeper the surface dissipates more.
 
     Above zero, damping alone needs more than the drive gives, and no orbit lies deeper. Infinite if nothing balances
@@ -115,7 +115,7 @@ def refined_orbit_on_branch(
     assign(near, harmonic)
     if done == col.PENDING and not fill_averaged_orbit_near(oscillator, amplitude, side, near):
         return done
-    if not (refine(oscillator, near, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):
+    if not (exact_orbit_near(oscillator, near, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):
         return col.PENDING
     assign(harmonic, near)
     return col.GOOD

@@ -12,7 +12,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.by_averaging import BY_AVERAGING, engage_by_averaging
-from phasemap._kernels.engagement.by_fold import choose
+from phasemap._kernels.engagement.by_fold import fill_sufficient_row
 from phasemap._kernels.engagement.detected_setpoint import engaged_orbit_by_response, fill_errors_as_seen
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
@@ -45,7 +45,9 @@ def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: A
         found = engaged_orbit_by_response(oscillator, amplitude, limits, harmonic, workspace)
         status[i], waiting = (col.GOOD, waiting) if found else (col.PENDING, waiting + 1)
         if found:
-            solver[i] = choose(lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row)
+            solver[i] = fill_sufficient_row(
+                lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row
+            )
             fill_errors_as_seen(lever, amplitude, slopes_of(workspace.state), row)
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
@@ -110,7 +112,7 @@ def side_rows(pixels: Pixels, side: int, limits: ErrorLimits, allowed: ErrorLimi
                     break
             if status[i] == col.GOOD:
                 f = nodes_of_solution(workspace)
-                solver[i] = choose(lever, harmonic, f, workspace.state, sees_tip(lever), allowed, out[i])
+                solver[i] = fill_sufficient_row(lever, harmonic, f, workspace.state, sees_tip(lever), allowed, out[i])
                 fill_errors_as_seen(lever, held, slopes_of(workspace.state), out[i])
                 continue
             out[i] = math.nan

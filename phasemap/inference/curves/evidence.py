@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from phasemap.inference.curves.problem import STEP, Problem, Ruler
+from phasemap.inference.curves.residuals import STEP, Problem, Ruler
 from phasemap.inference.sampling import prior_draws
 from phasemap.inference.verdict import REACH, UNLIKELY, chance
 

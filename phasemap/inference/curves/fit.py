@@ -16,8 +16,8 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
-from phasemap.inference.curves.problem import Problem
 from phasemap.inference.curves.recorded import EVERY, begun, compared, of_curve, under
+from phasemap.inference.curves.residuals import Problem
 from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.verdict import PRIOR
 from phasemap.solvers.continuation.path import Question

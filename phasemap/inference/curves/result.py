@@ -12,7 +12,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, CurveSetting, Data
 from phasemap.inference.curves.evidence import Estimate
-from phasemap.inference.curves.problem import Choice, Problem, Ruler, difference
+from phasemap.inference.curves.residuals import Choice, Problem, Ruler, difference
 from phasemap.inference.verdict import (
     DETERMINED,
     END,

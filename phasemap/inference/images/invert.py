@@ -21,8 +21,7 @@ from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, work
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.images.model import Model, make_model
-from phasemap.inference.images.problem import (
+from phasemap.inference.images.least_squares import (
     Problem,
     Solution,
     information,
@@ -30,6 +29,7 @@ from phasemap.inference.images.problem import (
     problem_of_pixels,
     refine,
 )
+from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
 from phasemap.inference.verdict import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, chance, check_prior, put

@@ -22,8 +22,8 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.images.invert import AMBIGUOUS, AVERAGED, POOR, Estimates, dataset_of
+from phasemap.inference.images.least_squares import Problem, Solution, descend, information, problem_of, refine
 from phasemap.inference.images.model import Model, make_model
-from phasemap.inference.images.problem import Problem, Solution, descend, information, problem_of, refine
 from phasemap.inference.images.stack import (
     FREE,
     HEIGHT,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from phasemap._shared.arrays import Array
+from phasemap.inference.images.least_squares import LONGEST, Problem, Solution, descend, information, problem_of_pixels
 from phasemap.inference.images.model import SIDES, Model
-from phasemap.inference.images.problem import LONGEST, Problem, Solution, descend, information, problem_of_pixels
 from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Stack, ZeroPlan
 
 Codes = NDArray[np.int8]

@@ -1,6 +1,6 @@
 """Series of measured files of one sample: regions, contrasts, and materials when hardly anything is known.
 
 `settings` reads what files say of setpoint, amplitude and phase, `contrasts` finds the regions and how their phases
-differ. `problem` tabulates what materials would show, and says how likely that makes the data; `sampling` draws what is
-unknown. `series` is `phasemap.series`, and `words` are what it says.
+differ. `likelihood` tabulates what materials would show, and says how likely that makes the data; `sampling` draws
+what is unknown. `series` is `phasemap.series`, and `words` are what it says.
 """

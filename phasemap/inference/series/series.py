@@ -21,7 +21,7 @@ from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import FREE
 from phasemap.inference.sampling import REACH, Draws, sample
 from phasemap.inference.series.contrasts import Labels, Medians, drift_of, each_of, medians, regions_of
-from phasemap.inference.series.problem import Explained, Part, Problem, State, make_table
+from phasemap.inference.series.likelihood import Explained, Part, Problem, State, make_table
 from phasemap.inference.series.recorded import read_files
 from phasemap.inference.series.settings import HELD, Settings, scope_of, settings_of
 from phasemap.inference.series.words import tell

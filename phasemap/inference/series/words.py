@@ -9,7 +9,7 @@ import xarray as xr
 
 from phasemap._shared.arrays import Array
 from phasemap.inference.images.stack import FREE, SHARED
-from phasemap.inference.series.problem import Problem
+from phasemap.inference.series.likelihood import Problem
 from phasemap.inference.series.settings import ANYWHERE, HELD
 from phasemap.inference.verdict import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
 

@@ -36,8 +36,8 @@ from phasemap._kernels.quadrature import NODES
 LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
 FINEST_LEVEL = 2  # level of refinement
-MOST_IMBALANCE = 1e-7  # largest energy imbalance accepted from a coarser level
-WORST_IMBALANCE = 1e-5  # of an orbit that is an answer
+FINE_CLOSURE = 1e-7  # largest energy closure accepted from a coarser level
+WORST_ORBIT_CLOSURE = 1e-5  # largest one of an orbit that is an answer
 MOST_STEPS_NEARBY = 12  # of Newton's method
 
 
@@ -54,7 +54,7 @@ def refine_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
     """Fill the row of a converged orbit, on finer elements if the energy does not close."""
     status = fill_row_of_orbit(oscillator, orbit, row)
     level, tolerance = head_of(orbit).level, tolerance_of(oscillator)
-    while status == col.GOOD and abs(row[col.CLOSURE]) > MOST_IMBALANCE and level < FINEST_LEVEL:
+    while status == col.GOOD and abs(row[col.CLOSURE]) > FINE_CLOSURE and level < FINEST_LEVEL:
         level += 1
         if not lay_again(oscillator, orbit, level):
             break
@@ -62,7 +62,7 @@ def refine_orbit(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> int:
         if fine != col.GOOD:
             break
         status = fill_row_of_orbit(oscillator, orbit, row)
-    if status == col.GOOD and abs(row[col.CLOSURE]) > WORST_IMBALANCE:
+    if status == col.GOOD and abs(row[col.CLOSURE]) > WORST_ORBIT_CLOSURE:
         status = col.NOT_CONVERGED
     return status
 

@@ -62,7 +62,9 @@ def nodes_of_solution(workspace: ResponseWorkspace) -> Nodes:
 
 
 @kernel
-def refine(oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
+def exact_orbit_near(
+    oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: ResponseWorkspace
+) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""
     e, reach = centre_height(harmonic), reach_of(oscillator.p)
     if _orbit_by_passes(oscillator, harmonic, e, limits, workspace):

@@ -43,10 +43,10 @@ from phasemap._kernels.orbits.response.nodes import (
     parts_needed,
 )
 from phasemap._kernels.orbits.response.state import (
-    ENERGY_LEFT,
+    LARGEST_CLOSURE,
     PassState,
     evaluate_nodes,
-    relative_energy_defect,
+    relative_energy_closure,
 )
 
 NO_ORBIT = 0  # how passes end
@@ -184,9 +184,9 @@ def outcome_of_pass(
 
     `nodes`: error of P, S and mean deflection from the finite number of nodes [m].
     """
-    left = 0.0 if hold else relative_energy_defect(lever, state)
+    left = 0.0 if hold else relative_energy_closure(lever, state)
     small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
-    if small and abs(left) < ENERGY_LEFT:
+    if small and abs(left) < LARGEST_CLOSURE:
         return FOUND
     if early:
         return GO_ON

@@ -38,7 +38,12 @@ from phasemap._kernels.orbits.response.nodes import (
     rate_at_node,
     weight_of_node,
 )
-from phasemap._kernels.orbits.response.state import ENERGY_LEFT, PassState, relative_energy_defect, slope_by_tip_offset
+from phasemap._kernels.orbits.response.state import (
+    LARGEST_CLOSURE,
+    PassState,
+    relative_energy_closure,
+    slope_by_tip_offset,
+)
 
 DOUBLING = 0.75  # of the trace of the monodromy matrix at which a period doubles: nearer than this is not sure
 BESIDE_CONTACT = 1e-3  # of the depth or the reach, by which nodes may lie beside the contact
@@ -74,7 +79,7 @@ def force_length(p: np.ndarray, state: PassState) -> float:
 def _is_sound(lever: np.ndarray, state: PassState, length: float) -> bool:
     """True if the mismatch falls clearly as the tip rises by this length [m], for no fold is near; energy closes."""
     falls = slope_by_tip_offset(lever, state) * length < -LEAST_MISMATCH_SLOPE
-    return falls and abs(relative_energy_defect(lever, state)) < ENERGY_LEFT
+    return falls and abs(relative_energy_closure(lever, state)) < LARGEST_CLOSURE
 
 
 @kernel(fastmath=ANY_ORDER)

@@ -16,7 +16,7 @@ from phasemap._kernels.orbits.response.apex import apex_of
 from phasemap._kernels.orbits.response.nodes import Nodes, fill_force
 from phasemap._kernels.records import record
 
-ENERGY_LEFT = 5e-7  # largest energy imbalance
+LARGEST_CLOSURE = 5e-7  # energy closure, over the energy in, of an orbit by passes
 
 
 class Along(NamedTuple):
@@ -83,7 +83,7 @@ def slope_by_tip_offset(lever: np.ndarray, state: PassState) -> float:
 
 
 @kernel
-def relative_energy_defect(lever: np.ndarray, state: PassState) -> float:
+def relative_energy_closure(lever: np.ndarray, state: PassState) -> float:
     """Work of the conservative part of the force over the energy supplied: zero on an exact orbit."""
     amplitude = state.amplitude
     return state.work / (math.pi * amplitude * (lever[DYNAMIC_LOSS] * amplitude - state.drag))
@@ -109,5 +109,5 @@ def fill_row_from_passes(lever: np.ndarray, nodes: Nodes, state: PassState, row:
     row[col.DISSIPATION] = stiffness * state.loss
     row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
     row[col.STIFFENING] = push / amplitude
-    row[col.CLOSURE] = relative_energy_defect(lever, state)
+    row[col.CLOSURE] = relative_energy_closure(lever, state)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state.phase_error, state.tip_offset_error

@@ -1,4 +1,4 @@
-"""The full equation of motion marched in time: the slow, independent truth.
+"""The full equation of motion marched in time: slow, and what all other orbits are checked against.
 
     z'' + 2 (alpha0 + alpha_s(d)) z' + z + F(d)/k = u0 cos(omega tau),    d = z - z0          (Wang 1999, Eq. 1)
 
