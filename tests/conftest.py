@@ -21,7 +21,6 @@ import pytest
 FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computes while it compiles
 RESULTS, ENDED = "results.json", "ended"  # files there
 BEFORE_KERNELS = (  # files that need none of the kernels which a process of its own compiles meanwhile, or few
-    "test_fuzz",
     "test_compilation",
     "test_frozen",
     "test_disk_cache",
@@ -33,8 +32,21 @@ BEFORE_KERNELS = (  # files that need none of the kernels which a process of its
     "test_netcdf",
     "test_measured",
     "test_house",
+    "test_sampling",
+    "test_surface",
+    "test_saved_scripts",
+    "test_liquid",
+    "test_dilation",
+    "test_export",
+    "test_numpy_of_the_page",
+    "test_beam",
+    "test_docs",
+    "test_scene",
+    "test_plot",
+    "test_fuzz",
 )
-AFTER_THEM = "[calls]"  # the end of the name of a test in these files that needs many, and stands last
+# What names of tests in these files end with that need many, and stand last.
+AFTER_THEM = ("[calls]", "_are_those_of_the_code_beside_them", "_with_noise_and_edges_as_wide_as_the_tip")
 FIRST = (
     "test_examples",
     "test_bench",
@@ -49,7 +61,6 @@ FIRST = (
     "test_irregular",
     "test_dask",
     "test_checkpoint",
-    "test_plot",
 )
 
 
