@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS, UNKNOWN_ORBIT, StableOrbits
-from phasemap._kernels.scanning.quasi_static import walk
+from phasemap._kernels.scanning.quasi_static import walk_line
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
@@ -25,14 +25,14 @@ from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.both_branches import Branches, stable_branches
 
 MOST = 1 << 17  # distinct materials that are kept at a time
-WALKED = (".stable", ".engaged", ".offsets", ".reach")  # what `walk` reads of a material
+WALKED = (".stable", ".engaged", ".offsets", ".reach")  # what `walk_line` reads of a material
 
 
 class OrbitTable(NamedTuple):
     """Distinct materials and what holds the setpoint on each."""
 
     materials: Array  # shape (n, 4)
-    # Variables on the attractive branch, the repulsive one, and the one that engagement finds; and what `walk`
+    # Variables on the attractive branch, the repulsive one, and the one that engagement finds; and what `walk_line`
     # reads
     values: Values
 
@@ -100,7 +100,7 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: OrbitTable, tip: TipSta
         part = slice(first * pixels, min(first + step, block.last) * pixels)
         materials = np.array(block.numbers(part), np.int32).reshape(-1, pixels)
         slots = np.empty((len(LINES), *materials.shape), np.int8)
-        tip = TipState(*walk(materials, orbits, anew, tip.branch, tip.z0, slots))
+        tip = TipState(*walk_line(materials, orbits, anew, tip.branch, tip.z0, slots))
         for direction in range(len(LINES)):
             at = (slots[direction] * np.int64(count) + materials).reshape(-1)
             canvas.take(part, values, at, direction)
@@ -136,7 +136,7 @@ def _table_on_way(
     slots, ahead = np.empty((len(LINES), *numbers.shape), np.int8), 1
     farthest = numbers.shape[1] if job.control.engage == "line" else numbers.size
     while True:
-        walk(numbers, orbits, job.control.engage == "line", tip.branch, tip.z0, slots)
+        walk_line(numbers, orbits, job.control.engage == "line", tip.branch, tip.z0, slots)
         asked = _asked(slots, numbers, orbits, ahead)
         if not len(asked):
             break

@@ -73,7 +73,7 @@ def test_neither_an_attracted_tip_rebounds_nor_one_at_resonance() -> None:
 @pytest.mark.parametrize("omega", [0.99, 0.9990, 0.99985, 1.0, 1.01])
 def test_a_lever_leaps_if_at_its_resonance_it_swings_wider_by_more_than_the_reach(omega: float) -> None:
     rise = FREE / Q / (omega / Q) - FREE / Q / abs(1 - omega**2 + 1j * omega / Q)  # attraction takes 1 - omega^2 away
-    assert plain(by_averaging.leaps)(over(lever_at(omega), longrange=PULL)) == (omega < 1 and rise > REACH)
+    assert plain(by_averaging.leaps_to_resonance)(over(lever_at(omega), longrange=PULL)) == (omega < 1 and rise > REACH)
 
 
 @pytest.mark.parametrize("omega", [0.999, 1.0, 1.002])
@@ -94,7 +94,7 @@ def test_a_tip_is_attracted_down_to_an_amplitude_that_attraction_can_hold(share:
     pull = PULL * share * needed / strongest
     # Contact as much stiffer with the attraction leaves the depth where it is strongest.
     oscillator = over(lever, HERTZ * pull / PULL, pull, pull)
-    assert plain(by_averaging.decide)(oscillator, amplitude, Maximum()) == side
+    assert plain(by_averaging.side_by_averaging)(oscillator, amplitude, Maximum()) == side
 
 
 @pytest.mark.parametrize("wanted", [-0.1, 0.002, 0.1])
@@ -116,7 +116,7 @@ def test_without_harmonics_the_exact_mismatch_is_largest_where_attraction_is_str
 
 
 def test_without_attraction_a_tip_is_repelled_and_adhesion_alone_leaves_that_open() -> None:
-    decide = plain(by_averaging.decide)
+    decide = plain(by_averaging.side_by_averaging)
     assert decide(over(lever_at()), 0.5 * FREE, Maximum()) == REPULSIVE
     assert decide(over(lever_at(), pull=PULL), 0.5 * FREE, Maximum()) == UNCLEAR
 
@@ -157,7 +157,7 @@ def test_a_tip_falls_at_the_fold_where_its_orbits_from_far_are_lowest() -> None:
 
 def test_a_second_drive_is_seen_without_the_harmonics_of_the_first() -> None:
     n = 48
-    weights = np.array([plain(second_drive.window)(i, n) for i in range(n)])
+    weights = np.array([plain(second_drive.averaging_weight)(i, n) for i in range(n)])
     assert weights.mean() == pytest.approx(1.0)
     for turns in (2, 3, 10):  # in the average
         assert abs(np.sum(weights * np.exp(2j * np.pi * turns * np.arange(n) / n))) < 1e-12 * n

@@ -57,7 +57,7 @@ def solved(work: Work, used: tuple[int, ...] = (col.CORRECTED, col.ORBIT)) -> np
 
 @kernel
 def converge(oscillator: Oscillator, f: Nodes, state: PassState) -> int:
-    return passes.converge(oscillator, f, state, True, PHASE, HEIGHT)
+    return passes.converge_passes(oscillator, f, state, True, PHASE, HEIGHT)
 
 
 @kernel

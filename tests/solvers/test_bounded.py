@@ -47,7 +47,7 @@ def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, ro
     """One of these: they are compiled together."""
     goal = Goal(amplitude, 0.25, most)
     if what == 0:
-        holding_in_time.hold(problem, goal, tip, row)
+        holding_in_time.hold_in_time(problem, goal, tip, row)
     elif what == 1:
         holding_mean.hold_mean(problem, goal, holding_mean.EAGER_GAIN, tip, row)
     elif what == 2:

@@ -13,7 +13,12 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.second_drive import felt_by_second_mode, hold_second_mode, pass_period, window
+from phasemap._kernels.engagement.second_drive import (
+    averaging_weight,
+    felt_by_second_mode,
+    hold_second_mode,
+    pass_period,
+)
 from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
@@ -109,7 +114,9 @@ def add_total(total: Total, more: Total) -> None:
 
 
 @kernel
-def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn) -> bool:
+def average_periods(
+    oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn
+) -> bool:
     """March so many periods, and sum up the detected motion; z0 falls by way + gain (A - setpoint) [m] in each.
 
     A is the amplitude behind the lock-in. z0 falls gradually: a tip moved at once may change its pattern of taps.
@@ -141,7 +148,7 @@ def average(oscillator: Oscillator, step_size: float, count: int, move: Numbers,
         lock_in.change = max(lock_in.change, math.hypot(cosine - lock_in.last_cos, sine - lock_in.last_sin))
         lock_in.low_cos, lock_in.low_sin, lock_in.last_cos, lock_in.last_sin = x, y, cosine, sine
         if driven:
-            second += window(i, count) / count * complex(acc.second_cos, -acc.second_sin)
+            second += averaging_weight(i, count) / count * complex(acc.second_cos, -acc.second_sin)
             pass_period(lever)
     if driven:
         felt = felt_by_second_mode(lever, second)

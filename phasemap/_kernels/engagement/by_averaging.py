@@ -77,7 +77,7 @@ def forces_are_plain(oscillator: Oscillator) -> bool:
 
 
 @kernel
-def leaps(oscillator: Oscillator) -> bool:
+def leaps_to_resonance(oscillator: Oscillator) -> bool:
     """True if attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     lever = oscillator.lever
     x, y = detuning(lever)
@@ -118,7 +118,7 @@ def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: flo
 
 
 @kernel
-def decide(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
+def side_by_averaging(oscillator: Oscillator, amplitude: float, top: Maximum) -> int:
     """Side of the resonance on which the tip passes this amplitude, by averaging; UNCLEAR too near to the jump."""
     law, p, lever = oscillator
     clear(top)
@@ -141,10 +141,10 @@ def side_reached_from_far(oscillator: Oscillator, amplitude: float, top: Maximum
     p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
     worst = narrowest_amplitude_ratio(lever) * free
-    side = decide(oscillator, max(amplitude, min(worst, free)), top)
+    side = side_by_averaging(oscillator, max(amplitude, min(worst, free)), top)
     if side == REPULSIVE or worst <= free or not has_longrange(p):
         return side
-    return ATTRACTIVE if decide(oscillator, worst, top) == ATTRACTIVE else UNCLEAR
+    return ATTRACTIVE if side_by_averaging(oscillator, worst, top) == ATTRACTIVE else UNCLEAR
 
 
 @kernel(shared=True)
@@ -167,7 +167,7 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: Harm
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
         return BY_CURVE  # which also says where it ends, so that only time tells: contacts with hysteresis
     attracted = has_longrange(p)
-    rises = attracted and leaps(oscillator)
+    rises = attracted and leaps_to_resonance(oscillator)
     if low_q(lever):
         return BY_AVERAGING if fill_orbit_at_low_q(oscillator, amplitude, rises, harmonic, top) else BY_CURVE
     if rises and attraction_defies_averaging(oscillator):
@@ -200,7 +200,7 @@ def fill_orbit_at_low_q(
         find_mismatch_maximum(oscillator, worst, math.inf, top)
         if rises or top.mismatch > mismatch_at_attraction_share(lever, worst, WEAK):
             return False
-    elif decide(oscillator, amplitude, top) == UNCLEAR:
+    elif side_by_averaging(oscillator, amplitude, top) == UNCLEAR:
         return False
     return fill_setpoint_orbit_on_side(oscillator, amplitude, REPULSIVE, top, harmonic)
 

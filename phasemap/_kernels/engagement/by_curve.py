@@ -31,7 +31,7 @@ from phasemap._kernels.engagement.by_averaging import (
     BY_AVERAGING,
     IN_TIME,
     fill_setpoint_orbit_on_side,
-    leaps,
+    leaps_to_resonance,
     side_reached_from_far,
     worst_amplitude,
 )
@@ -185,7 +185,13 @@ def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> b
     """Begin the curve at an amplitude at which the tip is surely on the attractive branch; False if none is known."""
     oscillator, harmonic, top = standing_at(path, 0.0), HarmonicOrbit(), Maximum()
     law, p, lever = oscillator
-    if not has_longrange(p) or law.attracts == 0 or low_q(lever) or not near_resonance(lever) or leaps(oscillator):
+    if (
+        not has_longrange(p)
+        or law.attracts == 0
+        or low_q(lever)
+        or not near_resonance(lever)
+        or leaps_to_resonance(oscillator)
+    ):
         return False
     worst = worst_amplitude(lever, rough_tip_amplitude(lever, wanted))
     higher = worst + HIGHER * (free_amplitude(lever) - worst)

@@ -31,7 +31,7 @@ from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLE
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near, slope_is_clear
-from phasemap._kernels.orbits.response.passes import FOUND, converge, start_passes
+from phasemap._kernels.orbits.response.passes import FOUND, converge_passes, start_passes
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.records import clear
 
@@ -66,7 +66,7 @@ def response_mismatch(oscillator: Oscillator, amplitude: float, gap: float, work
     state.amplitude, state.centre, state.slope = amplitude, amplitude + gap, -1.0 / reach_of(oscillator.p)
     if not start_passes(oscillator, nodes, state):
         return math.nan
-    if converge(oscillator, nodes, state, True, END_PHASE, math.inf) != FOUND:
+    if converge_passes(oscillator, nodes, state, True, END_PHASE, math.inf) != FOUND:
         return math.nan
     return attractive_mismatch(oscillator.lever, amplitude, state.push, state.drag)
 

@@ -28,7 +28,7 @@ NEAR_PERIODS = 40  # and at least so many periods
 
 
 @kernel
-def hold(oscillator: Oscillator, goal: Goal, tip: Tip, row: np.ndarray) -> int:
+def hold_in_time(oscillator: Oscillator, goal: Goal, tip: Tip, row: np.ndarray) -> int:
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row.
 
     A tip that engages counts periods from the phase at which it was highest as it swung freely. Where such a period
@@ -55,7 +55,7 @@ def hold_from_row(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     law, lever = oscillator.law, oscillator.lever
     tip = Tip(state_on(law, lever, row[col.AMPLITUDE], row), PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
-    return hold(oscillator, goal, tip, row)
+    return hold_in_time(oscillator, goal, tip, row)
 
 
 @kernel

@@ -20,7 +20,7 @@ from phasemap._kernels.engagement.averages import (
     Total,
     add_total,
     angle_between,
-    average,
+    average_periods,
     begin_lock_in,
     block_of,
     errors_of_mean,
@@ -101,7 +101,7 @@ def take_average(
     lever, amplitude, gain = oscillator.lever, controller.amplitude, controller.gain
     gain_a_period, pace = gain / controller.block if controller.sticky else 0.0, 0.0
     move = (pace, gain_a_period, amplitude)
-    if not average(oscillator, controller.step_size, controller.block, move, tip, lock_in):
+    if not average_periods(oscillator, controller.step_size, controller.block, move, tip, lock_in):
         return False, series
     series = with_average(lever, lock_in.total, series, groups.count)
     groups.count += 1

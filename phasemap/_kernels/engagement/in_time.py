@@ -20,14 +20,14 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.averages import (
     FEWEST_AVERAGED,
     LockIn,
-    average,
+    average_periods,
     begin_lock_in,
     block_of,
     mean_amplitude,
     touches_alike,
 )
 from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, coarse_tolerance, fine_tolerance
-from phasemap._kernels.engagement.holding_in_time import hold
+from phasemap._kernels.engagement.holding_in_time import hold_in_time
 from phasemap._kernels.engagement.holding_mean import EAGER_GAIN, SLOW_GAIN, hold_mean
 from phasemap._kernels.engagement.lowering import (
     AMPLITUDE_REACHED,
@@ -88,7 +88,7 @@ def amplitude_after_jump(
     if tip.periods.marched + wait + block > most_periods:
         return math.nan
     for count in (wait, block):
-        if not average(oscillator, step_size, count, (0.0, 0.0, 0.0), tip, lock_in):
+        if not average_periods(oscillator, step_size, count, (0.0, 0.0, 0.0), tip, lock_in):
             return math.nan
     return mean_amplitude(oscillator.lever, lock_in)
 
@@ -109,7 +109,7 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
     step_size = ROUGH_STEPS * tolerance.step_size if hasty else tolerance.step_size
     lock_in, u, acc = LockIn(), tip.u.copy(), PeriodResult()
     begin_lock_in(lever, tip.acc, lock_in)
-    if tip.periods.marched + block > most_periods or not average(
+    if tip.periods.marched + block > most_periods or not average_periods(
         oscillator, step_size, block, (0.0, 0.0, 0.0), tip, lock_in
     ):
         return TIME_SPENT
@@ -121,7 +121,7 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
             pace = max(slow / FINEST_FALL, min(pace, LANDING_FALL * abs(before - amplitude) / block))
         copy(tip.u, u)
         assign(acc, tip.acc)
-        if not average(oscillator, step_size, block, (pace if down else -pace, 0.0, 0.0), tip, lock_in):
+        if not average_periods(oscillator, step_size, block, (pace if down else -pace, 0.0, 0.0), tip, lock_in):
             return TIME_SPENT
         now = mean_amplitude(lever, lock_in)
         led = abs(abs(now - before) - pace * block) > PARTS_BY * pace * block or lock_in.change < TAMER * change
@@ -199,7 +199,7 @@ def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
                 loose = True
                 continue
         if periodic or ends == ORBIT_HELD:
-            return hold(oscillator, goal, tip, row)
+            return hold_in_time(oscillator, goal, tip, row)
         if ends == MOTION_KEPT:
             return hold_mean(oscillator, goal, SLOW_GAIN, tip, row)
         if ends == AMPLITUDE_REACHED:
@@ -235,7 +235,7 @@ def move_to_tip_offset(
         return col.NOT_SETTLED
     move, lock_in = ((u[Z0] - z0) / max(count, 1), 0.0, 0.0), LockIn()
     begin_lock_in(lever, tip.acc, lock_in)
-    if not average(oscillator, COARSER_STEPS * step_size, count, move, tip, lock_in):
+    if not average_periods(oscillator, COARSER_STEPS * step_size, count, move, tip, lock_in):
         return col.NOT_SETTLED
     u[Z0] = z0
     tolerance = fine_tolerance(p, Goal(free_amplitude(lever), step_size, most_periods))
@@ -265,7 +265,7 @@ def move_to_amplitude(
     goal, least = Goal(amplitude, step_size, most_periods), math.inf if driven else NEXT_TRY * free_amplitude(lever)
     ends = move_to_mean_amplitude(oscillator, goal, least, tip)
     if ends == ORBIT_AGAIN:
-        return hold(oscillator, goal, tip, row)
+        return hold_in_time(oscillator, goal, tip, row)
     if ends == AMPLITUDE_REACHED:
         return hold_mean(oscillator, goal, EAGER_GAIN, tip, row)
     return col.NOT_SETTLED if ends == TIME_SPENT else col.NO_STABLE_ORBIT

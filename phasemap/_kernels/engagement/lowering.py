@@ -17,7 +17,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.beside_resonance import attraction_defies_averaging
-from phasemap._kernels.engagement.by_averaging import forces_are_plain, leaps
+from phasemap._kernels.engagement.by_averaging import forces_are_plain, leaps_to_resonance
 from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.engagement.stuck import in_contact_throughout
 from phasemap._kernels.excitation import detected_phasor
@@ -101,7 +101,7 @@ def pace_of_leap(oscillator: Oscillator) -> float:
     free = free_amplitude(lever)
     # A contact with hysteresis leaves its orbits by sticking, at any frequency.
     smooth = has_longrange(p) and forces_are_plain(oscillator)
-    if not (smooth and leaps(oscillator)):
+    if not (smooth and leaps_to_resonance(oscillator)):
         return 0.0
     if -longrange_force(law, 0.0, p) < lever[col.STIFFNESS] * free * lever[col.DYNAMIC_STIFFNESS]:
         return 0.0

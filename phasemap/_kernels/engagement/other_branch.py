@@ -12,7 +12,7 @@ import math
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.by_averaging import decide, forces_are_plain, low_q_margin_factor
+from phasemap._kernels.engagement.by_averaging import forces_are_plain, low_q_margin_factor, side_by_averaging
 from phasemap._kernels.engagement.by_fold import highest_response_mismatch, side_of
 from phasemap._kernels.law import Oscillator, contact_force, has_longrange
 from phasemap._kernels.lever import lowest_tip_offset, reach_of
@@ -54,7 +54,7 @@ def averaged_orbit_on_branch(
         return col.NO_STABLE_ORBIT if repelled and side == ATTRACTIVE else col.PENDING
     top = workspace.top
     if side == ATTRACTIVE:
-        decided = decide(oscillator, amplitude, top)
+        decided = side_by_averaging(oscillator, amplitude, top)
         if decided == UNCLEAR:
             decided = side_of(highest_response_mismatch(oscillator, amplitude, workspace).mismatch)
         if decided == REPULSIVE:

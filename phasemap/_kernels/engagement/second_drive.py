@@ -45,7 +45,7 @@ def pass_period(lever: np.ndarray) -> None:
 
 
 @kernel
-def window(i: int, count: int) -> float:
+def averaging_weight(i: int, count: int) -> float:
     """Weight of period i of `count`, of mean 1: Hann's window, in which harmonics of the first drive leave nothing."""
     return 1.0 - math.cos(2.0 * math.pi * (i + 0.5) / count)
 

@@ -9,7 +9,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, UNKNOWN_ORBIT, StableOrbits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.averages import LockIn, average, begin_lock_in, block_of
+from phasemap._kernels.engagement.averages import LockIn, average_periods, begin_lock_in, block_of
 from phasemap._kernels.engagement.goal import COARSER_STEPS
 from phasemap._kernels.engagement.holding_in_time import state_on
 from phasemap._kernels.engagement.in_time import slow_pace
@@ -34,7 +34,7 @@ def next_branch(orbits: StableOrbits, material: int, branch: int, z0: float) -> 
 
 
 @kernel
-def walk(
+def walk_line(
     materials: np.ndarray, orbits: StableOrbits, anew: bool, branch: int, z0: float, slots: np.ndarray
 ) -> tuple[int, float]:
     """Fill in the orbit of each pixel line by line, trace and then retrace; returns the last branch and tip offset.
@@ -78,7 +78,7 @@ def reach_rows(
         reach[i] = math.inf
         while tip.periods.marched < most_periods and tip.u[Z0] < top:
             if (
-                not average(
+                not average_periods(
                     Oscillator(law, parameters(rows[i]), lever), COARSER_STEPS * step_size, block, up, tip, lock_in
                 )
                 or lock_in.total.period.cos < 0.0

@@ -34,7 +34,7 @@ UNRESOLVED_SHARE = 0.1
 
 
 @kernel(fastmath=ANY_ORDER)
-def respond(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float) -> None:
+def fill_response(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float) -> None:
     """Replace deflection w and rate w' at the nodes by the lever's response to the force g."""
     nodes.missed = 0.0
     for i in range(modes_of(lever)):

@@ -22,7 +22,7 @@ from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_a
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
 from phasemap._kernels.lever import drive_needed, mode_of, modes_of, phase_rate, static_compliance
 from phasemap._kernels.numerics import factor, substitute
-from phasemap._kernels.orbits.response.motion import respond
+from phasemap._kernels.orbits.response.motion import fill_response
 from phasemap._kernels.orbits.response.nodes import (
     GAUSS_WEIGHTS,
     GAUSS_X,
@@ -229,7 +229,7 @@ def newton_pass(
     With `hold` the centre e stays, and A.
     """
     lever, rates, changes = oscillator.lever, workspace.rates, workspace.changes
-    respond(nodes, lever, state.mean_force, state.push, state.drag)
+    fill_response(nodes, lever, state.mean_force, state.push, state.drag)
     if not _fill_changes(oscillator, nodes, state, workspace):
         return False, h
     centre, amplitude = _newton_step(lever, state, h, hold, rates)
@@ -238,7 +238,7 @@ def newton_pass(
             changes[BY_PASS, k] + centre * changes[BY_CENTRE, k] + amplitude * changes[BY_AMPLITUDE, k]
         )
     mean, push, drag = rates[BY_PASS] + centre * rates[BY_CENTRE] + amplitude * rates[BY_AMPLITUDE]
-    respond(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag)
+    fill_response(nodes, lever, state.mean_force + mean, state.push + push, state.drag + drag)
     share = cut_short(nodes, state, centre, amplitude, workspace)
     state.centre += share * centre
     state.amplitude += share * amplitude

@@ -14,7 +14,7 @@ from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q
 from phasemap._kernels.orbits.averaged.sides import Maximum, fill_averaged_orbit_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height
 from phasemap._kernels.orbits.response.nodes import MOST_PARTS, Nodes, cut_contact, parts_of
-from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, by_newton, converge, start_passes
+from phasemap._kernels.orbits.response.passes import FOUND, UNRESOLVED, by_newton, converge_passes, start_passes
 from phasemap._kernels.orbits.response.stability import orbit_is_kept
 from phasemap._kernels.orbits.response.state import PassState, evaluate_nodes
 from phasemap._kernels.records import assign, clear, record
@@ -93,7 +93,7 @@ def _orbit_by_passes(
     if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
-    found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
+    found = converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset)
     other, cut = workspace.finer, beside_resonance(lever) or modes_of(lever) > 1
     most_parts = FEW_PARTS if modes_of(lever) == 1 or by_newton(lever, state) else MOST_PARTS
     while (
@@ -110,7 +110,7 @@ def _orbit_by_passes(
         f, other = other, f
         state.parts = parts_of(f)
         evaluate_nodes(oscillator, f, state)
-        found = converge(oscillator, f, state, False, limits.phase, limits.tip_offset)
+        found = converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset)
     if found != FOUND or not on_same_branch(lever, harmonic, state):
         return False
     if workspace.seen > 0.0:
@@ -139,7 +139,7 @@ def _move_to_detected_amplitude(
         before = (amplitude, miss)
         state.amplitude += move
         state.centre += move
-        if converge(oscillator, f, state, False, limits.phase, limits.tip_offset) != FOUND:
+        if converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset) != FOUND:
             return False
         if abs(move) > LEAST_SECANT * amplitude:
             state.seen_by_a = (detected_signal(lever, state.amplitude, state.phase)[0] - seen - miss) / move
@@ -167,9 +167,9 @@ def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: Respo
     move = SLOPE_STEP * here.amplitude
     there.amplitude += move
     there.centre += move
-    if converge(oscillator, f, there, False, limits.phase, min(limits.tip_offset, 1e-2 * move)) != FOUND:
+    if converge_passes(oscillator, f, there, False, limits.phase, min(limits.tip_offset, 1e-2 * move)) != FOUND:
         return False
     if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False
-    found = converge(oscillator, f, here, False, limits.phase, limits.tip_offset)  # back to where the nodes were
+    found = converge_passes(oscillator, f, here, False, limits.phase, limits.tip_offset)  # back to where the nodes were
     return found == FOUND and orbit_is_kept(oscillator, f, here)

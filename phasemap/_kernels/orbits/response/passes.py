@@ -27,7 +27,7 @@ from phasemap._kernels.orbits.response.errors import (
     remaining_change_ratio,
     tip_offset_error_factor,
 )
-from phasemap._kernels.orbits.response.motion import respond
+from phasemap._kernels.orbits.response.motion import fill_response
 from phasemap._kernels.orbits.response.newton_pass import cut_short, new_newton_workspace, newton_pass
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
@@ -204,7 +204,7 @@ def outcome_of_pass(
 
 
 @kernel(shared=True)
-def converge(
+def converge_passes(
     oscillator: Oscillator, f: Nodes, state: PassState, hold: bool, limit_phase: float, limit_height: float
 ) -> int:
     """Repeat passes until errors are below the limits: FOUND, NO_ORBIT or UNRESOLVED; with `hold`, e and A stay.
@@ -227,7 +227,7 @@ def converge(
             if not good:
                 return NO_ORBIT
         else:
-            respond(f, lever, state.mean_force, state.push, state.drag)
+            fill_response(f, lever, state.mean_force, state.push, state.drag)
             lift = f.w[nearest] - before
             if newton:
                 lift *= cut_short(f, state, lift, 0.0, workspace)

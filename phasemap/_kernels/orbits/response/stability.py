@@ -17,7 +17,7 @@ from phasemap._kernels.law import Oscillator, contact_slope, damping, has_longra
 from phasemap._kernels.lever import all_shares, low_q, mode_of, modes_of, reach_of
 from phasemap._kernels.numerics import spectral_radius
 from phasemap._kernels.orbits.response.apex import apex_between
-from phasemap._kernels.orbits.response.motion import respond
+from phasemap._kernels.orbits.response.motion import fill_response
 from phasemap._kernels.orbits.response.newton_pass import surface_stiffness
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
@@ -163,7 +163,7 @@ def touches_once(oscillator: Oscillator, nodes: Nodes, state: PassState) -> bool
         lay_nodes(nodes, nodes.theta[ENTRY], nodes.theta[EXIT])
         for j in range(N):
             nodes.g[IN + j], nodes.g[OUT + j] = 0.0, 0.0
-        respond(nodes, lever, state.mean_force, state.push, state.drag)
+        fill_response(nodes, lever, state.mean_force, state.push, state.drag)
         nodes.outside = 1 if has_longrange(p) else 0
     for k in range(N * parts_of(nodes)):
         deepest = max(deepest, depth_at_node(nodes, amplitude, e, contact_node(k)))
