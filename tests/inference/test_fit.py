@@ -15,7 +15,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
-from phasemap.inference.curves import evidence, problem
+from phasemap.inference.curves import evidence, residuals
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.recorded import EVERY, compared, of_curve, under
 from phasemap.solvers.continuation.path import Question
@@ -435,10 +435,10 @@ def test_derivatives_from_orbits_beside_are_those_of_whole_curves(axis: str, mon
     seen, setup = one(FILM, way, 15), CurveSetting(FILM, SCOPE, height)
     given = {name: (seen[name][::8], NOISE[f"{name}_error"]) for name in ("amplitude", "phase")}
     data = check_data(axis, values, way, given)
-    model = problem.Problem(data, setup, check_parameters(("modulus", "adhesion", "phase_offset"), setup, axis))
-    q, ruler = np.array([0.01, -0.02, 0.01]), problem.Ruler.strict(data)
+    model = residuals.Problem(data, setup, check_parameters(("modulus", "adhesion", "phase_offset"), setup, axis))
+    q, ruler = np.array([0.01, -0.02, 0.01]), residuals.Ruler.strict(data)
     beside, solved = model.jacobian(q, ruler), model.evaluations
-    monkeypatch.setattr(problem, "moved", lambda *_: None)
+    monkeypatch.setattr(residuals, "moved", lambda *_: None)
     along = model.jacobian(q, ruler)
     assert solved == 1 and model.evaluations == 5  # the phase's zero moves no orbit
     # Orbits are exact to 1e-13 m, over a step of 2e-4 and an error of 5e-10 m.
@@ -499,12 +499,12 @@ def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.Monk
     rows[:, col.STIFFENING] = [-1, -1, 1, 1, 1, -1, -1]
     rows[:, col.AMPLITUDE] = np.arange(7.0)
     visit = Visit(rows, rows, np.zeros(7, np.int8), [])
-    monkeypatch.setattr(problem, "there_and_back", lambda *_: (visit, visit))
-    monkeypatch.setattr(problem, "seen", lambda rows, _: rows)
+    monkeypatch.setattr(residuals, "there_and_back", lambda *_: (visit, visit))
+    monkeypatch.setattr(residuals, "seen", lambda rows, _: rows)
     wet = CurveSetting(
         pm.Material(1e9, 0.05, 0.01, liquid_film=1e-9), replace(SCOPE, interaction=pm.Interaction("capillary")), 0.0
     )
-    found = problem.branches(wet, "tip_offset", np.arange(7.0))
+    found = residuals.branches(wet, "tip_offset", np.arange(7.0))
     assert found.gap.tolist()[:3] == [[2, 1, 0, 0, 0, 1, 2], [0, 0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0, 0]]
 
 
@@ -513,7 +513,7 @@ def test_the_repulsive_branch_is_known_where_the_way_over_the_data_does_not_lead
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 200.0), pm.Tip(8e-9), pm.Drive(20e-9), law)
     wet, far = pm.Material(3e9, 0.03, damping=0.01, liquid_film=1.5e-9), np.array([17.6e-9, 18.0e-9, 22e-9])
     assert (pm.sweep_distance(wet, scope, far).phase < 0).all()
-    found = problem.branches(CurveSetting(wet, scope, 0.0), "tip_offset", far)
+    found = residuals.branches(CurveSetting(wet, scope, 0.0), "tip_offset", far)
     there = (found.phase > 0) & (found.gap == 0)
     assert there[:, 0].any() and not there[:, 2].any()
 
