@@ -41,12 +41,11 @@ BEFORE_KERNELS = (  # files that need none of the kernels which a process of its
     "test_numpy_of_the_page",
     "test_beam",
     "test_docs",
-    "test_scene",
     "test_plot",
     "test_fuzz",
 )
 # What names of tests in these files end with that need many, and stand last.
-AFTER_THEM = ("[calls]", "_are_those_of_the_code_beside_them", "_with_noise_and_edges_as_wide_as_the_tip")
+AFTER_THEM = ("[calls]", "_are_those_of_the_code_beside_them")
 FIRST = (
     "test_examples",
     "test_bench",
