@@ -297,7 +297,7 @@ def test_any_scan_over_any_materials_obeys_the_rule(
     lines: list[list[int]], table: list[tuple[int, ...]], engage: str, data: st.DataObject
 ) -> None:
     from phasemap._kernels.columns import StableOrbits
-    from phasemap._kernels.scanning.quasi_static import walk as compiled
+    from phasemap._kernels.scanning.quasi_static import walk_line as compiled
 
     engaged = [data.draw(st.sampled_from([*branches, NONE])) for branches in table]
     known = [dict.fromkeys(branches, 0.0) for branches in table]
