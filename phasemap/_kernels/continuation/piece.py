@@ -70,7 +70,7 @@ CLOSED_BRACKET = 1e-12  # [1], length of a bracket that holds nothing more: no f
 FEWEST_POINTS_ROUND = 8  # of a curve that closes
 FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where it turns: the fold is known
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
-TIGHT = 0.1  # last change of an orbit of a curve, over that of a pixel's
+CURVE_TOLERANCE = 0.1  # last change of an orbit of a curve, over that of a pixel's
 # How a piece ends.
 PIECE_LEFT = 0
 PIECE_CLOSED = 1
@@ -352,7 +352,7 @@ def collocation_orbits_at(
         load_harmonic_orbit(harmonics[i], harmonic)
         if not harmonic.amplitude > 0.0:
             return i
-        tolerance = TIGHT * tolerance_of(oscillator)
+        tolerance = CURVE_TOLERANCE * tolerance_of(oscillator)
         done, _, _ = solve_near(path, harmonic, m[i], hold, False, tolerance, MOST_NEWTON_STEPS, orbit)
         if done != col.GOOD or not head.amplitude > 0.0:
             return i

@@ -124,7 +124,9 @@ def solve_tangent(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> 
     if head_of(orbit).equations == EQUATIONS_OTHER and not linearise_orbit(oscillator, orbit, drift):
         return False
     across = Equation(row[0], row[1], row[2], 0.0, 0.0, 0.0)
-    return curve_derivative(oscillator.lever, orbit, drift, (held_equation(path, orbit, drift), across))
+    return curve_derivative(
+        oscillator.lever, orbit, drift, (held_equation(path, oscillator.lever, orbit, drift), across)
+    )
 
 
 @kernel(shared=True)

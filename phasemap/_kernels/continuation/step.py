@@ -133,7 +133,7 @@ def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: t
     m = head_of(orbit).parameter
     lever, drift = standing_at(path, m).lever, drift_at(path, m)
     right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
-    held = held_equation(path, orbit, drift), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
+    held = held_equation(path, lever, orbit, drift), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
     if not solve_step(lever, orbit, drift, held):
         return False
     apply_step(lever, orbit, 1.0)

@@ -99,8 +99,7 @@ def take_average(
     once could change the pattern of taps.
     """
     lever, amplitude, gain = oscillator.lever, controller.amplitude, controller.gain
-    gain_a_period, pace = gain / controller.block if controller.sticky else 0.0, 0.0
-    move = (pace, gain_a_period, amplitude)
+    move = 0.0, gain / controller.block if controller.sticky else 0.0, amplitude  # as `average_periods` takes it
     if not average_periods(oscillator, controller.step_size, controller.block, move, tip, lock_in):
         return False, series
     series = with_average(lever, lock_in.total, series, groups.count)

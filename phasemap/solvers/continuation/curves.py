@@ -12,9 +12,9 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import (
+    CURVE_TOLERANCE,
     PIECE_CLOSED,
     PIECE_FULL,
-    TIGHT,
     Asked,
     KeptOrbits,
     Made,
@@ -253,7 +253,7 @@ class Curves:
     def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
         start = new_orbit_like(orbit)
         copy_orbit(orbit, start)
-        tolerance = TIGHT * float(tolerance_of(self.standing(float(head_of(orbit).parameter))))
+        tolerance = CURVE_TOLERANCE * float(tolerance_of(self.standing(float(head_of(orbit).parameter))))
         asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
         room = MOST_KEPT if len(self.wanted) == 1 else 0
         shapes = orbit.elements.shape, orbit.head.shape[1:], orbit.modes.shape

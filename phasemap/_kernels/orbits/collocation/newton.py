@@ -175,7 +175,7 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
             held = hold_detected_amplitude(lever, orbit, seen)
         if head.equations != EQUATIONS_CURRENT and not linearise_orbit(oscillator, orbit, drift):
             return col.NOT_CONVERGED, step
-        first, other = (held_equation(path, orbit, drift), held) if along else (held, hold_parameter(orbit))
+        first, other = (held_equation(path, lever, orbit, drift), held) if along else (held, hold_parameter(orbit))
         if not solve_step(lever, orbit, drift, (first, other)):
             return col.NOT_CONVERGED, step
         status, change = take_newton_step(lever, orbit, tolerance, coarse)

@@ -110,7 +110,7 @@ def held_value(path: Path, m: float) -> float:
 
 
 @kernel
-def held_equation(path: Path, orbit: Orbit, drift: np.ndarray) -> Equation:
+def held_equation(path: Path, lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> Equation:
     """Linearised equation, at an orbit, of the tip offset or detected amplitude held; of a fixed path, of m itself."""
     if path.kind == FIXED_PATH:
         return Equation(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -124,5 +124,5 @@ def held_equation(path: Path, orbit: Orbit, drift: np.ndarray) -> Equation:
     ahead = detected_amplitude_of_orbit(drift[0][LEVER_ROW:], *of)
     behind = detected_amplitude_of_orbit(drift[1][LEVER_ROW:], *of)
     by_m = (ahead - behind) / (2.0 * DRIFT_STEP) - rate
-    one = hold_detected_amplitude(standing_at(path, m).lever, orbit, value)
+    one = hold_detected_amplitude(lever, orbit, value)
     return Equation(0.0, one.normal_a, by_m, one.equals + by_m * m, one.normal_p, one.normal_s)
