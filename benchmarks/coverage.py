@@ -15,12 +15,12 @@ import numpy as np
 import xarray as xr
 
 import phasemap as pm
+from phasemap.inference.determined import PARAMETERS, PRIOR
 from phasemap.inference.images.model import make_model
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.likelihood import OTHER, WORSE
 from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR
-from phasemap.inference.verdict import PARAMETERS, PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SETPOINTS = (0.85, 0.6)

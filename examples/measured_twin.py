@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import phasemap as pm
-from phasemap.comparison.words import verdict_of
+from phasemap.comparison.findings import verdict_of
 
 LINES = slice(96, 160)  # of 256, below the change of the tip
 ASSUMED = (

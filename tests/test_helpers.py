@@ -37,8 +37,8 @@ from phasemap.io.curves import is_curve
 from phasemap.io.netcdf import check_dataset
 from phasemap.plot import colours, contrast_map
 from phasemap.plot.page import side_lengths
+from phasemap.results.descriptions import describe_flags, describe_solvers
 from phasemap.results.quantities import needs_of
-from phasemap.results.words import describe_flags, describe_solvers
 from phasemap.scenes import samples, tables
 from phasemap.scenes.ensemble import name_of
 from phasemap.scenes.ensemble_file import as_column

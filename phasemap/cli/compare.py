@@ -95,7 +95,7 @@ def compare(arguments: argparse.Namespace) -> None:
 
 def summary(found: xr.Dataset) -> list[str]:
     """Findings of a comparison, as lines of a word and a sentence, the verdict last."""
-    from phasemap.comparison.words import lines_of, verdict_of
+    from phasemap.comparison.findings import lines_of, verdict_of
 
     size = f"{found.sizes['x']} x {found.sizes['y']} pixels"
     lines = [("compared", size), *lines_of(found), ("verdict", verdict_of(found))]

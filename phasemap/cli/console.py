@@ -52,7 +52,7 @@ def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str
 
 def remarks(found: xr.Dataset, what: str = "pixels") -> list[str]:
     """Lines below a summary: on motion, on the limits of the model, and on failures."""
-    from phasemap.results.words import describe_failures, describe_irregular, describe_validity
+    from phasemap.results.descriptions import describe_failures, describe_irregular, describe_validity
 
     said = {
         "motion": describe_irregular(found, what),

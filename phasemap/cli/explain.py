@@ -66,7 +66,7 @@ def columns_of(arguments: argparse.Namespace) -> dict[str, Any]:
 def fit(arguments: argparse.Namespace) -> None:
     """Fit a curve, write the files asked for, and print the findings."""
     from phasemap.inference.curves.fit import fit_distance
-    from phasemap.inference.verdict import PRIOR
+    from phasemap.inference.determined import PRIOR
     from phasemap.io.curves import read_curve
 
     check_files(arguments)
@@ -171,7 +171,7 @@ def series(arguments: argparse.Namespace) -> None:
 
 def said_of_series(found: xr.Dataset) -> list[str]:
     """Findings of `phasemap.series`, a line a file and a line a sentence."""
-    from phasemap.results.words import of_file
+    from phasemap.results.descriptions import of_file
 
     said = []
     for i, name in enumerate(found["file"].values):

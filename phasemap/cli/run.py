@@ -169,7 +169,7 @@ def _print_summary(scene: Scene, image: xr.Dataset) -> None:
     """Print a summary of the scene and of the simulated image."""
     import numpy as np
 
-    from phasemap.results.words import describe_alike, describe_flags, describe_solvers
+    from phasemap.results.descriptions import describe_alike, describe_flags, describe_solvers
 
     _print_scene(scene, image.attrs["modelled"])
     realism = scene.options["realism"]

@@ -208,7 +208,7 @@ def said_of_sweep(found: xr.Dataset) -> list[str]:
     """Findings of a sweep, as lines of a word and a sentence: folds, jumps, and missing orbits."""
     import numpy as np
 
-    from phasemap.results.words import titles
+    from phasemap.results.descriptions import titles
 
     axis = str(found["status"].dims[1])
     values, about = found[axis].values, found[axis].attrs
@@ -320,7 +320,7 @@ def said_of_contrast(found: xr.Dataset) -> list[str]:
     """Findings of a map of contrast, as lines of a word and a sentence."""
     import numpy as np
 
-    from phasemap.results.words import describe_flags
+    from phasemap.results.descriptions import describe_flags
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} minus {names[0]}"]

@@ -22,13 +22,13 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, supplied
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, rows_of
+from phasemap.explorer.explanation import LAG, PHASE, PointMotion, lines_of, shown_number
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
-from phasemap.explorer.words import LAG, PHASE, PointMotion, lines_of, shown_number
+from phasemap.results.descriptions import FORCES, describe_failures, describe_validity
 from phasemap.results.quantities import CHANNELS, OF_SECOND, TipMotion
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
-from phasemap.results.words import FORCES, describe_failures, describe_validity
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen
 from phasemap.solvers.continuation.path import Question

@@ -35,10 +35,10 @@ from phasemap.imaging.imperfections import changes, drifted, finish
 from phasemap.imaging.job import Job, fill_kept, fill_part, plan_image, simulator_of
 from phasemap.imaging.materials import Window, survey
 from phasemap.results.channels import inputs_of, split, with_channels
+from phasemap.results.descriptions import FORCES, describe_failures, describe_validity
 from phasemap.results.quantities import needs_of
 from phasemap.results.status import Status
 from phasemap.results.variables import IN_TIME, OF_ADHESION, OF_FORCES, provenance
-from phasemap.results.words import FORCES, describe_failures, describe_validity
 from phasemap.solvers.problem import Work, check_marched, check_setpoint, forces_of, make_work
 from phasemap.solvers.solver import by_name, check_integrals, check_marches
 

@@ -32,7 +32,7 @@ from phasemap.plot.contrast_map import (
     ticks_of,
 )
 from phasemap.plot.page import Page, shortened
-from phasemap.results.words import describe_failures, describe_irregular, titles
+from phasemap.results.descriptions import describe_failures, describe_irregular, titles
 
 COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4

@@ -20,8 +20,8 @@ from phasemap._shared.units import readable, say
 from phasemap.plot.colours import PALETTE
 from phasemap.plot.page import Page, own_axes
 from phasemap.plot.sweep import COLOURS, is_sweep
+from phasemap.results.descriptions import titles
 from phasemap.results.status import Status
-from phasemap.results.words import titles
 
 WIDTHS = (3.6, 1.3)  # of the lines of the two directions [points]
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 1.7, 0.75, 0.2, 0.14, 0.55  # [inch]

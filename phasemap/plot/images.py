@@ -24,14 +24,14 @@ from phasemap.plot.page import Page, draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
-from phasemap.results.variables import phase_lag
-from phasemap.results.words import (
+from phasemap.results.descriptions import (
     describe_failures,
     describe_irregular,
     describe_solvers,
     describe_validity,
     microscope_in_words,
 )
+from phasemap.results.variables import phase_lag
 
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]

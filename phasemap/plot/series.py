@@ -15,7 +15,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.plot.colours import BARS, MARKERS, PALETTE, STYLES, SURE
 from phasemap.plot.page import Page, draw_scale_bar
-from phasemap.results.words import of_file
+from phasemap.results.descriptions import of_file
 
 MOST = 6  # files that are shown
 COLOURED = (2, 98)  # percentiles of an image between which colours differ

@@ -18,7 +18,7 @@ from phasemap._shared.checks import whole
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable
-from phasemap.comparison.words import apart, differences_of, lines_of, names_of, verdict_of
+from phasemap.comparison.findings import apart, differences_of, lines_of, names_of, verdict_of
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_colours, limits_of
 from phasemap.plot.page import LINE, Page, draw_scale_bar, shortened, side_lengths
 

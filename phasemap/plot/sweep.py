@@ -19,8 +19,8 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.units import Unit, readable
 from phasemap.plot.colours import PALETTE, words_of
 from phasemap.plot.page import Page, own_axes, round_numbers
+from phasemap.results.descriptions import describe_failures, describe_irregular, titles
 from phasemap.results.variables import phase_lag
-from phasemap.results.words import describe_failures, describe_irregular, titles
 
 FLAT = 0.02  # of a quantity's range: where it changes by less towards the far end, the tip is free
 FREE_SHARE = 0.15  # of the shown axis that may be free

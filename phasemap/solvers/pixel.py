@@ -11,9 +11,9 @@ from phasemap._shared.units import say
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.results.descriptions import SOLVED_BY
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
-from phasemap.results.words import SOLVED_BY
 from phasemap.solvers.problem import check_setpoint, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Orbit, by_name

@@ -1,7 +1,7 @@
 """Orbits at which the detector shows the setpoint, where it does not see the position of the tip.
 
 Which amplitude A of z the detector shows as the setpoint depends on the phase. Solvers hold what is seen itself
-(`phasemap._kernels.engagement.detected_setpoint`).
+(`phasemap._kernels.engagement.at_detected_amplitude`).
 """
 
 from __future__ import annotations

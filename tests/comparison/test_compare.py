@@ -16,9 +16,9 @@ from documented import check
 import phasemap as pm
 from phasemap._shared.errors import InputError, PhasemapError
 from phasemap.cli import main
+from phasemap.comparison.findings import lines_of, verdict_of
 from phasemap.comparison.pair import common_grid
 from phasemap.comparison.scores import correlation_of
-from phasemap.comparison.words import lines_of, verdict_of
 from phasemap.io.netcdf import load, save
 from phasemap.io.read import read_image
 

@@ -14,7 +14,7 @@ from scipy.integrate import quad
 import phasemap as pm
 from phasemap.experiment.interaction import Cone, ContactLaw, Film, FlatPunch, Hertz
 from phasemap.experiment.interaction.film import first_coefficient
-from phasemap.results.words import describe_validity
+from phasemap.results.descriptions import describe_validity
 from phasemap.scenes.scene import scene_from_json
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))

@@ -15,7 +15,7 @@ import xarray as xr
 import phasemap as pm
 from phasemap.cli import main
 from phasemap.experiment.described import describe
-from phasemap.results.words import describe_validity
+from phasemap.results.descriptions import describe_validity
 from phasemap.scenes.ensemble import load_ensemble
 from phasemap.sweeps.sweep import check_axis
 

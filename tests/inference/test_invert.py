@@ -6,10 +6,10 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
+from phasemap.inference.determined import PRIOR
 from phasemap.inference.images import regions, starts
 from phasemap.inference.images.invert import FLAGS
 from phasemap.inference.images.model import make_model
-from phasemap.inference.verdict import PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 SCOPE = pm.Microscope(LEVER, TIP, pm.Drive(40e-9))

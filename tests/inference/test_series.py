@@ -16,8 +16,8 @@ from benchmarks.coverage import covered
 from phasemap.inference import sampling
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.contrasts import drift_of, medians, regions_of
+from phasemap.inference.series.report import _of_magnitude, _of_tunes, _why, is_poor, tell
 from phasemap.inference.series.settings import HELD, HIGHEST, scope_of, settings_of
-from phasemap.inference.series.words import _of_magnitude, _of_tunes, _why, is_poor, tell
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 HARD, SOFT = pm.Material(3.0e9, 0.15, 0.004), pm.Material(0.4e9, 0.02, 0.05)

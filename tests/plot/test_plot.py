@@ -17,7 +17,7 @@ from phasemap._shared.errors import FileError, InputError
 from phasemap.cli import main
 from phasemap.plot import plot
 from phasemap.plot.colours import FAILED
-from phasemap.results.words import describe_failures, describe_flags, describe_irregular
+from phasemap.results.descriptions import describe_failures, describe_flags, describe_irregular
 from phasemap.scenes.scene import load_scene
 
 

@@ -13,10 +13,10 @@ import numpy as np
 import xarray as xr
 
 import phasemap as pm
+from phasemap.inference.determined import PRIOR
 from phasemap.inference.sampling import REACH
 from phasemap.inference.series.series import FACTORS
 from phasemap.inference.series.settings import GUESS, GUESS_FACTOR
-from phasemap.inference.verdict import PRIOR
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 ROWS, COLUMNS = 20, 24

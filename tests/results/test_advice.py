@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import phasemap as pm
-from phasemap.results.words import describe_validity
+from phasemap.results.descriptions import describe_validity
 
 Case = dict[str, Any]
 

@@ -11,7 +11,7 @@ import pytest
 from cases import Case, load
 
 import phasemap as pm
-from phasemap.results.words import describe_validity
+from phasemap.results.descriptions import describe_validity
 
 CASES = load("bimodal")
 SMALL, LARGE = CASES[:4], CASES[4:7]  # A2 of 0.1 nm; the first case over with 0.5, 1 and 2 nm

@@ -8,6 +8,6 @@
    `holding_in_time` and `holding_mean` how it stays there, `averages` what a lock-in shows, `stuck` recognises a tip
    that sticks; `second_drive` has the loops of a second mode that is driven too.
 
-`detected_setpoint` is for a detector that does not see the tip itself, `other_branch` finds the orbit that engagement
-does not, `orbit_of_row` solves again for that of a result row.
+`at_detected_amplitude` is for a detector that does not see the tip itself, `other_branch` finds the orbit that
+engagement does not, `orbit_of_row` solves again for that of a result row.
 """

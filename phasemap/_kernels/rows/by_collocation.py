@@ -14,13 +14,13 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.by_averaging import engage_by_averaging
-from phasemap._kernels.engagement.by_curve import new_curve_workspace
-from phasemap._kernels.engagement.detected_setpoint import (
+from phasemap._kernels.engagement.at_detected_amplitude import (
     collocation_orbit_at_detected_amplitude,
     fill_errors_as_seen,
     move_to_detected_amplitude,
 )
+from phasemap._kernels.engagement.by_averaging import engage_by_averaging
+from phasemap._kernels.engagement.by_curve import new_curve_workspace
 from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_workspace, nodes_of
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, parameters

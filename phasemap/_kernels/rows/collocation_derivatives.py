@@ -12,14 +12,14 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.engagement.at_detected_amplitude import (
+    collocation_orbit_at_detected_amplitude,
+    move_to_detected_amplitude,
+)
 from phasemap._kernels.engagement.by_averaging import engage_by_averaging
 from phasemap._kernels.engagement.by_curve import (
     CurveWorkspace,
     new_curve_workspace,
-)
-from phasemap._kernels.engagement.detected_setpoint import (
-    collocation_orbit_at_detected_amplitude,
-    move_to_detected_amplitude,
 )
 from phasemap._kernels.excitation import detected_rates, detected_signal, likely_amplitude
 from phasemap._kernels.law import Law, Oscillator, parameters

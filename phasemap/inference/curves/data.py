@@ -20,7 +20,7 @@ from phasemap.experiment.interaction import ContactLaw, Interaction, Neck
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.verdict import REACH
+from phasemap.inference.determined import REACH
 from phasemap.solvers.continuation.path import UNITS, Question
 from phasemap.sweeps.sweep import check_axis
 

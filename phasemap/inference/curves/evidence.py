@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from phasemap.inference.curves.residuals import STEP, Problem, Ruler
+from phasemap.inference.determined import REACH, UNLIKELY, chance
 from phasemap.inference.sampling import prior_draws
-from phasemap.inference.verdict import REACH, UNLIKELY, chance
 
 LOOKS = 100  # places of the prior looked at for other starts
 EVALUATIONS = 60  # of the optimiser, per stage

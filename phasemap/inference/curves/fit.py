@@ -19,7 +19,7 @@ from phasemap.inference.curves.evidence import search
 from phasemap.inference.curves.recorded import EVERY, begun, compared, of_curve, under
 from phasemap.inference.curves.residuals import Problem
 from phasemap.inference.curves.result import Fit, make_fit
-from phasemap.inference.verdict import PRIOR
+from phasemap.inference.determined import PRIOR
 from phasemap.solvers.continuation.path import Question
 
 __all__ = ["Fit", "fit_distance", "fit_frequency"]

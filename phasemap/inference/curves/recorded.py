@@ -16,7 +16,7 @@ from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import losses_of, numbers_of_law
-from phasemap.inference.verdict import PRIOR
+from phasemap.inference.determined import PRIOR
 
 BINS, FLAT = 30, 5  # of the distances at which something acts on the tip, and of those beyond
 FINE = 100  # parts of a curve, whose means tell where something acts

@@ -13,7 +13,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, CurveSetting, Data
 from phasemap.inference.curves.evidence import Estimate
 from phasemap.inference.curves.residuals import Choice, Problem, Ruler, difference
-from phasemap.inference.verdict import (
+from phasemap.inference.determined import (
     DETERMINED,
     END,
     OPEN,

@@ -21,6 +21,7 @@ from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, work
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.determined import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, add_variable, chance, check_prior
 from phasemap.inference.images.least_squares import (
     Problem,
     Solution,
@@ -32,7 +33,6 @@ from phasemap.inference.images.least_squares import (
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import Stack, list_of_images, make_stack
 from phasemap.inference.images.starts import Grid, descend_from_grid, make_grid
-from phasemap.inference.verdict import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, chance, check_prior, put
 from phasemap.results.variables import provenance
 
 SHARP = 0.05  # standard error of every logarithm below which the parabola will do
@@ -71,16 +71,16 @@ def dataset_of(
     ds = xr.Dataset()
     for i, name in enumerate(PARAMETERS):
         more = {"ancillary_variables": f"{name}_error flag"}
-        put(ds, name, dims, found.materials[..., i], name, UNITS[name], **more)
+        add_variable(ds, name, dims, found.materials[..., i], name, UNITS[name], **more)
         said = f"standard error of the natural logarithm of the {name}"
-        put(ds, f"{name}_error", dims, found.errors[..., i], said)
+        add_variable(ds, f"{name}_error", dims, found.errors[..., i], said)
     said = "chi2 over degrees of freedom, about 1 where the model describes the data"
-    put(ds, "misfit", dims if found.misfit.ndim else (), found.misfit, said)
+    add_variable(ds, "misfit", dims if found.misfit.ndim else (), found.misfit, said)
     meant = {"flag_masks": np.array([1 << i for i in range(len(FLAGS))], np.uint8), "flag_meanings": " ".join(FLAGS)}
     ds["flag"] = (dims, found.flags, {"long_name": "what the data do not determine, or what went wrong", **meant})
-    put(ds, "setpoint", "image", list(stack.setpoints), "setpoint")
+    add_variable(ds, "setpoint", "image", list(stack.setpoints), "setpoint")
     amplitudes = [one.drive.free_amplitude for one in stack.scopes]
-    put(ds, "free_amplitude", "image", amplitudes, "free amplitude at resonance", "m")
+    add_variable(ds, "free_amplitude", "image", amplitudes, "free amplitude at resonance", "m")
     scopes = [describe(one) for one in dict.fromkeys(stack.scopes)]
     ds.attrs.update(provenance({"microscopes": scopes, "setpoints": list(stack.setpoints), **configuration}, how))
     places = image["phase"].coords

@@ -28,8 +28,8 @@ from phasemap.experiment.lever import lever_of, of_tip, virial_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import contact_stiffness, film_of, properties, rows_of
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.determined import REACH
 from phasemap.inference.images.stack import HEIGHT, PHASE, Stack
-from phasemap.inference.verdict import REACH
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Orbit

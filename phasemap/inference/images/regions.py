@@ -21,6 +21,23 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.determined import (
+    CODES,
+    COMBINED,
+    END,
+    GIVEN,
+    OPEN,
+    PARAMETERS,
+    PRIOR,
+    UNLIKELY,
+    add_variable,
+    chance,
+    check_known,
+    check_prior,
+    codes_of,
+    say_regions,
+    say_what_helps,
+)
 from phasemap.inference.images.invert import AMBIGUOUS, AVERAGED, POOR, Estimates, dataset_of
 from phasemap.inference.images.least_squares import Problem, Solution, descend, information, problem_of, refine
 from phasemap.inference.images.model import Model, make_model
@@ -37,23 +54,6 @@ from phasemap.inference.images.stack import (
     regions_of,
 )
 from phasemap.inference.images.starts import grid_of_one, make_grid, make_starts
-from phasemap.inference.verdict import (
-    CODES,
-    COMBINED,
-    END,
-    GIVEN,
-    OPEN,
-    PARAMETERS,
-    PRIOR,
-    UNLIKELY,
-    chance,
-    check_known,
-    check_prior,
-    codes_of,
-    put,
-    say_regions,
-    say_what_helps,
-)
 from phasemap.results.variables import coded
 
 DRAWS = 50  # of data, each with its mirror image, so that the mean of the draws is the data
@@ -255,7 +255,7 @@ def fit_regions(
     }  # fmt: skip
     ds = of_regions(problem, found, stack, given[0], fixed, names, configuration)
     add_data(ds, problem, found, stack, plan)
-    put(ds, "pixels", "region", np.bincount(numbers[numbers >= 0]), "pixels of the region")
+    add_variable(ds, "pixels", "region", np.bincount(numbers[numbers >= 0]), "pixels of the region")
     ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
     tell(ds, problem, found, plan)
     return ds
@@ -303,7 +303,7 @@ def of_regions(
     )  # fmt: skip
     ds["determination"] = (("region", "property"), codes, coded("how far the data determine a property", *CODES))
     said = "covariance of the natural logarithms, whatever the zeros"
-    put(ds, "covariance", ("parameter", "other"), fitted.covariance, said)
+    add_variable(ds, "covariance", ("parameter", "other"), fitted.covariance, said)
     return ds
 
 
@@ -313,13 +313,13 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
     moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
     zero, error = moments_of_zeros(found, np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T))
     said = "what the instrument says where the phase is 0"
-    put(ds, "phase_zero", "image", within_half_a_turn(zero), said, "degree")
-    put(ds, "phase_zero_error", "image", error, "its standard error", "degree")
+    add_variable(ds, "phase_zero", "image", within_half_a_turn(zero), said, "degree")
+    add_variable(ds, "phase_zero_error", "image", error, "its standard error", "degree")
     if problem.weights[..., HEIGHT].any():
         drawn = plan.height_given + found.drawn @ columns[0, :, HEIGHT].T
         zero, error = moments_of_zeros(found, drawn - drawn.mean(axis=1, keepdims=True))
-        put(ds, "height_zero", "image", zero, "zero of the height, relative to its mean over the images", "m")
-        put(ds, "height_zero_error", "image", error, "its standard error", "m")
+        add_variable(ds, "height_zero", "image", zero, "zero of the height, relative to its mean over the images", "m")
+        add_variable(ds, "height_zero_error", "image", error, "its standard error", "m")
     seen, free = np.isfinite(stack.errors), np.array(stack.setpoints) * [one.driven_amplitude for one in stack.scopes]
     dims = ("region", "image")
     for channel, name, unit, scale, below in (
@@ -334,7 +334,7 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
             (f"fitted_{name}", orbits[:, :, channel] - below, f"{name} of the fit"),
             (f"{name}_error", stack.errors[:, :, channel], f"standard error of the median {name}"),
         ):
-            put(ds, word, dims, np.where(there, scale * values, np.nan), said, unit)
+            add_variable(ds, word, dims, np.where(there, scale * values, np.nan), said, unit)
     ds["branch"] = (dims, found.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1))
 
 

@@ -17,15 +17,25 @@ from phasemap._shared.errors import InputError, SolveError
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
+from phasemap.inference.determined import (
+    CODES,
+    GIVEN,
+    PARAMETERS,
+    PRIOR,
+    UNITS,
+    add_variable,
+    check_known,
+    check_prior,
+    codes_of,
+)
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import FREE
 from phasemap.inference.sampling import REACH, Draws, sample
 from phasemap.inference.series.contrasts import Labels, Medians, drift_of, each_of, medians, regions_of
 from phasemap.inference.series.likelihood import Explained, Part, Problem, State, make_table
 from phasemap.inference.series.recorded import read_files
+from phasemap.inference.series.report import tell
 from phasemap.inference.series.settings import HELD, Settings, scope_of, settings_of
-from phasemap.inference.series.words import tell
-from phasemap.inference.verdict import CODES, GIVEN, PARAMETERS, PRIOR, UNITS, check_known, check_prior, codes_of, put
 from phasemap.io.measured import one_scan
 from phasemap.results.variables import coded, provenance
 
@@ -57,16 +67,20 @@ def dataset_of(
         ("free_amplitude", settings.amplitude, settings.relative * settings.scale),
     ):
         recorded = values if kind == HELD else np.full(len(values), np.nan)
-        put(ds, f"recorded_{name}", "file", recorded, f"{name.replace('_', ' ')}, recorded or given", ds[name].units)
-    put(ds, "repulsive", ("region", "file"), fit.repulsive.mean(axis=0), "chance of the repulsive branch")
+        add_variable(
+            ds, f"recorded_{name}", "file", recorded, f"{name.replace('_', ' ')}, recorded or given", ds[name].units
+        )
+    add_variable(ds, "repulsive", ("region", "file"), fit.repulsive.mean(axis=0), "chance of the repulsive branch")
     _add_materials(ds, problem, state)
     apart = within_half_a_turn(problem.values - fit.phases[likeliest] - fit.zeros[likeliest])
-    put(ds, "sign_chance", (), float((fit.sign > 0).mean()), "chance of sign 1")
-    put(ds, "misfit", (), float(((apart / problem.errors) ** 2).sum()), "chi2 of the likeliest draw")
-    put(ds, "file_misfit", "file", ((apart / problem.errors) ** 2).sum(axis=0), "what each file has of the misfit")
+    add_variable(ds, "sign_chance", (), float((fit.sign > 0).mean()), "chance of sign 1")
+    add_variable(ds, "misfit", (), float(((apart / problem.errors) ** 2).sum()), "chi2 of the likeliest draw")
+    add_variable(
+        ds, "file_misfit", "file", ((apart / problem.errors) ** 2).sum(axis=0), "what each file has of the misfit"
+    )
     said = "recorded phase of the free lever by the likeliest draw"
-    put(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
-    put(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")
+    add_variable(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
+    add_variable(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")
     _add_curves(ds, problem, fit.sign, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
     ds = ds.assign_coords(unknown=problem.names)
@@ -82,9 +96,9 @@ def dataset_of(
 def _add_interval(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Array, units: str, said: str) -> None:
     """Add the median of draws and the ends of their 95 % interval to a Dataset."""
     low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
-    put(ds, name, dims, middle, said, units)
-    put(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
-    put(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
+    add_variable(ds, name, dims, middle, said, units)
+    add_variable(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
+    add_variable(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
 
 
 def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explained) -> None:
@@ -99,11 +113,11 @@ def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explain
         ("measured_contrast", measured, "recorded phase relative to that of region 0", "degree"),
         ("contrast_error", np.where(np.isfinite(error), error, np.nan), "its standard error", "degree"),
     ):
-        put(ds, name, dims, values, said, unit)
+        add_variable(ds, name, dims, values, said, unit)
     fitted = fit.phases - fit.phases[:, :1]
     low, middle, high = np.percentile(fitted, (ENDS[0], 50.0, ENDS[1]), axis=0)
     for name, values in (("fitted_contrast", middle), ("contrast_low", low), ("contrast_high", high)):
-        put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
+        add_variable(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
 
 
 def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
@@ -139,14 +153,14 @@ def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, lik
         low, high = np.nanpercentile(np.where(enough, contrasts, 0.0), ENDS, axis=0)
     own = sign[likeliest] * _engaged(lines)
     dims = ("curve", "region", "level")
-    put(ds, "level", "level", CURVE, "setpoint")
+    add_variable(ds, "level", "level", CURVE, "setpoint")
     ds["curve_of"] = ("file", curve, {"long_name": "number of the file's curve"})
     said = "phase of the likeliest draw, 0 of the free lever, positive where repulsive"
-    put(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, said, "degree")
+    add_variable(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, said, "degree")
     ds["branch_side"] = ("branch_side", list(SIDES))
     for name, values in (("curve_contrast", own - own[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
                          ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
-        put(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
+        add_variable(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
     ds["likeliest_sign"] = ((), int(sign[likeliest]), {"long_name": "sign of the likeliest draw"})
 
 
@@ -162,7 +176,7 @@ def _add_pictures(ds: xr.Dataset, images: Sequence[xr.Dataset], labels: Sequence
     for i, (image, mine) in enumerate(zip(images, labels, strict=True)):
         step = -(-max(mine.shape) // SMALL)
         dims = (f"y_{i}", f"x_{i}")
-        put(ds, f"image_{i}", dims, image["phase"].values[::step, ::step], "recorded phase", "degree")
+        add_variable(ds, f"image_{i}", dims, image["phase"].values[::step, ::step], "recorded phase", "degree")
         ds[f"labels_{i}"] = (dims, mine[::step, ::step].astype(np.int8), {"long_name": "region, -1 where left out"})
         for dim, name in zip(dims, ("y", "x"), strict=True):
             if name in image.coords:

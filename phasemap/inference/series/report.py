@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 
 from phasemap._shared.arrays import Array
+from phasemap.inference.determined import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.likelihood import Problem
 from phasemap.inference.series.settings import ANYWHERE, HELD
-from phasemap.inference.verdict import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
 
 CLEAR = 2.0  # standard errors above which a contrast has a sign
 DOUBTFUL = 0.02  # chance of a chi2 as large for as many data, below which the fit is not said to be within errors

@@ -62,7 +62,7 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int], pr
     return known
 
 
-def put(
+def add_variable(
     ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, said: str, units: str = "1", **more: Any
 ) -> None:
     """Add a variable to a Dataset, with its long name and units."""
