@@ -5,6 +5,9 @@ many pixels changed their status or branch, how many phases and tip offsets move
 many numbers are the same to the last bit, and the processor time of each. The exit code is 1 where a status or a branch
 changed, or a number moved beyond its stated error.
 
+``--constant`` compares with the working tree in which one tuned number of the kernels has another value, as
+``--constant engagement.by_fold.TIGHT=0.03``: how many answers hang on it, and what it costs or saves.
+
 ``--short`` compares with answers recorded in benchmarks/recorded.npz instead (``--record`` writes them), which takes
 seconds and needs no other version.
 """
@@ -15,9 +18,11 @@ import argparse
 import os
 import pathlib
 import pickle
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -83,6 +88,21 @@ def package_of(commit: str) -> pathlib.Path:
         subprocess.run(["tar", "-x", "-C", str(part)], input=_git("archive", digest, "phasemap"), check=True)
         part.rename(folder)
     return folder
+
+
+def write_package_with(constant: str, folder: pathlib.Path) -> None:
+    """Write the package of the working tree with MODULE.NAME=VALUE, a module of kernels, into a folder.
+
+    Raises ValueError where the module has no such constant.
+    """
+    name, _, value = constant.partition("=")
+    module, _, name = name.strip().rpartition(".")
+    shutil.copytree(ROOT / "phasemap", folder / "phasemap", ignore=shutil.ignore_patterns("__pycache__"))
+    file = folder / "phasemap" / "_kernels" / f"{module.replace('.', '/')}.py"
+    text, count = re.subn(rf"^{re.escape(name)} = .*", f"{name} = {value}", file.read_text(), flags=re.MULTILINE)
+    if count != 1 or not value:
+        raise ValueError(f"{constant}: not MODULE.NAME=VALUE of a constant in {file.relative_to(folder)}")
+    file.write_text(text)
 
 
 def _git(*arguments: str) -> bytes:
@@ -191,9 +211,9 @@ def details(block: Block, found: Difference, most: int) -> Iterator[str]:
             yield f"  {block.name}, {heading}: {len(lines) - most} more"
 
 
-def compare(commit: str, names: list[str], most: int, identical: bool) -> int:
-    """Solve the corpus with both versions, print the table, and return the exit code."""
-    before, after = Version("before", package_of(commit)), Version("after", ROOT)
+def compare(folders: tuple[pathlib.Path, pathlib.Path], names: list[str], most: int, identical: bool) -> int:
+    """Solve the corpus with the packages of both folders, print the table, and return the exit code."""
+    before, after = map(Version, ("before", "after"), folders)
     failed, total = False, np.zeros(2)
     print(HEAD, "| --- |" + " ---: |" * (HEAD.count("|") - 2), sep="\n", flush=True)
     said: list[str] = []
@@ -255,6 +275,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.compare", description=__doc__.split("\n\n")[0])
     parser.add_argument("commit", nargs="?", help="to compare the working tree with: HEAD, main, 6e2dc5c")
+    parser.add_argument("--constant", help="to compare the working tree with: MODULE.NAME=VALUE of the kernels")
     parser.add_argument("--block", action="append", default=[], help="only blocks whose name has this in it; repeat")
     parser.add_argument("--show", type=int, default=5, help="how many differences of each block and kind to print")
     parser.add_argument("--identical", action="store_true", help="every bit must be the same")
@@ -268,10 +289,18 @@ def main(arguments: list[str] | None = None) -> int:
         for block, one in found:
             print(line(block, one, 0.0, 0.0), *details(block, one, given.show), sep="\n")
         return int(any(one.wrong for _, one in found))
+    elif given.constant:
+        with tempfile.TemporaryDirectory() as folder:
+            other = pathlib.Path(folder)
+            try:
+                write_package_with(given.constant, other)
+            except (OSError, ValueError) as error:
+                parser.error(str(error))
+            return compare((ROOT, other), given.block, given.show, given.identical)
     elif given.commit:
-        return compare(given.commit, given.block, given.show, given.identical)
+        return compare((package_of(given.commit), ROOT), given.block, given.show, given.identical)
     else:
-        parser.error("a commit, --short or --record")
+        parser.error("a commit, --constant, --short or --record")
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,20 @@ def test_the_package_gives_the_recorded_answers() -> None:
 def answers() -> tuple[Block, list[Answer]]:
     tasks = regime_tasks(REGIMES[0], 0.01)
     return Block("air", tasks), solve(tasks)[0]
+
+
+def test_a_constant_gets_another_value_in_a_copy_of_the_package(tmp_path: Path) -> None:
+    compare.write_package_with("engagement.by_fold.TIGHT=0.03", tmp_path)
+    for file in (compare.ROOT / "phasemap").rglob("*.py"):
+        here, there = file.read_text(), (tmp_path / file.relative_to(compare.ROOT)).read_text()
+        assert (here != there) == (file.name == "by_fold.py")
+    assert "\nTIGHT = 0.03\n" in (tmp_path / "phasemap/_kernels/engagement/by_fold.py").read_text()
+
+
+@pytest.mark.parametrize("constant", ["engagement.by_fold.TIGHTER=1", "engagement.by_fold.TIGHT", "forces.NO=1"])
+def test_a_constant_that_is_not_there_is_refused(tmp_path: Path, constant: str) -> None:
+    with pytest.raises(ValueError, match=r"not MODULE\.NAME=VALUE"):
+        compare.write_package_with(constant, tmp_path)
 
 
 def test_answers_do_not_differ_from_themselves(answers: tuple[Block, list[Answer]]) -> None:
