@@ -93,16 +93,17 @@ def package_of(commit: str) -> pathlib.Path:
 def write_package_with(constant: str, folder: pathlib.Path) -> None:
     """Write the package of the working tree with MODULE.NAME=VALUE, a module of kernels, into a folder.
 
-    Raises ValueError where the module has no such constant.
+    Raises ValueError where the module has no such constant, OSError where there is no such module.
     """
     name, _, value = constant.partition("=")
     module, _, name = name.strip().rpartition(".")
-    shutil.copytree(ROOT / "phasemap", folder / "phasemap", ignore=shutil.ignore_patterns("__pycache__"))
-    file = folder / "phasemap" / "_kernels" / f"{module.replace('.', '/')}.py"
-    text, count = re.subn(rf"^{re.escape(name)} = .*", f"{name} = {value}", file.read_text(), flags=re.MULTILINE)
+    file = pathlib.Path("phasemap", "_kernels", f"{module.replace('.', '/')}.py")
+    pattern = re.compile(rf"^{re.escape(name)} = .*", re.MULTILINE)
+    text, count = pattern.subn(f"{name} = {value}", (ROOT / file).read_text())
     if count != 1 or not value:
-        raise ValueError(f"{constant}: not MODULE.NAME=VALUE of a constant in {file.relative_to(folder)}")
-    file.write_text(text)
+        raise ValueError(f"{constant}: not MODULE.NAME=VALUE of a constant in {file}")
+    shutil.copytree(ROOT / "phasemap", folder / "phasemap", ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / file).write_text(text)
 
 
 def _git(*arguments: str) -> bytes:

@@ -17,9 +17,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
-settings.register_profile("share", max_examples=30)  # of draws where a test does not say how many it needs
 FIRST_RESULTS = "PHASEMAP_FIRST_RESULTS"  # folder of what tests/warm_up.py computes while it compiles
 RESULTS, ENDED = "results.json", "ended"  # files there
 BEFORE_KERNELS = (  # files that need none of the kernels which a process of its own compiles meanwhile, or few
@@ -79,8 +77,6 @@ def thorough(request: pytest.FixtureRequest) -> bool:
 def pytest_configure(config: pytest.Config) -> None:
     """Tests look at pixels that fail, on purpose; that these are told of is a test of its own."""
     config.addinivalue_line("filterwarnings", "ignore::phasemap.ResultWarning")
-    if not config.getoption("--thorough"):
-        settings.load_profile("share")
     # Half a million objects live as long as the process: looking through all of them again takes an eighth of the time.
     gc.set_threshold(10_000, 10, 100)
 
