@@ -243,6 +243,7 @@ def test_what_no_neck_can_have_is_refused() -> None:
             pm.solve_pixel(material, scope_of("dmt"), 0.7)
 
 
+@pytest.mark.filterwarnings("ignore::phasemap.PlausibilityWarning")  # of films thicker than are found
 def test_films_that_meet_where_their_neck_breaks_are_refused() -> None:
     thick = r"gap at which the films of liquid meet is 2\.4e-08; allowed: less than 1\.21e-08 m, where their neck break"
     with pytest.raises(pm.InputError, match=thick):
@@ -251,6 +252,10 @@ def test_films_that_meet_where_their_neck_breaks_are_refused() -> None:
         for part in (0.999, 1.001):
             necks = Capillary(part * limit * RADIUS, tip_film=on_tip).necks(RADIUS, NONE)
             assert (necks.forming[0] > necks.release[0]) == (part < 1)
+    for h in np.geomspace(0.94, 300, 20) * RADIUS:  # also where the tip is under water, and its overlap no cap any more
+        for on_tip in (None, 0.0, 2e-9):
+            with pytest.raises(pm.InputError, match="gap at which the films of liquid meet"):
+                pm.solve_pixel(replace(SAMPLE, liquid_film=h), scope_of(Capillary(tip_film=on_tip)), 0.7)
     one_third = pm.Surface(3e9, 0.05, liquid_film=[[0.0, 1e-9, 20e-9]], pixel_size=5e-9)
     with pytest.warns(pm.ResultWarning, match=r"1 of 3 pixels .* films of liquid so thick that they meet where"):
         image = pm.simulate(one_third, scope_of(Capillary(0.0)), 0.7)

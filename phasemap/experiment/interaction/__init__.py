@@ -208,8 +208,8 @@ class Interaction(Shown):
             allowed = f"a number above 0 Pa where {name} contact has adhesion"
             raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
         if rows[0, col.FORMING] < depth:
-            meet, breaks = -float(rows[0, col.FORMING]), max(-depth, 0.0)
-            allowed = f"less than {breaks:.3g} m, where their neck breaks: thinner films, or a blunter tip"
+            lasts = f"less than {-depth:.3g} m, where their neck breaks" if depth < 0 else "one over which a neck lasts"
+            meet, allowed = float(f"{-rows[0, col.FORMING]:.3g}"), f"{lasts}: thinner films, or a blunter tip"
             raise InputError("gap at which the films of liquid meet", meet, allowed)
         if energy < 0 and not self.law.may_do_without_neck:
             raise InputError(

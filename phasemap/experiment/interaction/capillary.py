@@ -124,8 +124,9 @@ class Capillary(SphereLaw):
         both = np.where(np.isfinite(film), film, own) + on_tip
         angle = np.where(np.isfinite(angle), angle, self.contact_angle)
         wetting = 0.5 * (np.cos(np.radians(angle)) + math.cos(math.radians(self.tip_angle)))
-        volume = np.pi * both**2 * (radius + on_tip - both / 3) if self.volume is None else self.volume + 0.0 * both
-        there = (both > 0) & (wetting > 0) & (volume > 0)
+        cap = np.minimum(both, 2 * (radius + on_tip))  # the tip with its film as a whole, where that is under liquid
+        volume = np.pi * cap**2 * (radius + on_tip - cap / 3) if self.volume is None else self.volume + 0.0 * both
+        there = (both > 0) & (wetting > 0)
         volume, both = np.where(there, volume, 0.0), np.where(there, both, 0.0)
         release = -(np.cbrt(volume) - np.cbrt(volume) ** 2 / (5 * radius))
         curve = np.where(there, 1 / np.sqrt(np.where(there, volume, 1.0) / (np.pi * radius)), 0.0)
