@@ -7,7 +7,6 @@ import http.client
 import json
 import os
 import re
-import shutil
 import signal
 import socket
 import stat
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import browser
 import numpy as np
 import pytest
 from numba.core import event
@@ -400,21 +400,9 @@ def test_the_command_serves_until_ctrl_c_and_ends_cleanly() -> None:
     assert command.returncode == 0 and err == "" and "the explorer is closed" in out
 
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-
-def in_browser(address: str, folder: Path) -> str:
-    """What a browser makes of the page: its document, a minute of its own time later."""
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
-    flags += ("--disable-background-networking", "--disable-component-update", "--disable-sync")
-    waits = ("--virtual-time-budget=60000", f"--user-data-dir={folder}", "--dump-dom")
-    command = [str(CHROMIUM), *flags, *waits, address]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+@browser.needed
 def test_a_real_browser_draws_the_page(explorer: Explorer, tmp_path: Path) -> None:
-    page = in_browser(explorer.url, tmp_path)
+    page = browser.seen(explorer.url, tmp_path)
     assert re.search(r'id="state"[^>]*>image in \d+ ms, curves in \d+ ms<', page)
     assert re.search(r'id="problem"[^>]* hidden=""[^>]*></p>', page)
     assert "stiff is " in page and page.count("<tr><td>") == 2 and "selected" not in page
@@ -423,16 +411,16 @@ def test_a_real_browser_draws_the_page(explorer: Explorer, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+@browser.needed
 def test_a_link_holds_everything_that_was_set(explorer: Explorer, tmp_path: Path) -> None:
     link = "#sample=step&interaction.contact=hertz&drive.free_amplitude=3e-6&materials.0.damping=0&names=PDMS,glass"
-    page = in_browser(explorer.url + link, tmp_path)
+    page = browser.seen(explorer.url + link, tmp_path)
     assert "glass and PDMS look alike" in page and re.search("<td><span[^>]*></span>PDMS</td>", page)
     assert "free_amplitude = 3e-06 m; usual 50 pm … 1 µm." in page  # which is one of the warnings
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+@browser.needed
 def test_a_link_to_a_sample_that_is_not_here_says_so(explorer: Explorer, tmp_path: Path) -> None:
-    page = in_browser(f"{explorer.url}#sample=mine&tip.radius=2e-8", tmp_path)
+    page = browser.seen(f"{explorer.url}#sample=mine&tip.radius=2e-8", tmp_path)
     assert "sample is 'mine'; allowed: " in page and "Open its file in the page" in page

@@ -117,20 +117,25 @@ function translateLoss(key, kind) {
     values[at("relaxation_time")] ??= 1e-6;
   }
   if (kind === "spectrum") values[at("relaxation")] ??= "PIB";
-  if (relaxes(kind) !== relaxes(was)) lossesAlike(key, kind);
+  lossesAlike(key, kind);
 }
 
 const relaxes = (kind) => kind === "relaxation" || kind === "spectrum";
+const kindIn = (values) => ("relaxation_time" in values ? "relaxation" : "viscosity" in values ? "viscosity" : "damping");
 
-/** On one surface all materials relax, or none: the others begin without a loss. */
+/** On one surface all materials relax, or none: the others follow, as they last did that, at first without a loss. */
 function lossesAlike(key, kind) {
   const { values } = state;
   state.names.forEach((_, i) => {
-    const other = `materials.${i}.loss`, at = (name) => other.replace("loss", name);
-    if (other === key || relaxes(values[other]) === relaxes(kind)) return;
-    values[other] = relaxes(kind) ? "relaxation" : kind;
-    if (!relaxes(kind)) values[at(kind)] = 0;
-    else [values[at("relaxed_modulus")], values[at("relaxation_time")]] = [values[at("modulus")], 1e-6];
+    const one = `materials.${i}.loss`, at = (name) => one.replace("loss", name), was = values[one];
+    if (relaxes(was) === relaxes(kind)) return;
+    const lossless = was === "relaxation" && values[at("relaxed_modulus")] === values[at("modulus")];
+    const before = state.losses[one];
+    state.losses[one] = lossless ? undefined : was;
+    if (one === key) return;
+    values[one] = before ?? (relaxes(kind) ? "relaxation" : kind);
+    if (!relaxes(kind)) values[at(values[one])] ??= 0;
+    else if (!before) [values[at("relaxed_modulus")], values[at("relaxation_time")]] = [values[at("modulus")], 1e-6];
   });
 }
 
@@ -168,18 +173,19 @@ function preset(knob, i, presets) {
   select.addEventListener("change", () => {
     const found = presets.find(({ name }) => name === select.value);
     if (!found) { refresh(); return; }
-    for (const [name, value] of known(found)) state.values[prefix + name] = value;
     if (i !== null) {
-      const loss = `${prefix}loss`, kind = "relaxation_time" in found.values ? "relaxation" : "viscosity" in found.values ? "viscosity" : "damping";
-      state.values[loss] = kind;
+      const loss = `${prefix}loss`, kind = kindIn(found.values);
       lossesAlike(loss, kind);
+      state.values[loss] = kind;
       rename(i, found.name);
     }
+    for (const [name, value] of known(found)) state.values[prefix + name] = value;
     refresh();
     notify();
   });
   controls.push({ refresh: () => {
-    const same = presets.find((one) => known(one).every(([name, value]) => close(state.values[prefix + name], value)));
+    const counts = ({ values }) => i === null || kindIn(values) === state.values[`${prefix}loss`];
+    const same = presets.find((one) => counts(one) && known(one).every(([name, value]) => close(state.values[prefix + name], value)));
     select.value = same?.name ?? "";
   } });
   return row(knob.label, id, select);

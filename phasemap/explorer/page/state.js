@@ -1,9 +1,9 @@
 // What the page shows: the sample, the values of its sliders and choices, and the link that holds them.
 //
 // Values have the keys of a scene, in SI units; materials have numbers for names. "materials.N.loss" is the page's own:
-// it says which of the keys of the loss count.
+// it says which of the keys of the loss count. "losses" has what it was when the material last relaxed, or last did not.
 
-export const state = { sample: "", start: {}, values: {}, firstNames: [], names: [], pair: [0, 0], exact: false, lag: false };
+export const state = { sample: "", start: {}, values: {}, firstNames: [], names: [], pair: [0, 0], exact: false, lag: false, losses: {} };
 
 const LOSSES = { damping: 0, viscosity: null, relaxed_modulus: null, relaxation_time: null, relaxation: null }; // and what each is without
 const OF = {
@@ -22,9 +22,10 @@ export function begin(name, { values, materials }, link = {}) {
   state.lag = Boolean(link.lag);
   const known = Object.entries(link.changes ?? {}).filter(([key]) => key in values);
   state.values = { ...values, ...Object.fromEntries(known) };
+  state.losses = {};
   materials.forEach((_, i) => {
     const value = (key) => state.values[`materials.${i}.${key}`];
-    state.values[`materials.${i}.loss`] = value("relaxation") !== null ? "spectrum" : value("relaxation_time") !== null ? "relaxation" : value("viscosity") ? "viscosity" : "damping";
+    state.values[`materials.${i}.loss`] = value("relaxation") !== null ? "spectrum" : value("relaxation_time") !== null ? "relaxation" : value("viscosity") !== null ? "viscosity" : "damping";
   });
 }
 
