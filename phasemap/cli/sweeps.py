@@ -232,7 +232,9 @@ def said_of_sweep(found: xr.Dataset) -> list[str]:
     for i, x in enumerate(found[f"fold_{axis}"].values):
         lines.append(f"fold        at {unit.say(x, digits)}: {', '.join(say(name, ['fold_'], i) for name in shown)}")
     for i, x in enumerate(found[f"jump_{axis}"].values):
-        ends = ", ".join(say(name, ["jump_from_", "jump_to_"], i) for name in shown)
+        lands = bool(np.isfinite(found["jump_to_phase"].values[i]))
+        ends = ", ".join(say(name, ["jump_from_", "jump_to_"] if lands else ["jump_from_"], i) for name in shown)
+        ends += "" if lands else ", to no steady motion"
         word = directions[int(found["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
     return [*lines, *remarks(found, "points")]

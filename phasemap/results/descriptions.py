@@ -46,8 +46,11 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
         return []
     status = ds["status"].values
     codes, counts = np.unique(status[status != 0], return_counts=True)  # to sort them all takes as long as an image
+    about = json.loads(ds.attrs.get("configuration", "{}"))
+    at_offset = "tip_offset" in (about.get("sweep"), *about)
+    held = "" if "sweep" not in about else "tip offset" if at_offset else "setpoint"
     return [
-        f"{counted(int(count), status.size, what)}: {Status.of(int(code)).value}"
+        f"{counted(int(count), status.size, what)}: {Status.of(int(code)).advice(held)}"
         for code, count in zip(codes, counts, strict=True)
     ]
 

@@ -39,6 +39,14 @@ class Status(Enum):
         "Change the setpoint, or lower the gains."
     )
 
+    def advice(self, held: str = "") -> str:
+        """What it means and what helps; in a sweep what helps there, by what is `held`: "setpoint" or "tip offset"."""
+        if self is Status.no_stable_orbit and held == "tip offset":
+            return "No stable orbit was found at this tip offset. Take another one, or a larger free amplitude."
+        if self in (Status.not_converged, Status.not_settled) and held:  # there is no solver to choose, and no accuracy
+            return f"{self.value.partition('. ')[0]}. Sweep values beside these, or over a narrower range."
+        return self.value
+
     @property
     def code(self) -> int:
         """The integer kept in a Dataset."""

@@ -14,7 +14,7 @@ import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.in_time import free_state
-from phasemap._kernels.law import Oscillator, parameters
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.path import fixed_path as fixed_path_of
@@ -37,8 +37,10 @@ from phasemap.solvers.continuation.visit import (
     SlowFeedback,
     TipPlace,
     Visit,
+    land,
     like,
     move_in_time,
+    reaches,
     segments,
     stable,
     walk,
@@ -176,7 +178,7 @@ def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     if question.only_in_time:
         _check_no_samples(samples)
         work = question.work(marched=True)
-        state = _far_state(work, 0.0)
+        state = _far_state(work.oscillator(0), 0.0)
         visits = [_visit_in_time(state, order, lambda k: (work, wanted[k]), True, n) for order in (falling, range(n))]
         return _dataset_in_time(question, work, about, visits)
     feedback = SlowFeedback(held_curves(fixed_path(question), wanted, samples))
@@ -205,7 +207,7 @@ def parameter(
         works, n = [one.work(marched=True) for one in every], len(axis)
         visits = [  # each direction is begun far above the surface
             _visit_in_time(
-                _far_state(works[order[0]], height), order,
+                _far_state(works[order[0]].oscillator(0), height), order,
                 lambda k: (works[k], held_under(every[k].scope)), of_amplitude, n,
             )
             for order in (range(n), range(n - 1, -1, -1))
@@ -213,7 +215,7 @@ def parameter(
         return _dataset_in_time(question, works[0], about, visits, held)
     wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
     curves = swept_curves(path, wanted, samples)
-    visits = _sweep_at_offset(curves) if ratio is None else _sweep_held(curves, question, name, scale, ratio)
+    visits = _sweep_at_offset(curves, height) if ratio is None else _sweep_held(curves, question, name, scale, ratio)
     return dataset(curves, about, visits, question, held)
 
 
@@ -237,15 +239,25 @@ def _hold(
     return Visit(rows, traces, status, jumps), place
 
 
-def _sweep_at_offset(curves: Curves) -> list[Visit]:
-    """Sweeps up and down at a fixed tip offset, each begun on the orbit that stays farthest from the surface."""
+def _sweep_at_offset(curves: Curves, height: float) -> list[Visit]:
+    """Sweeps up and down at a fixed tip offset [m], each begun on the orbit that stays farthest from the surface.
+
+    Where the curve does not lead they go on in time: a higher mode that rings many times a period has no exact orbit.
+    """
     parts = segments(curves)
+
+    def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
+        """Another orbit; or none that was found, but that of a tip that goes on as it did."""
+        return land(curves, parts, edge, m) or (None if reaches(curves, m) else OffOrbit(edge))
+
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         there = [(part.row_at(x), part) for part in parts]
         reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
-        first = there[min(reached)[1]][1] if reached else None
-        visits.append(walk(curves, first, parts, direction == 1, direction))
+        first: Segment | OffOrbit | None = there[min(reached)[1]][1] if reached else None
+        if not reaches(curves, x):
+            first = OffOrbit(state=_far_state(curves.standing(x), height))
+        visits.append(walk(curves, first, parts, direction == 1, direction, landing))
     return visits
 
 
@@ -278,17 +290,16 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, r
 
 def there_and_back(work: Work, rising: np.ndarray) -> list[Visit]:
     """Approach and retract in time over these rising tip offsets [m], as rows of the tip."""
-    state, n = _far_state(work, rising[-1]), len(rising)
+    state, n = _far_state(work.oscillator(0), rising[-1]), len(rising)
     orders = range(n - 1, -1, -1), range(n)
     return [_visit_in_time(state, order, lambda k: (work, rising[k]), False, n) for order in orders]
 
 
-def _far_state(work: Work, farthest: float) -> np.ndarray:
-    """Motion far above a surface that remembers or is wet, at a tip offset of `farthest` [m] at least."""
-    law = work.law._replace(arms=col.MOST_ARMS) if work.law.arms > 1 else work.law  # others may follow
-    p, free = parameters(work.rows[0]), free_amplitude(work.lever)
-    far = free * ratio_far_from_surface(Oscillator(work.law, p, work.lever), 0.5 * free)
-    return free_state(law, work.lever, max(far, farthest))
+def _far_state(oscillator: Oscillator, farthest: float) -> np.ndarray:
+    """Motion far above a surface, at a tip offset of `farthest` [m] at least."""
+    law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
+    law = law._replace(arms=col.MOST_ARMS) if law.arms > 1 else law  # others may follow
+    return free_state(law, lever, max(free * ratio_far_from_surface(oscillator, 0.5 * free), farthest))
 
 
 def _visit_in_time(state: np.ndarray, order: Iterable[int], at: At, by_amplitude: bool, n: int) -> Visit:

@@ -17,6 +17,7 @@ import xarray as xr
 import phasemap.scenes.scene
 import phasemap.sweeps.sweep
 from phasemap.cli import main
+from phasemap.cli.sweeps import said_of_sweep
 from phasemap.io.netcdf import load
 from phasemap.io.read import read_image
 from phasemap.plot.colours import scale_of
@@ -349,6 +350,9 @@ def test_a_sweep_is_what_python_gives(tmp_path: Path, capsys: pytest.CaptureFixt
         r"jump        approach at 1\d\.\d+ nm: amplitude \S+ to \S+ nm, phase -\S+ to \S+ degrees", jumps[0]
     )
     assert len(jumps) == 2
+    nowhere = said_of_sweep(ds.assign({name: np.nan * ds[name] for name in ds if str(name).startswith("jump_to_")}))
+    (first, _) = [line for line in nowhere if line.startswith("jump        ")]
+    assert re.search(r": amplitude \S+ nm, phase -\S+ degrees, to no steady motion$", first)
 
 
 @pytest.mark.parametrize(

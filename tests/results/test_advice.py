@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import phasemap as pm
-from phasemap.results.descriptions import describe_validity
+from phasemap.results.descriptions import describe_failures, describe_validity
 
 Case = dict[str, Any]
 
@@ -135,3 +137,20 @@ def test_an_image_that_is_not_what_it_seems_warns_at_the_line_that_asked_for_it(
     ) as caught:
         pm.simulate(surface, SCOPE, 0.7)
     assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    ("held", "status", "words"),
+    [
+        ({"tip_offset": 2e-8}, pm.Status.no_stable_orbit, "at this tip offset. Take another one"),
+        ({"setpoint": 0.7}, pm.Status.no_stable_orbit, "take another setpoint"),
+        ({"setpoint": 0.7}, pm.Status.not_converged, "Sweep values beside these"),
+        ({"tip_offset": 2e-8}, pm.Status.not_settled, "Sweep values beside these"),
+    ],
+)
+def test_the_advice_of_a_sweep_speaks_of_what_it_has(held: Case, status: pm.Status, words: str) -> None:
+    about = {"configuration": json.dumps({"sweep": "frequency", **held})}
+    (said,) = describe_failures(xr.Dataset({"status": ("frequency", [0, status.code])}, attrs=about), "points")
+    assert said.startswith("1 of 2 points") and words in said
+    others = "setpoint", "solver=", "Accuracy", "accuracy."
+    assert not [word for word in others if word in said and word not in held]

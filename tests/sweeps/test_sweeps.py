@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import pathlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -304,3 +305,16 @@ def test_a_sweep_that_leaves_the_valid_range_is_refused_before_work():
         pm.sweep_parameter(FILM, SCOPE, "modulus", [1e9, 2e9])
     with pytest.raises(pm.InputError, match="samples"):
         pm.sweep_distance(FILM, SCOPE, [1e-8, 2e-8], samples=-1)
+
+
+def test_a_frequency_far_below_a_second_mode_in_liquid_finds_the_lever_swinging():
+    # Which rings more than fifty times a period there: too often for the elements of an exact orbit.
+    lever = pm.Cantilever(0.09, 24.3e3, 2.03, modes=(pm.Eigenmode(7.34, 4.22, 39.2),))
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"))
+    material, frequencies = pm.Material(1e9, 1e-3, damping=0.01), np.linspace(2.43e3, 4.5e3, 6)
+    found = pm.sweep_frequency(material, scope, frequencies, tip_offset=200e-9)
+    assert (found.status == 0).all() and found.sizes["jump"] == 0
+    free = [replace(scope, drive=replace(scope.drive, frequency=f)).driven_amplitude for f in frequencies]
+    np.testing.assert_allclose(found.amplitude, [free, free], rtol=2e-6)  # as march states of itself
+    below = pm.sweep_frequency(material, scope, frequencies[:2], tip_offset=200e-9)  # where there is no curve at all
+    np.testing.assert_allclose(below.amplitude, [free[:2], free[:2]], rtol=2e-6)

@@ -23,6 +23,7 @@ from phasemap.solvers.in_time import ETA
 BESIDE = 1e-4  # of the control's range, past the end of a branch: where the tip is let go
 MOST_LANDINGS = 8  # between two values wanted
 LIKE = 0.05  # radians and amplitudes: orbits as near are of one branch
+GOES_ON = 1e-3  # the same: what moves by less where its curve ends has not jumped
 
 MOST_TURNS = 12  # landings before the feedback is taken to hunt for ever
 
@@ -41,11 +42,11 @@ def move_in_time(
 
 
 class OffOrbit:
-    """A tip that left its orbit, which had the full row `edge`, and that a sweep takes along in time."""
+    """A tip on no orbit, that left one with the full row `edge` or has a state, which a sweep takes along in time."""
 
-    def __init__(self, edge: np.ndarray) -> None:
+    def __init__(self, edge: np.ndarray | None = None, state: np.ndarray | None = None) -> None:
         self._edge = edge
-        self._state: np.ndarray | None = None  # until it has moved
+        self._state = state  # None until it has moved
 
     def go(self, curves: Curves, column: int, x: float) -> tuple[int, np.ndarray]:
         """Move to a value of the control, whose column is TIP_OFFSET, AMPLITUDE, or PARAMETER: as `move_in_time`."""
@@ -53,8 +54,9 @@ class OffOrbit:
         oscillator, target, by_amplitude = curves.standing(x if swept else 0.0), x, column == col.AMPLITUDE
         if swept:
             target, by_amplitude = held_value(curves.path, x), curves.path.kind == HELD_AMPLITUDE
-        if self._state is None:
+        if self._state is None and self._edge is not None:
             self._state = state_in_row(oscillator.lever, self._edge)
+        assert self._state is not None
         status, row = move_in_time(oscillator, self._state, target, by_amplitude)
         if swept:
             row[col.PARAMETER] = x
@@ -175,7 +177,9 @@ def walk(
             at = float(edge[curves.column])
             beyond = max(at - beside, x) if down else min(at + beside, x)
             here = landing(edge, beyond) if landing else land(curves, parts, edge, beyond)
-            jumps.append(Jump(direction, edge, _after(curves, here, beyond)))
+            after = _after(curves, here, beyond)
+            if after is None or apart(edge, after) > GOES_ON:
+                jumps.append(Jump(direction, edge, after))
         if isinstance(here, OffOrbit):
             status[k], row = here.go(curves, curves.column, x)
             again = like(parts, x, row) if is_periodic(row) else None
@@ -230,14 +234,15 @@ def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
     best, found = LIKE, None
     for part in parts:
         here = part.row_at(x)
-        if here is None:
-            continue
-        apart = abs(here[col.PHASE] - row[col.PHASE])
-        apart += abs(here[col.TIP_OFFSET] - row[col.TIP_OFFSET]) / row[col.AMPLITUDE]
-        apart += abs(here[col.AMPLITUDE] - row[col.AMPLITUDE]) / row[col.AMPLITUDE]
-        if apart < best:
-            best, found = apart, part
+        if here is not None and apart(here, row) < best:
+            best, found = apart(here, row), part
     return found
+
+
+def apart(one: np.ndarray, two: np.ndarray) -> float:
+    """How far two orbits are apart in phase [rad], tip offset and amplitude, both over the amplitude."""
+    places = abs(one[col.TIP_OFFSET] - two[col.TIP_OFFSET]) + abs(one[col.AMPLITUDE] - two[col.AMPLITUDE])
+    return float(abs(one[col.PHASE] - two[col.PHASE]) + places / two[col.AMPLITUDE])
 
 
 def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit | None:
@@ -253,6 +258,12 @@ def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> S
         row = curves.let_go(start, x)
         found = None if row is None else like(there, x, row)
     return OffOrbit(start) if found is None and hysteretic else found
+
+
+def reaches(curves: Curves, x: float) -> bool:
+    """True if a piece reaches x of the control, with a stable orbit or not."""
+    of = [piece.rows[:, curves.column] for piece in curves.pieces]
+    return any(one.min() <= x <= one.max() for one in of)
 
 
 @dataclass(frozen=True, eq=False)
