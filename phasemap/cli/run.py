@@ -140,9 +140,11 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     """Print the size, the materials, and the forces between them and the tip."""
     print(f"image       {image_size(scene.surface.shape, scene.surface.pixel_size)}")
     print(f"materials   {len(scene.surface.unique()[0])} distinct")
+    built = scene.built
+    used = set() if built is None or built.labels is None else built.labels.used
     with unquestioned():  # who wrote the scene was told when it was read
         for name, numbers in scene.config["materials"].items():
-            print(f"{name:<12}{in_words(Material(**numbers))}")
+            print(f"{name:<12}{in_words(Material(**numbers))}{'' if name in used else '; in no pixel'}")
     print(f"lever       {in_words(scene.microscope.cantilever)}")
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {say(scene.microscope.driven_amplitude, 'm')}")

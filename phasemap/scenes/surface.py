@@ -36,6 +36,7 @@ from phasemap.scenes.tables import check_keys, construct, missing, switch
 TEXT = 8  # byte of memory at most for a byte of text: "0," becomes a float64, and lists grow by doubling
 SUFFIXES = (".npy", ".csv", ".txt", ".nc")  # of files with a map
 HEIGHTS = (0.0, 1e-4)  # m, of anything that an AFM can scan
+GENERATED = (0, 1)  # labels that a generator makes
 TIP = ("dilate", "half_angle", "seen_by_tip")  # keys of `dilate` and `seen`; the makers of surfaces pass them over
 
 
@@ -44,6 +45,11 @@ class MaterialMap(NamedTuple):
 
     values: np.ndarray  # int, shape (ny, nx)
     names: Mapping[int, str]  # the material of each label
+
+    @property
+    def used(self) -> set[str]:
+        """Names of the materials that there is a pixel of."""
+        return {self.names[label] for label in np.unique(self.values).tolist()}
 
 
 class Built(NamedTuple):
@@ -119,6 +125,9 @@ def _from_labels(
         called = {_whole(label): str(name) for label, name in names.items()}
     else:
         chosen, called = dict(enumerate(_materials(names, materials))), dict(enumerate(names))
+    if generator is not None and not set(chosen) <= set(GENERATED):
+        allowed = f"a material for label 0 and one for 1, for {generator.__name__} makes no other"
+        raise InputError("[surface] materials", names, allowed)
     relief = {}
     if "topography" in table:
         relief["topography"] = _map("topography", table["topography"], files, {**table, "shape": labels.shape})

@@ -224,6 +224,17 @@ def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str
     ]
 
 
+def test_a_material_that_no_pixel_is_of_is_said_to_be_in_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(Path(STEP).read_text() + "[materials.third]\nmodulus = 1e9\n")
+    assert main(["validate", str(path)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "third       modulus 1 GPa; in no pixel" in said
+    assert sum("in no pixel" in line for line in said) == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -343,6 +343,9 @@ def test_a_generator_takes_its_own_arguments_and_the_relief_of_labels(tmp_path: 
         scene(tmp_path, text, "surface.spacing=1")
     with pytest.raises(InputError, match=r"\[surface\] sed is unknown; .*Did you mean 'seed'"):
         scene(tmp_path, text, "surface.sed=1")
+    three = r"\[surface\] materials is \['hard', 'soft', 'hard'\]; allowed: .* for label 0 and one for 1, for blend"
+    with pytest.raises(InputError, match=three):
+        scene(tmp_path, text, 'surface.materials=["hard", "soft", "hard"]', "surface.heights=[0, 0, 0]")
 
 
 def test_the_resolved_configuration_is_one_line_of_json_with_every_default(tmp_path: Path) -> None:
