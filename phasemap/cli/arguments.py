@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
+    from phasemap.experiment.material import Material
+
 SURFACE_UNUSED = "the scene file; its surface is not used"
 
 
@@ -111,6 +113,17 @@ def print_files(arguments: argparse.Namespace, width: int = 12) -> None:
     for path in (arguments.output, arguments.plot):
         if path is not None:
             print(f"{'written to':<{width}}{path}")
+
+
+def known_in(text: str | None, material_of: Callable[[str], Material]) -> dict[int, Material]:
+    """Read materials by the label of their region, from LABEL=NAME with commas between them."""
+    known = {}
+    for word in text.split(",") if text else ():
+        label, equals, name = word.partition("=")
+        if not equals or not label.strip().lstrip("-").isdecimal():
+            raise InputError("--known", text, "LABEL=NAME, such as 0=substrate, several with commas between them")
+        known[int(label)] = material_of(name.strip())
+    return known
 
 
 LABELS = ("labels", "label")  # maps of regions, as files call them

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
-from phasemap.cli.arguments import add_files, add_options, check_files, conclude, labels_in, one_each, whole
+from phasemap.cli.arguments import add_files, add_options, check_files, conclude, known_in, labels_in, one_each, whole
 from phasemap.cli.console import in_two_columns
 from phasemap.experiment.material import Material
 
@@ -130,6 +130,8 @@ def add_series(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--by", choices=("phase", "height"), help=about)
     about = "netCDF files with maps of regions, as phasemap scene writes them"
     parser.add_argument("--labels", metavar="LIST", help=about)
+    about = "region whose material is known, a preset or one of the scene's, such as 0=mica"
+    parser.add_argument("--known", metavar="LABEL=NAME", help=about)
     parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the files; default: as recorded")
     about = "free amplitudes at the drive frequency [m], or shared or free; default: as recorded"
     parser.add_argument("--free-amplitudes", metavar="LIST", help=about)
@@ -155,15 +157,19 @@ def series(arguments: argparse.Namespace) -> None:
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
-    scope, told = microscope_of(images, words, arguments.scene and load_setup(arguments.scene, []).microscope)
+    setup = None if arguments.scene is None else load_setup(arguments.scene, [])
+    scope, told = microscope_of(images, words, None if setup is None else setup.microscope)
+    own = {} if setup is None else setup.materials
+    known = known_in(arguments.known, lambda name: own[name] if name in own else Material.preset(name))
     options: dict[str, Any] = {
         name: one_each(name, getattr(arguments, name), unit, len(paths), "a file", ("shared", "free"))
         for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree"))
     }
     found = explain(
         images, scope,
-        regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), sign=arguments.sign,
-        phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed, **options,
+        regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), known=known,
+        sign=arguments.sign, phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed,
+        **options,
     )  # fmt: skip
     found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
     conclude(arguments, found, "series", said_of_series(found))

@@ -18,6 +18,7 @@ from phasemap.cli.arguments import (
     add_scene,
     check_files,
     conclude,
+    known_in,
     labels_in,
     one_each,
 )
@@ -206,7 +207,7 @@ def _by_regions(
     from phasemap.inference.images.regions import fit_regions
 
     labels = _labels(text, given.images[0])
-    known = _known(setup, arguments.known)
+    known = known_in(arguments.known, lambda name: _material(setup, "--known", name))
     level = 0.0 if arguments.flat else math.inf
     return fit_regions(given.images, labels, given.scopes, known=known, topography_error=level, **options)
 
@@ -223,17 +224,6 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
         raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
     phase = image["phase"].values
     return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
-
-
-def _known(setup: SceneSetup, text: str | None) -> dict[int, Material]:
-    """Materials by the label of their region."""
-    known = {}
-    for word in text.split(",") if text else ():
-        label, equals, name = word.partition("=")
-        if not equals or not label.strip().lstrip("-").isdecimal():
-            raise InputError("--known", text, "LABEL=NAME, such as 0=substrate, several with commas between them")
-        known[int(label)] = _material(setup, "--known", name.strip())
-    return known
 
 
 def _material(setup: SceneSetup, option: str, name: str) -> Material:

@@ -189,9 +189,8 @@ def _raise_for_pixel(name: str, full: Array, bad: NDArray[np.bool_]) -> None:
     value = full.reshape(-1)[bad.argmax()]
     hint = where(bad)
     if math.isnan(value):
-        hint += " Fill it from its neighbours" + (
-            "." if name == "topography" else ", or give allow_nan=True to leave it without a material."
-        )
+        left = ", or give allow_nan=True (in a scene allow_nan = true) to leave it without a material."
+        hint += f" Fill it from its neighbours{'.' if name == 'topography' else left}"
     raise InputError(name, value, in_words(quantity.unit, **quantity.bounds), hint)
 
 

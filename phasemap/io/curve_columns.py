@@ -31,7 +31,10 @@ NAMES = {
 COLUMN = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 UNITS = {"", "-", *(unit for _, units in NAMES.values() for unit in units)}
 MARKS = ("\t", ";", ",", r"\s{2,}", r"\s+(?![\[(])")  # between names; a single space, where no unit in brackets follows
-EXAMPLE = "columns=('distance approach [m]', None, 'amplitude approach [V]', 'phase approach [degree]')"
+EXAMPLE = (
+    "columns=('distance [m]', None, 'amplitude [V]', 'phase [degree]'), or in a command "
+    "--columns 'distance [m],-,amplitude [V],phase [degree]'"
+)
 OF_IMAGES = "An image goes to `phasemap scene` (simulated alike), `explore` (beside one) or `series` (of several)."
 TEXT = (".txt", ".csv", ".tsv", ".dat", ".asc")
 FEWEST = 20  # points of a curve

@@ -43,6 +43,18 @@ def test_files_become_a_summary_a_dataset_and_a_page(files, tmp_path, capsys):
         assert found.file.values.tolist() == ["at0.8.nc", "at0.5.nc"]
 
 
+@pytest.mark.slow
+def test_a_known_region_as_the_advice_says_is_a_preset_or_a_material_of_the_scene(files, tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        "[cantilever]\nstiffness = 26.0\nresonance_frequency = 300e3\nquality_factor = 400.0\n[tip]\nradius = 10e-9\n"
+        "[drive]\nfree_amplitude = 20e-9\n[materials.matrix]\nmodulus = 2e9\nadhesion = 0.05\ndamping = 0.01\n"
+    )
+    for more in (["--known", "0=PS"], ["--known", "0=matrix", "--scene", str(scene)]):
+        assert main(["series", *files, "--sign", "1", *more]) == 0
+        assert "Region 0: given." in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -50,6 +62,8 @@ def test_files_become_a_summary_a_dataset_and_a_page(files, tmp_path, capsys):
         (["drive.free_amplitude=40nm"], "It is for --free-amplitudes."),
         (["--setpoints", "0.5,0.6,0.7"], "2 with commas between them"),
         (["--labels", "nowhere.nc"], "nowhere.nc"),
+        (["--known", "mica"], "--known is 'mica'; allowed: LABEL=NAME"),
+        (["--known", "0=mika"], "Did you mean 'mica'"),
     ],
 )
 def test_what_cannot_be_is_said_in_a_sentence(files, words, message, capsys):

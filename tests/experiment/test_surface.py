@@ -139,7 +139,9 @@ def test_surfaces_are_equal_if_their_values_are() -> None:
 NAN, INF = float("nan"), float("inf")
 REFUSED = {
     "modulus is nan; allowed: a finite number of at least 0 Pa. It is at row 1, column 0; 2 such pixels. Fill it from "
-    "its neighbours, or give allow_nan=True to leave it without a material.": {"modulus": [[1.0, 2.0], [NAN, NAN]]},
+    "its neighbours, or give allow_nan=True (in a scene allow_nan = true) to leave it without a material.": {
+        "modulus": [[1.0, 2.0], [NAN, NAN]]
+    },
     "topography is nan; allowed: a finite number, in m. It is at row 0, column 1. Fill it from its neighbours.": {
         "topography": [[0.0, NAN]],
         "allow_nan": True,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import gzip
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import xarray as xr
 from vendor_files import ibw_curve, jpk_curves, nanoscope_curve
 
 import phasemap as pm
+from phasemap.cli import main
 
 Z = np.concatenate([np.linspace(0.0, 60e-9, 121), np.linspace(60e-9, 0.0, 121)])  # of the piezo, towards the surface
 GAP = 40e-9 - Z  # from where the amplitude falls, by a nanometre a nanometre
@@ -157,6 +160,18 @@ def test_a_curve_that_does_not_reach_the_free_lever_has_no_zero(tmp_path: Path) 
         text(tmp_path / "near.csv", "z [m]\tamplitude [m]\tphase [deg]", Z[near], AMPLITUDE[near], LAG[near])
     )
     assert "phase_zero" not in curve.attrs and "still changes at the far end" in told(curve)
+
+
+@pytest.mark.filterwarnings(TOLD)
+def test_what_a_curve_without_names_is_told_can_be_done_in_python_and_in_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = text(tmp_path / "bare.txt", None, Z, 0.0 * Z, AMPLITUDE, LAG)
+    assert main(["plot", str(path)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    (names,), (columns,) = re.findall(r"columns=(\(.*?\)),", said), re.findall(r"--columns '(.*?)'", said)
+    assert pm.read_curve(path, columns=ast.literal_eval(names)).sizes["direction"] == 2
+    assert main(["plot", str(path), "--columns", columns]) == 0
 
 
 @pytest.mark.parametrize(
