@@ -163,7 +163,7 @@ def _search(work: Work, side: int, answers: Answers) -> None:
         found = curves.wanted_rows[:, : col.COLUMNS]
         stable = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
         on = found[stable & ((found[:, col.STIFFENING] > 0) == (side > 0))]
-        status[i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT
+        status[i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT if curves.all_followed else col.NOT_CONVERGED
         if len(on):
             rows[i], used[i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import Case, label, load, material_of, scope_of
 
 import phasemap as pm
 from phasemap._kernels import columns as col
-from phasemap.solvers.problem import make_work
+from phasemap._kernels.continuation.piece import PIECE_AT_JUMP, PIECE_FULL, PIECE_STUCK
+from phasemap._kernels.orbits.collocation.path import fixed_path
+from phasemap.solvers.continuation.curves import Curves, curves_to_amplitude
+from phasemap.solvers.problem import make_work, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Orbit
 
@@ -109,6 +114,36 @@ def test_orbits_come_and_go_in_pairs(free_amplitude: float, setpoint: float) -> 
     found = pm.orbits(PINCHED, pinched(free_amplitude), setpoint=setpoint)
     assert found.attrs["complete"] == 1
     assert found.sizes["orbit"] % 2 == 1
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+def test_a_curve_goes_on_where_the_tip_stays_in_its_neck(damping: float) -> None:
+    # From contact all the time over a neck that lasts while the tip is above the surface, up to where it breaks.
+    lever = pm.Cantilever(40.0, 300e3, 2.0)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(3e-9), pm.Interaction("jkr"))
+    work = work_of_material(pm.Material(4.97e8, 0.179, damping=damping), scope, 2.7e-9)
+    for piece in curves_to_amplitude(fixed_path(work.oscillator(0)), 2.7e-9).pieces:
+        held = piece.rows[piece.rows[:, col.CONTACT_TIME] > 1 - 1e-9]
+        outermost = held[:, col.INDENTATION] - 2 * held[:, col.AMPLITUDE]
+        if (outermost > 0.5e-9).any() and (outermost < -0.5e-9).any():
+            return
+    pytest.fail("no piece has both")
+
+
+def test_curves_that_get_stuck_or_lead_nowhere_are_not_complete(monkeypatch: pytest.MonkeyPatch) -> None:
+    scope = pinched(15.0e-9)
+    assert pm.orbits(PINCHED, scope, setpoint=0.6).attrs["complete"] == 1
+    for ended, complete in ((PIECE_AT_JUMP, 1), (PIECE_STUCK, 0), (PIECE_FULL, 0)):
+        with monkeypatch.context() as patched:
+            patched.setattr(Curves, "mend", lambda self, ended=ended: _end_last(self, ended))
+            assert pm.orbits(PINCHED, scope, setpoint=0.6).attrs["complete"] == complete
+    with monkeypatch.context() as patched:
+        patched.setattr(Curves, "_follow", lambda *_: None)
+        assert pm.orbits(PINCHED, scope, setpoint=0.6).attrs["complete"] == 0
+
+
+def _end_last(curves: Curves, ended: int) -> None:
+    curves.pieces[-1] = replace(curves.pieces[-1], ended=ended)
 
 
 @pytest.mark.parametrize(("modulus", "adhesion", "damping"), [(2e8, 0.041, 0.148), (2.5e7, 0.019, 0.02)])

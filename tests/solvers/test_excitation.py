@@ -14,11 +14,14 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
 from phasemap._kernels.excitation import detected_phasor
+from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
+from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.lever import detected_signal, lever_of, of_tip, offset_and_factor, sees_tip
 from phasemap.scenes.scene import load_scene
 from phasemap.solvers.both_branches import stable_branches
+from phasemap.solvers.continuation.curves import held_curves
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.solver import by_name
 
@@ -437,3 +440,22 @@ def test_with_a_neck_the_other_branch_on_a_shaker_is_one_of_the_orbits_of_the_wh
     assert found.engaged.tolist() == [col.ATTRACTING] and found.status[col.REPELLING, 0] == col.GOOD
     row, orbits = found.rows[col.REPELLING, 0], pm.orbits(material, scope, 0.8)
     assert float(abs(orbits.phase - math.degrees(row[col.PHASE])).min()) < 1e-3
+
+
+@pytest.mark.parametrize("scope", [WET, DRY, BEAM], ids=["liquid", "air", "beam"])
+def test_orbits_of_a_curve_state_errors_as_those_of_the_same_material_in_an_image_do(scope: pm.Microscope) -> None:
+    work = work_of_material(SOFT, scope, SETPOINT * scope.driven_amplitude)
+    alone = Answers(np.full((1, col.COLUMNS), np.nan), np.zeros(1, np.int8), np.zeros(1, np.int8))
+    by_name("orbit").solve(work, pm.Accuracy(), alone)
+    seen = np.array([SETPOINT * scope.driven_amplitude])
+    found = held_curves(fixed_path(work.oscillator(0)), seen, 0).wanted_rows
+    row = found[np.argmin(abs(found[:, col.PHASE] - alone.rows[0, col.PHASE]))]
+    errors = [col.ERROR_PHASE, col.ERROR_HEIGHT]
+    # Neither is larger than an image is promised, and each bounds by how much the two differ.
+    assert (row[errors] > 0).all() and row[col.ERROR_PHASE] < math.radians(1e-3) and row[col.ERROR_HEIGHT] < 1e-12
+    for at, error in zip((col.PHASE, col.TIP_OFFSET), errors, strict=True):
+        assert abs(row[at] - alone.rows[0, at]) <= row[error] + alone.rows[0, error]
+    slope, step = row[col.SLOPE], 1e-3
+    near = held_curves(fixed_path(work.oscillator(0)), seen * (1 + step), 0).wanted_rows
+    beside = near[np.argmin(abs(near[:, col.TIP_OFFSET] - row[col.TIP_OFFSET]))]
+    assert slope == pytest.approx(step * seen[0] / (beside[col.TIP_OFFSET] - row[col.TIP_OFFSET]), rel=0.02)

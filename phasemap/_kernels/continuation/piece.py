@@ -12,6 +12,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.continuation.point import (
     ENTRY_A,
     ENTRY_M,
+    ENTRY_SEEN,
     ENTRY_Z0,
     Point,
     control_entry,
@@ -36,12 +37,14 @@ from phasemap._kernels.continuation.step import (
     same_piece,
 )
 from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
+from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.numerics import copy, copy_rows, count_smaller, narrowed
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
-from phasemap._kernels.orbits.collocation.errors import estimate_errors
+from phasemap._kernels.orbits.collocation.contacts import is_grazing
+from phasemap._kernels.orbits.collocation.errors import estimate_errors, fill_errors_as_seen, slopes_along_curve
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
-from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, last_step_within_tolerance
+from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, force_jumps, last_step_within_tolerance
 from phasemap._kernels.orbits.collocation.observables import complete_row, fill_observables, time_trace
 from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
@@ -71,11 +74,13 @@ FEWEST_POINTS_ROUND = 8  # of a curve that closes
 FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where it turns: the fold is known
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
 CURVE_TOLERANCE = 0.1  # last change of an orbit of a curve, over that of a pixel's
-# How a piece ends.
+GRAZING = 1e-3  # of the amplitude: as near to contact made or lost, with which the force jumps, a curve ends
+# How a piece ends: where it leaves the box, where it began, at such a jump; or no step succeeds, or there is no room.
 PIECE_LEFT = 0
 PIECE_CLOSED = 1
-PIECE_STUCK = 2
-PIECE_FULL = 3
+PIECE_AT_JUMP = 2
+PIECE_STUCK = 3
+PIECE_FULL = 4
 
 
 class Asked(NamedTuple):
@@ -137,6 +142,18 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     if made.traces.shape[2] > 0:
         time_trace(oscillator, orbit, row[col.PHASE], made.traces[count])
     return count + 1
+
+
+@kernel
+def fill_errors(oscillator: Oscillator, orbit: Orbit, asked: Asked, row: np.ndarray) -> None:
+    """Fill the errors of an orbit wanted at its amplitude, or at what the detector sees, into its full row."""
+    lever, slope = oscillator.lever, row[col.SLOPE]
+    along = slopes_along_curve(lever, orbit)
+    row[col.SLOPE] = slope / along.seen  # that of A, for which they are estimated first
+    estimate_errors(oscillator, orbit, row)
+    if asked.entry == ENTRY_SEEN:
+        fill_errors_as_seen(lever, row[col.SEEN], along, row)
+    row[col.SLOPE] = slope
 
 
 @kernel
@@ -246,8 +263,8 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
             copy_orbit(end.orbit, one)
         else:
             now = add_row(path, one, col.WANTED, k, made, count)
-            if now > count and index == ENTRY_A:
-                estimate_errors(standing_at(path, head_of(one).parameter), one, made.rows[count])
+            if now > count and (index == ENTRY_A or index == ENTRY_SEEN):
+                fill_errors(standing_at(path, head_of(one).parameter), one, asked, made.rows[count])
             if now > count:
                 _keep_orbit(one, made.kept)
             count = now
@@ -258,7 +275,7 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
 def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Made) -> tuple[int, int]:
     """Follow the curve from a marked point, in the sense of its tangent, until it leaves the box, ends, or closes.
 
-    Returns PIECE_LEFT, PIECE_CLOSED, PIECE_STUCK or PIECE_FULL, and the number of rows made, in the order of the curve.
+    Returns how it ended, PIECE_LEFT to PIECE_FULL, and the number of rows made, in the order of the curve.
     """
     saved, one, top, tops = (
         new_orbit_like(orbit),
@@ -276,7 +293,9 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
         good, step = next_exact_point(path, point, step, asked.tolerance, orbit, saved)
         if not good:
             made.rows[count - 1, col.KIND] = col.END
-            return PIECE_STUCK, count
+            oscillator = standing_at(path, head_of(orbit).parameter)
+            grazes = force_jumps(oscillator) and is_grazing(oscillator.p, orbit, GRAZING * head_of(orbit).amplitude)
+            return PIECE_AT_JUMP if grazes else PIECE_STUCK, count
         # Where the control or the entry wanted turns, the step is divided.
         found, start = 0, Place(before, saved)
         for entry in (control_entry(path), asked.entry):

@@ -37,6 +37,7 @@ from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_a
 from phasemap._kernels.law import has_hysteresis
 from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
+from phasemap._kernels.orbits.collocation.contacts import times_left
 from phasemap._kernels.orbits.collocation.elements import lay_again
 from phasemap._kernels.orbits.collocation.newton import NewtonLimits, solve_orbit
 from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, standing_at
@@ -195,14 +196,14 @@ def next_point(path: Path, point: Point, step: float, orbit: Orbit, saved: Orbit
     assign(before, point)
     reach = natural_length(path, orbit)
     coarse = COARSELY * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
-    contacts, hysteretic = head_of(orbit).contacts, has_hysteresis(standing_at(path, head_of(orbit).parameter).p)
+    left, hysteretic = times_left(head_of(orbit)), has_hysteresis(standing_at(path, head_of(orbit).parameter).p)
     row = tangent_row(path, reach, before)
     while step > SMALLEST_ARC_STEP:
         move_along(head_of(orbit), step, before)
         if head_of(orbit).amplitude > 0.0 and relay_orbit(path, orbit):
             status, steps = solve_in_plane(path, orbit, row, coarse, MOST_COARSE_STEPS, True)
-            # With a neck the curve ends where a contact is made or kept.
-            if status == col.GOOD and not (hysteretic and head_of(orbit).contacts != contacts):
+            # With a neck the curve ends where a contact is made, or no longer lost.
+            if status == col.GOOD and not (hysteretic and times_left(head_of(orbit)) != left):
                 assign(point, before)
                 good = mark_point(path, orbit, point)
                 turn = point.tangent_u * before.tangent_u + point.tangent_v * before.tangent_v

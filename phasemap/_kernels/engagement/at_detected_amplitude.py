@@ -23,29 +23,17 @@ from phasemap._kernels.engagement.by_curve import (
 from phasemap._kernels.engagement.by_fold import orbit_by_response
 from phasemap._kernels.excitation import (
     LEAST_SLOPE,
-    detected_amplitude_rate,
-    detected_signal,
     likely_amplitude,
-    offset_and_factor,
     sees_tip,
 )
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import drive_needed, phase_rate
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
-from phasemap._kernels.orbits.collocation.closing import curve_derivative
+from phasemap._kernels.orbits.collocation.errors import slopes_along_curve
 from phasemap._kernels.orbits.collocation.near import refine_orbit, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import solve_at_detected_amplitude
 from phasemap._kernels.orbits.collocation.system import (
-    RA,
-    RIGHT,
-    RP,
-    RS,
-    RZ,
     Orbit,
     head_of,
-    hold_amplitude,
-    hold_parameter,
-    no_drift,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
@@ -73,36 +61,6 @@ def engaged_orbit_by_response(
             if (harmonic.push > 0.0) == (state.push > 0.0):
                 return True
     return False
-
-
-@kernel
-def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.ndarray) -> None:
-    """Convert errors and feedback slope of an orbit from those at its A to those at the amplitude seen [m]."""
-    if sees_tip(lever):
-        return
-    a, phase, error = row[col.AMPLITUDE], row[col.PHASE], row[col.ERROR_PHASE]
-    offset, factor = offset_and_factor(lever)
-    # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
-    part = factor * complex(a * math.cos(phase), a * math.sin(phase))
-    share = part / (offset + part)
-    turn, grow = share.real, -seen * share.imag
-    # As the amplitude seen changes by one: phase seen, and tip offset.
-    by_phase, by_offset = (share.imag / a + turn * along.phase) / along.seen, along.offset / along.seen
-    missed = abs(detected_signal(lever, a, phase)[0] - seen)
-    row[col.ERROR_HEIGHT] += abs(by_offset) * (abs(grow) * error + missed)
-    row[col.ERROR_PHASE] = abs(turn - grow * by_phase) * error + abs(by_phase) * missed
-    row[col.SLOPE] *= along.seen
-
-
-@kernel
-def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
-    """Derivatives by A along the curve, at a linearised orbit; NaN where its equations are singular."""
-    if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
-        return Along(math.nan, math.nan, math.nan)
-    head, rate = head_of(orbit), orbit.system[:, RIGHT]
-    of, by = (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS])
-    (x, y), (by_x, by_y) = drive_needed(lever, *of), drive_needed(lever, *by)
-    return Along(detected_amplitude_rate(lever, of, by), phase_rate(x, y, by_x, by_y), rate[RZ])
 
 
 @kernel

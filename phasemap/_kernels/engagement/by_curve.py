@@ -176,8 +176,8 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWork
         if point.floquet > LINGERING or away:
             return col.NOT_CONVERGED
         if contacts == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
-            break
-    return col.NO_STABLE_ORBIT
+            return col.NO_STABLE_ORBIT
+    return col.NOT_CONVERGED
 
 
 @kernel

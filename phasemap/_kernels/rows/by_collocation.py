@@ -16,7 +16,6 @@ from phasemap._kernels.columns import SolvedRows
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement.at_detected_amplitude import (
     collocation_orbit_at_detected_amplitude,
-    fill_errors_as_seen,
     move_to_detected_amplitude,
 )
 from phasemap._kernels.engagement.by_averaging import engage_by_averaging
@@ -25,7 +24,7 @@ from phasemap._kernels.engagement.orbit_of_row import RowWorkspace, new_row_work
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, parameters
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
-from phasemap._kernels.orbits.collocation.errors import estimate_errors
+from phasemap._kernels.orbits.collocation.errors import estimate_errors, fill_errors_as_seen
 from phasemap._kernels.orbits.collocation.near import (
     collocation_orbit_from_harmonic,
     collocation_orbit_from_near,

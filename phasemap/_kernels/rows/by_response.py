@@ -11,13 +11,14 @@ import math
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ErrorLimits
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.engagement.at_detected_amplitude import engaged_orbit_by_response, fill_errors_as_seen
+from phasemap._kernels.engagement.at_detected_amplitude import engaged_orbit_by_response
 from phasemap._kernels.engagement.by_averaging import BY_AVERAGING, engage_by_averaging
 from phasemap._kernels.engagement.by_fold import fill_sufficient_row
 from phasemap._kernels.engagement.other_branch import refined_orbit_on_branch
 from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.orbits.averaged.branch import fill_held_averaged_orbit
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, Maximum
+from phasemap._kernels.orbits.collocation.errors import fill_errors_as_seen
 from phasemap._kernels.orbits.harmonic_orbit import (
     HarmonicOrbit,
     fill_row_from_harmonic,

@@ -13,8 +13,9 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import (
     CURVE_TOLERANCE,
+    GRAZING,
+    PIECE_AT_JUMP,
     PIECE_CLOSED,
-    PIECE_FULL,
     Asked,
     KeptOrbits,
     Made,
@@ -66,6 +67,7 @@ FINE = 1  # level of refinement of these
 AROUND = (1.000001, 0.97, 1.03, 0.88, 1.12)  # shares of it, at which averaged orbits lead to small pieces
 THROWN_LIFT = 0.08  # of it: a strong pull throws the tip out of its harmonic orbit, whose contact is too deep to start
 BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
+FARTHER = (1.0, 1e3, 1e4)  # times BESIDE: beside an orbit whose neck hardly breaks, those that keep it may begin later
 DEEP = 300.0  # free amplitudes by which the lever may be pressed down
 COLUMN_OF = {ENTRY_Z0: col.TIP_OFFSET, ENTRY_A: col.AMPLITUDE, ENTRY_M: col.PARAMETER, ENTRY_SEEN: col.SEEN}
 
@@ -120,8 +122,8 @@ class Curves:
 
     @property
     def all_followed(self) -> bool:
-        """True if every piece was followed to its end."""
-        return all(piece.ended != PIECE_FULL for piece in self.pieces)
+        """True if there is a piece, and each was followed to where it closes, leaves the box, or the force jumps."""
+        return bool(self.pieces) and all(piece.ended <= PIECE_AT_JUMP for piece in self.pieces)
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
@@ -132,6 +134,7 @@ class Curves:
             orbit, found = self._go(np.array([[farthest, 0.0, free, 0.0, 0.0, 0.0]]), np.zeros(1), False)
             status = col.GOOD if len(found) else col.NOT_CONVERGED
         if status == col.GOOD:
+            self.box = (self.box[0], float(head_of(orbit).tip_offset), self.box[2])  # farther out nothing happens
             self._follow(orbit, (-1.0,))
 
     def from_row(self, row: np.ndarray, m: float) -> None:
@@ -189,16 +192,19 @@ class Curves:
         while waiting and len(self.pieces) < MOST_PIECES:
             rows = waiting.pop(0).rows
             for last, before in ((-1, -2), (0, 1)):
-                if len(rows) < 2 or rows[last, col.KIND] != col.END or not rows[last, col.FLOQUET] < 1:
+                if len(rows) < 2 or rows[last, col.KIND] != col.END:
                     continue
-                end = rows[last, self.column]
-                x = float(end + beside * np.sign(end - rows[before, self.column]))
-                row = self.let_go(rows[last], x)
-                if row is None:
+                grazes = abs(rows[last, col.INDENTATION]) < GRAZING * rows[last, col.AMPLITUDE]
+                if grazes and not rows[last, col.FLOQUET] < 1:  # where a neck hardly breaks, no orbit is stable
                     continue
-                known = len(self.pieces)
-                if swept or not self._near(x, row[col.AMPLITUDE], row[col.STIFFENING]):
-                    self.from_row(row, x if swept else 0.0)
+                end, known = rows[last, self.column], len(self.pieces)
+                for times in (1.0,) if grazes else FARTHER:
+                    x = float(end + times * beside * np.sign(end - rows[before, self.column]))
+                    row = self.let_go(rows[last], x)
+                    if row is not None:
+                        if swept or not self._near(x, row[col.AMPLITUDE], row[col.STIFFENING]):
+                            self.from_row(row, x if swept else 0.0)
+                        break
                 waiting += self.pieces[known:]
 
     def let_go(self, start: np.ndarray, x: float) -> np.ndarray | None:

@@ -103,7 +103,7 @@ def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
 
     Without contact, or in permanent contact: the angle where the tip is nearest to the other side.
     """
-    held = head_of(orbit).contacts == PERMANENT  # in a neck, it depends on where the tip came from
+    held = times_left(head_of(orbit)) == PERMANENT  # in a neck, it depends on where the tip came from
     if not _find_crossings(orbit):
         return False
     contacts = head_of(orbit).contacts
@@ -115,6 +115,36 @@ def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
     elif held and contacts == 0 and _least_depth(orbit) > p[RELEASE]:
         head_of(orbit).contacts = PERMANENT
     return True
+
+
+@kernel
+def times_left(head: Head) -> int:
+    """How often the tip leaves contact in a period, necks included; 0 where it never touches, PERMANENT if it stays."""
+    if head.contacts <= 0:
+        return head.contacts
+    left = 0
+    for i in range(head.contacts):
+        following = head.contact_start[i + 1] if i + 1 < head.contacts else head.contact_start[0] + TWO_PI
+        left += 1 if head.neck_end[i] < following else 0
+    return left if left > 0 else PERMANENT
+
+
+@kernel
+def is_grazing(p: np.ndarray, orbit: Orbit, within: float) -> bool:
+    """True if the tip turns back as near to where contact is made or lost as `within` [m]."""
+    theta_before, _, slope_first = _point_of(orbit, 0, 0)
+    slope_before, count = slope_first, head_of(orbit).count
+    for i in range(1, count * (NODES + 1) + 1):
+        e = (i - 1) // (NODES + 1)
+        theta, _, slope = _point_of(orbit, e, i - e * (NODES + 1))
+        if i == count * (NODES + 1):
+            slope = slope_first  # the same point a period later
+        if slope_before * slope <= 0.0 and theta > theta_before:
+            d = depth_at(orbit, e, _extreme(orbit, e, theta_before, theta))[0]
+            if min(abs(d), abs(d - p[RELEASE])) < within:
+                return True
+        theta_before, slope_before = theta, slope
+    return False
 
 
 @kernel

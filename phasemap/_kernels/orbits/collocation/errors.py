@@ -16,14 +16,16 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
+from phasemap._kernels.excitation import detected_amplitude_rate, detected_signal, offset_and_factor, sees_tip
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import phase_of
+from phasemap._kernels.lever import drive_needed, phase_of, phase_rate
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.collocation.closing import solve_step
+from phasemap._kernels.orbits.collocation.closing import curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts import find_contacts
 from phasemap._kernels.orbits.collocation.elements import append_element, lay_elements
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.system import (
+    RA,
     RIGHT,
     RP,
     RS,
@@ -39,6 +41,7 @@ from phasemap._kernels.orbits.collocation.system import (
     no_drift,
     spare_orbit,
 )
+from phasemap._kernels.orbits.response.state import Along
 from phasemap._kernels.quadrature import HALVES, INTO_HALVES, NODES, T_S
 from phasemap._kernels.records import assign
 
@@ -72,6 +75,36 @@ def estimate_errors(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> No
     row[col.ERROR_PHASE] = HALVING_SAFETY * abs(phase - row[col.PHASE]) + LEAST_PHASE_ERROR
     rounded = OFFSET_ROUNDING * abs(head.tip_offset / row[col.SLOPE])
     row[col.ERROR_HEIGHT] = HALVING_SAFETY * abs(solved[RZ] - head.tip_offset) + LEAST_OFFSET_ERROR + rounded
+
+
+@kernel
+def fill_errors_as_seen(lever: np.ndarray, seen: float, along: Along, row: np.ndarray) -> None:
+    """Convert errors and feedback slope of an orbit from those at its A to those at the amplitude seen [m]."""
+    if sees_tip(lever):
+        return
+    a, phase, error = row[col.AMPLITUDE], row[col.PHASE], row[col.ERROR_PHASE]
+    offset, factor = offset_and_factor(lever)
+    # A phase that is off by one is seen off by `turn`, in an amplitude that is off by `grow`.
+    part = factor * complex(a * math.cos(phase), a * math.sin(phase))
+    share = part / (offset + part)
+    turn, grow = share.real, -seen * share.imag
+    # As the amplitude seen changes by one: phase seen, and tip offset.
+    by_phase, by_offset = (share.imag / a + turn * along.phase) / along.seen, along.offset / along.seen
+    missed = abs(detected_signal(lever, a, phase)[0] - seen)
+    row[col.ERROR_HEIGHT] += abs(by_offset) * (abs(grow) * error + missed)
+    row[col.ERROR_PHASE] = abs(turn - grow * by_phase) * error + abs(by_phase) * missed
+    row[col.SLOPE] *= along.seen
+
+
+@kernel
+def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
+    """Derivatives by A along the curve, at a linearised orbit; NaN where its equations are singular."""
+    if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
+        return Along(math.nan, math.nan, math.nan)
+    head, rate = head_of(orbit), orbit.system[:, RIGHT]
+    of, by = (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS])
+    (x, y), (by_x, by_y) = drive_needed(lever, *of), drive_needed(lever, *by)
+    return Along(detected_amplitude_rate(lever, of, by), phase_rate(x, y, by_x, by_y), rate[RZ])
 
 
 @kernel

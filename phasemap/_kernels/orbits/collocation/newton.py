@@ -108,7 +108,7 @@ def share_motion(lever: np.ndarray, orbit: Orbit) -> None:
 
 @kernel
 def contact_size(head: Head, reach: float) -> float:
-    """Depth [m] on which elements are placed: that of the shallowest contact, or the gap and the force's reach."""
+    """Depth [m] on which elements are placed: twice that of the shallowest contact, or gap and reach of force."""
     contacts = head.contacts
     if contacts <= 0:
         return abs(head.nearest_depth) + reach
@@ -119,16 +119,20 @@ def contact_size(head: Head, reach: float) -> float:
 
 
 @kernel
+def force_jumps(oscillator: Oscillator) -> bool:
+    """True if the force jumps where the tip comes into contact, or by what it leaves."""
+    law, p, lever = oscillator
+    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if has_longrange(p) else 0.0)
+    return has_hysteresis(p) or not abs(pull) < NO_JUMP * lever[col.STIFFNESS] * lever[col.DRIVE]
+
+
+@kernel
 def allowed_displacement(oscillator: Oscillator, level: int) -> float:
     """Share of the contact's depth by which elements may lie beside it without being moved.
 
     It is 0 with hysteresis, where the force jumps at contact, and on refined elements (`level` above 0).
     """
-    law, p, lever = oscillator
-    pull = contact_force(law, 0.0, p) - (longrange_force(law, 0.0, p) if has_longrange(p) else 0.0)
-    if has_hysteresis(p) or not abs(pull) < NO_JUMP * lever[col.STIFFNESS] * lever[col.DRIVE]:
-        return 0.0
-    return HARMLESS_DISPLACEMENT if level == 0 else 0.0
+    return HARMLESS_DISPLACEMENT if level == 0 and not force_jumps(oscillator) else 0.0
 
 
 @kernel
