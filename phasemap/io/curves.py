@@ -17,7 +17,7 @@ from phasemap._shared.errors import FileError
 from phasemap._shared.notices import tell
 from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, OF_IMAGES, TEXT, Parts, of_text, of_wave
 from phasemap.io.curve_files import ARCHIVES, is_nanoscope, of_archive, of_nanoscope
-from phasemap.io.metadata import ScanData
+from phasemap.io.metadata import ScanData, of_simulation
 from phasemap.io.netcdf import load
 from phasemap.io.read import NETCDF
 
@@ -65,7 +65,7 @@ def read_curve(
     if not os.path.isfile(path):  # nor is a name that is no name
         raise FileError(f"cannot read {path}: {'it is a folder' if os.path.isdir(path) else 'there is no such file'}.")
     if path.suffix.lower() in NETCDF:
-        parts, scan = _curve_of_sweep(path), ScanData()
+        parts, scan = _curve_of_sweep(path)
     elif path.suffix.lower() == ".ibw":
         parts, scan = of_wave(path)
     elif path.suffix.lower() in ARCHIVES:
@@ -92,8 +92,8 @@ def is_curve(path: Path) -> bool:
     return int.from_bytes(head[140:144], "little") == 0  # no third dimension
 
 
-def _curve_of_sweep(path: Path) -> Parts:
-    """Curve of a simulated distance sweep."""
+def _curve_of_sweep(path: Path) -> tuple[Parts, ScanData]:
+    """Curve of a simulated distance sweep, and its microscope."""
     ds = load(path)
     if "tip_offset" not in ds.dims or "direction" not in ds.dims:
         raise FileError(
@@ -104,7 +104,8 @@ def _curve_of_sweep(path: Path) -> Parts:
         parts["distance", way] = ds["tip_offset"].values, "m"
         for name in ("amplitude", "phase"):
             parts[name, way] = np.asarray(ds[name].isel(direction=i).values), "m" if name == "amplitude" else "degree"
-    return parts
+    said = of_simulation(ds.attrs)
+    return parts, ScanData(said | ({"phase_sign": 1.0} if said else {}))
 
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:

@@ -91,6 +91,7 @@ CANONICAL = {
     "stiffness": "N/m",
     "resonance_frequency": "Hz",
     "quality_factor": "1",
+    "tip_radius": "m",
     "line_rate": "Hz",  # lines a second, each trace and retrace
     "proportional_gain": "1",  # gains are in units of the vendor
     "integral_gain": "1",
@@ -130,11 +131,11 @@ class ScanData:
 
 
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
-    """Canonical values of a simulated image, but the zero of a levelled phase; empty for other images."""
+    """Canonical values of a simulated image or sweep, but the zero of a levelled phase; empty for others."""
     try:
         told = json.loads(attrs["configuration"])
         scope = microscope_of(told["microscope"])
-        found = _of_microscope(scope, told["setpoint"], told["control"])
+        found = _of_microscope(scope, told.get("setpoint"), told.get("control", {}))
     except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return {}  # the attribute may be there and be somebody else's
     return {name: value for name, value in found.items() if name != "phase_zero" or "levelled" not in attrs}
@@ -154,7 +155,7 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any])
     scan.take(
         drive_frequency=scope.drive.frequency or lever.resonance_frequency, free_amplitude=scope.driven_amplitude,
         setpoint=setpoint, stiffness=lever.stiffness, resonance_frequency=lever.resonance_frequency,
-        quality_factor=lever.quality_factor, line_rate=control.get("line_rate"),
+        quality_factor=lever.quality_factor, tip_radius=scope.tip.radius, line_rate=control.get("line_rate"),
         proportional_gain=control.get("proportional_gain"), integral_gain=control.get("integral_gain"),
         phase_zero=scope.free_phase,
     )  # fmt: skip

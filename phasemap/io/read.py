@@ -56,11 +56,11 @@ def read_image(
 
         What is known about the scan is in the attributes, each absent where the file does not have it:
         drive_frequency, resonance_frequency, line_rate [Hz], free_amplitude (at the drive frequency),
-        setpoint_amplitude [m], setpoint, quality_factor [1], stiffness [N/m], phase_zero (phase of the free lever),
-        lock_in_phase (what the instrument adds to it) [degree], day (days since 1970-01-01), drive_voltage [V],
-        amplitude_sensitivity [m/V], free_amplitude_voltage, setpoint_voltage [V], proportional_gain and
-        integral_gain in units of the vendor. ``nominal`` names those that are of the lever's type and not of this
-        lever; ``warnings`` are sentences on what must not be taken for more than it is, a line each;
+        setpoint_amplitude [m], setpoint, quality_factor [1], stiffness [N/m], tip_radius [m] (of a simulated image),
+        phase_zero (phase of the free lever), lock_in_phase (what the instrument adds to it) [degree], day (days since
+        1970-01-01), drive_voltage [V], amplitude_sensitivity [m/V], free_amplitude_voltage, setpoint_voltage [V],
+        proportional_gain and integral_gain in units of the vendor. ``nominal`` names those that are of the lever's type
+        and not of this lever; ``warnings`` are sentences on what must not be taken for more than it is, a line each;
         ``vendor_metadata`` is all that the vendor says, as JSON; ``channels`` are the names of the channels of each
         variable, ``other_channels`` those that were not read.
 

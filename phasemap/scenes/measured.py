@@ -26,6 +26,7 @@ from phasemap._shared.units import say
 from phasemap.experiment.presets import preset_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.measured import APART, level_height, one_scan, segment_height, segment_phase, separation_of
+from phasemap.io.metadata import of_simulation
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 from phasemap.scenes.objects import microscope_of
@@ -48,6 +49,7 @@ RECORDED = {
     "cantilever.stiffness": "stiffness",
     "cantilever.resonance_frequency": "resonance_frequency",
     "cantilever.quality_factor": "quality_factor",
+    "tip.radius": "tip_radius",
     "drive.frequency": "drive_frequency",
 }
 """Keys of a scene, and the attributes of an image that say them."""
@@ -182,7 +184,8 @@ def _scan_of(
 ) -> xr.Dataset:
     """Scan of the image in one direction, with the channels that tell its materials apart."""
     if isinstance(image, str | os.PathLike):
-        image = read_image(image)
+        name, image = Path(image).name, read_image(image)
+        image.attrs |= {"source": name} if of_simulation(image.attrs) else {}  # which phasemap is there
     if not hasattr(image, "data_vars"):
         raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
     try:

@@ -342,6 +342,13 @@ def test_a_lever_that_files_do_not_say_is_assumed_aloud():
     assert scope.cantilever.stiffness > 20 and "is assumed" in told[0] and "tip radius" in told[2]
 
 
+def test_lever_and_tip_of_simulated_files_are_theirs():
+    scope = pm.Microscope(pm.Cantilever(26.0, 300e3, 300.0), pm.Tip(8e-9), pm.Drive(AMPLITUDE))
+    sample = pm.Surface.from_labels(labels_at(), {0: HARD, 1: SOFT}, pixel_size=4e-9)
+    found, told = scope_of([pm.simulate(sample, scope, at, "averaging") for at in (0.5, 0.7)], None)
+    assert found.tip == scope.tip and found.cantilever == scope.cantilever and not told
+
+
 def test_a_typical_lever_of_quite_another_frequency_is_doubted():
     files = measure(phases(), resonance_frequency=1.44e6, drive_frequency=1.44e6)
     told = " ".join(scope_of(files, None)[1])

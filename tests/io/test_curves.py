@@ -142,13 +142,14 @@ def test_a_curve_of_nanoscope_has_the_same_distances_both_ways(tmp_path: Path, v
         pm.read_curve(tmp_path / "cut.001")
 
 
-def test_a_curve_that_nothing_is_missing_of_warns_of_the_lever_only(tmp_path: Path) -> None:
-    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+def test_a_simulated_curve_says_its_lever_and_tip_and_warns_of_nothing(tmp_path: Path) -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(8e-9), pm.Drive(20e-9))
     sweep = pm.sweep_distance(pm.Material(1e9, 0.03, 0.01), scope, np.linspace(30e-9, 12e-9, 61))
     sweep.to_netcdf(tmp_path / "sweep.nc")
-    with pytest.warns(pm.ResultWarning) as caught:
-        curve = pm.read_curve(tmp_path / "sweep.nc")
-    assert {str(one.message) for one in caught} == set(told(curve).splitlines())
+    curve = pm.read_curve(tmp_path / "sweep.nc")
+    assert not told(curve)
+    said = {"stiffness": 40.0, "resonance_frequency": 300e3, "quality_factor": 400.0, "tip_radius": 8e-9}
+    assert {name: curve.attrs[name] for name in said} == said
     np.testing.assert_array_equal(curve.amplitude, sweep.amplitude)
     assert curve.attrs["phase_zero"] == pytest.approx(0.0, abs=0.2)
 

@@ -70,6 +70,17 @@ def test_surface_and_microscope_are_found_again(tmp_path: Path) -> None:
 
 
 @needs_skimage
+def test_a_simulated_image_says_all_of_its_microscope_and_is_called_by_its_file(tmp_path: Path) -> None:
+    scope = pm.Microscope(pm.Cantilever(26.0, 300e3, 300.0), pm.Tip(8e-9), pm.Drive(20e-9))
+    pair = [pm.Material(0.3e9, 0.05, 0.02), pm.Material(3e9, 0.05)]
+    image = pm.simulate(pm.Surface.from_labels(truth()[0], pair, pixel_size=4e-9), scope, 0.6)
+    save(image, tmp_path / "mine.nc")
+    scene = scene_from(tmp_path / "mine.nc", tmp_path / "mine.toml")
+    assert scene.microscope.tip == scope.tip and scene.microscope.cantilever == scope.cantilever
+    assert "# The surface and the microscope of mine.nc, by phasemap scene." in (tmp_path / "mine.toml").read_text()
+
+
+@needs_skimage
 def test_what_is_written_runs_and_can_be_edited(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     image = measured().isel(y=slice(4, 12), x=slice(12, 24))
     image = image.assign_coords(y=image["y"][:8] - 16e-9, x=image["x"] - 36e-9)

@@ -162,7 +162,8 @@ def scope_of(
             told.append(
                 f"The {what} is not in the files: {values[name]:g}{unit} is assumed, as of {nearest.name}{far}."
             )
-    told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
+    if "tip_radius" not in said:
+        told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
     if "resonance_frequency" not in said:
         told.append("The lever is taken to be driven at its resonance, which the files do not say.")
     elif drive is not None and abs(away := 2 * values["quality_factor"] * (drive / resonance - 1)) > AWAY:
@@ -170,15 +171,16 @@ def scope_of(
             f"The lever is driven at {drive / 1e3:.5g} kHz, {abs(away):.2g} half widths "
             f"{'above' if away > 0 else 'below'} its resonance at {resonance / 1e3:.5g} kHz, as the files say."
         )
-    return Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS, drive)), told
+    return Microscope(Cantilever(**values), Tip(said.get("tip_radius", RADIUS)), Drive(GUESS, drive)), told
 
 
 def _lever_properties(
     known: list[dict[str, Any]], names: list[str], given: Collection[str]
 ) -> tuple[dict[str, float], list[str]]:
-    """Properties of the lever, each from the first file that says it, and a sentence where quality factors differ."""
+    """Properties of lever and tip, each from the first file that says it, and a sentence where they differ."""
     said, told = dict[str, float](), []
-    for name, unit in (("resonance_frequency", "Hz"), ("stiffness", "N/m"), ("quality_factor", "1")):
+    units = {"resonance_frequency": "Hz", "stiffness": "N/m", "quality_factor": "1", "tip_radius": "m"}
+    for name, unit in units.items():
         values = {of: float(one[name]) for of, one in zip(names, known, strict=True) if name in one}
         if not values:
             continue
