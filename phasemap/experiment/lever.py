@@ -82,6 +82,19 @@ def modal_motion(lever: Array, amplitude: Array, phase: Array) -> tuple[Array, A
     return motion, force
 
 
+def beat_of_second(lever: Array) -> float:
+    """Largest spread [m] that a second drive leaves of itself behind the lock-in: theory, Eq. (irregular-8).
+
+    0 where there is none.
+    """
+    if not lever[col.SECOND_FREE] > 0:
+        return 0.0
+    from phasemap._kernels.engagement.averages import BANDWIDTH  # with the march; who has no second drive needs neither
+
+    ratio = lever[col.MODE + col.MODE_NUMBERS + col.FREQUENCY] / lever[col.OMEGA]
+    return float(np.sqrt(2) * BANDWIDTH * ratio / (ratio**2 - 1) * lever[col.SECOND_FREE])
+
+
 def drive_energy(lever: Array, amplitude: Array, phase: Array) -> Array:
     """Work of the drive, by a force on the tip or by the base [J per cycle]: theory, Eq. (lever-9)."""
     motion, force = modal_motion(lever, amplitude, phase)

@@ -109,7 +109,7 @@ def _solved(setting: Setting) -> tuple[Work, xr.Dataset]:
     work = make_work(materials, viscous, scope, setting.setpoint * scope.driven_amplitude, marched=True)
     rows, status, used = run(by_name(setting.solver), work, accuracy_of(scope), threads=1)
     rows = widened(rows, work, used, scope, lambda: work.rows, OF_SECOND if scope.drive.second else ())
-    flags = {"status": status, "solver": used, "branch": branch_of(rows), "motion": motion_of(rows)}
+    flags = {"status": status, "solver": used, "branch": branch_of(rows), "motion": motion_of(rows, work.lever)}
     names = VARIABLES + (OF_SECOND if scope.drive.second else ())
     values = {name: flags[name] if name in flags else FLOATS[name].value(rows) for name in names}
     if (film := film_of(materials)) is not None:

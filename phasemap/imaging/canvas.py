@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinates
+from phasemap.experiment.lever import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, motion_seen, needs_of
@@ -31,11 +32,11 @@ def values_of(
 ) -> Values:
     """Variables of result rows, shape (..., COLUMNS or WIDE), with their codes, on a flat surface.
 
-    `scope`: microscope of the rows, for channels that are derived from them.
+    `scope`: microscope of the rows, for channels that are derived from them and a second drive.
     """
     flags = {
         "status": lambda: status, "solver": lambda: used, "branch": lambda: branch_of(rows),
-        "motion": lambda: motion_of(rows),
+        "motion": lambda: motion_of(rows, None if scope is None else lever_of(scope)),
     }  # fmt: skip
     known = {name: FLOATS[name].value(rows) for name in needs_of(names) if name in FLOATS}
     derived = [name for name in names if is_derived(name)]

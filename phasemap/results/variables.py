@@ -17,7 +17,7 @@ from phasemap._kernels.columns import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRAD
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Control
-from phasemap.experiment.lever import DETECTED
+from phasemap.experiment.lever import DETECTED, beat_of_second
 from phasemap.results.status import Status
 
 Array = np.ndarray
@@ -26,6 +26,7 @@ T = TypeVar("T", float, Array, "xr.DataArray")
 CONVENTIONS = "CF-1.11"
 SOLVER_NAMES = ("averaging", "orbit", "march", "interpolated", "corrected")  # in the order of their codes
 STABILITY = ("unstable", "stable")  # likewise
+BEATS = 2.0  # what two drives spread, over the beat of the second alone: mostly 0.5 to 2, far more where they resonate
 
 
 class Variable(NamedTuple):
@@ -226,9 +227,16 @@ def branch_of(rows: Array) -> Array:
     return np.where(np.isnan(stiffening), -1, stiffening > 0).astype(np.int8)
 
 
-def motion_of(rows: Array) -> Array:
-    """Motion codes: 0 periodic, 1 irregular, -1 where there is none."""
-    return np.where(np.isnan(rows[..., col.AMPLITUDE]), -1, col.irregular(rows)).astype(np.int8)
+def motion_of(rows: Array, lever: Array | None = None) -> Array:
+    """Motion codes: 0 periodic, 1 irregular, -1 where there is none.
+
+    What is spread by no more than its stated error cannot be told from a periodic orbit. Two drives have no common
+    period: their motion on a `lever` (of `lever_of`) is irregular where it beats more than they do by themselves.
+    """
+    amplitude, beat = rows[..., col.AMPLITUDE], 0.0 if lever is None else BEATS * beat_of_second(lever)
+    irregular = rows[..., col.SPREAD_AMPLITUDE] > np.fmax(rows[..., col.ERROR_HEIGHT], beat)
+    irregular |= rows[..., col.SPREAD_PHASE] > np.fmax(rows[..., col.ERROR_PHASE], beat / amplitude)
+    return np.where(np.isnan(amplitude), -1, irregular).astype(np.int8)
 
 
 def of_rows(

@@ -48,7 +48,7 @@ class Pixel:
     branch : str
         "attractive", "repulsive" or "none".
     motion : str
-        "periodic", "irregular" or "none".
+        "periodic", "irregular" (spread by more than the stated errors and than a second drive spreads it) or "none".
     solver : str
         "averaging", "corrected" (exact, by the lever's response), "orbit" (exact, by collocation), "march", or "none"
         where there was nothing to solve.
@@ -134,6 +134,6 @@ def solve_pixel(
         raise SolveError(state.value)
     numbers = {name: float(FLOATS[name].value(rows)[0]) for name in Pixel.__annotations__ if name in FLOATS}
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
-    motion = FLAGS["motion"][2][int(motion_of(rows)[0]) + 1]
+    motion = FLAGS["motion"][2][int(motion_of(rows, work.lever)[0]) + 1]
     by = FLAGS["solver"][2][int(used[0]) + 1]
     return Pixel(**numbers, stable=state is Status.good, branch=branch, motion=motion, solver=by, status=state)

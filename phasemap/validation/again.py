@@ -113,7 +113,7 @@ def solve_again(
         else:
             solved, codes, by = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
             at = (part.numbers,)
-        some = values_of(IMAGE_VARIABLES, solved, codes, by)
+        some = values_of(IMAGE_VARIABLES, solved, codes, by, claims.microscope)
         for name in IMAGE_VARIABLES:
             values[name][part.pixels] = some[name][at]
         materials, done = materials + len(part.work), done + len(part.pixels)

@@ -88,11 +88,11 @@ def _allowed(again: Again, errors: StatedErrors, approximate: Mask) -> dict[str,
         "dissipation": work,
         "virial": work,
     }
-    irregular = again.at(picture.irregular) | (again.values["motion"] == 1)
+    averaged = again.at(picture.averaged) | (again.values["amplitude_spread"] > 0)
     means = dict(zip(("phase", "height"), IRREGULAR, strict=True))
     for name, values in largest.items():
         mean = means[name] + MEAN * again.spread(OF[name]) if name in means else np.nan
-        largest[name] = np.where(irregular, mean, values) + picture.coarse(name)
+        largest[name] = np.where(averaged, mean, values) + picture.coarse(name)
     return largest
 
 

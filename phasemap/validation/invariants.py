@@ -117,7 +117,7 @@ def _numbers(picture: Picture) -> Claim:
         without = name.startswith("error_") and picture.claims.solver == "averaging"
         if not without:
             missing = np.isfinite(picture.raw(name).astype(np.float64)) != solved
-            wrong |= missing & ~(picture.irregular & (name in OF_ORBITS))
+            wrong |= missing & ~(picture.averaged & (name in OF_ORBITS))
     for name in FLAGS.keys() - {"status", "solver"}:
         if name in picture:
             wrong |= (picture.raw(name) >= 0) != solved

@@ -87,8 +87,13 @@ class Picture:
 
     @cached_property
     def irregular(self) -> NDArray[np.bool_]:
-        """True where the motion is not periodic: phase and amplitude are means there."""
+        """True where the motion is said to be irregular."""
         return np.asarray(self.raw("motion") == 1) if "motion" in self else np.zeros(self.shape, bool)
+
+    @cached_property
+    def averaged(self) -> NDArray[np.bool_]:
+        """True where phase and amplitude are means: where motion is irregular, or spread by no more than it may be."""
+        return self.irregular | (self.spread("phase") > 0) | (self.spread("amplitude") > 0)
 
     def spread(self, name: str) -> Array:
         """Standard deviation behind the lock-in that the image states [degree or m], 0 where it states none."""

@@ -9,6 +9,9 @@ import pytest
 from cases import Case, load, material_of, scope_of
 
 import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap.results.descriptions import describe_irregular
+from phasemap.results.variables import motion_of
 
 # Engaged slowly in time by an independent code (tests/reference/make_irregular.py), which states its own errors.
 ENGAGED = [(case, held) for case in load("irregular") for held in case["setpoints"]]
@@ -141,6 +144,26 @@ def test_a_sweep_goes_on_where_there_is_no_orbit() -> None:
     assert curve.sel(direction="approach").motion.values.tolist() == [0, 1, 1]
     # The amplitude falls with the tip offset, one to one.
     assert float(np.diff(curve.amplitude.sel(direction="approach"))[1]) == pytest.approx(-6e-9, rel=1e-2)
+
+
+def test_a_spread_within_the_stated_error_is_not_irregular() -> None:
+    rows = np.full((4, col.COLUMNS), np.nan)
+    rows[:3, col.AMPLITUDE], rows[:3, col.ERROR_HEIGHT], rows[:3, col.ERROR_PHASE] = 20e-9, 3e-14, 1e-5
+    rows[:3, col.SPREAD_AMPLITUDE], rows[:3, col.SPREAD_PHASE] = [2.1e-14, 4e-14, 2.1e-14], [5e-6, 5e-6, 2e-5]
+    assert motion_of(rows).tolist() == [0, 1, 1, -1]
+
+
+@pytest.mark.parametrize(("ratio", "motion"), [(6.267, "periodic"), (6.009, "irregular")])
+def test_two_drives_are_irregular_where_they_beat_by_more_than_the_second_alone(ratio: float, motion: str) -> None:
+    # 1.7 pm and 0.0024 degree; and near a whole ratio, where taps and second mode drive each other, 0.23 nm and 1.3.
+    lever = pm.Cantilever(40.0, 300e3, 400.0, modes=(pm.Eigenmode(ratio, quality_factor=600.0),))
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(40e-9, second=pm.Mode(1e-9)))
+    pixel = pm.solve_pixel(pm.Material(0.5e9, 0.05, viscosity=10.0), scope, 0.7, solver="march")
+    assert (pixel.status, pixel.motion) == (pm.Status.good, motion)
+    assert 1e-12 < pixel.amplitude_spread
+    image = pm.simulate(pm.Surface([[0.5e9]], 0.05, viscosity=10.0, pixel_size=1e-9), scope, 0.7, solver="march")
+    assert int(image.motion[0, 0]) == (motion == "irregular")
+    assert (describe_irregular(image) == []) == (motion == "periodic")
 
 
 def test_a_spread_is_nothing_for_periodic_orbits_and_nothing_is_known_without_an_orbit() -> None:
