@@ -235,9 +235,17 @@ def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Itera
 
 
 def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
-    """Yield a sentence where quadrature along the orbit does not show the response to the second drive."""
+    """Yield a sentence where quadrature along the orbit does not show the response to the second drive, or none does."""
     microscope = configuration["microscope"]
-    if not microscope["drive"].get("second") or configuration.get("solver") == "march":
+    if not microscope["drive"].get("second"):
+        return
+    if "estimated_error" in ds.attrs:  # in time
+        yield (
+            "a scan in time moves the lever by its first drive alone: the image has nothing of the second mode. "
+            "Take the control Engage or Raster, whose images do."
+        )
+        return
+    if configuration.get("solver") == "march":
         return
     shown = [name for name in ds.data_vars if str(name).startswith(("mode2_", "bimodal_"))]
     _, second, *_ = made(microscope["cantilever"], Cantilever).eigenmodes

@@ -168,3 +168,10 @@ def test_in_liquid_the_quadrature_bounds_nothing_and_says_so() -> None:
     with pytest.warns(pm.ResultWarning, match="the second mode has a Q of 6"):
         image = pm.simulate(surface, scope, 0.8, variables=["bimodal_modulus", "bimodal_modulus_bound"])
     assert np.isinf(image.bimodal_modulus_bound).all()
+
+
+def test_a_scan_in_time_says_that_it_has_nothing_of_the_second_mode() -> None:
+    scope = scope_of(CASES[0])
+    with pytest.warns(pm.ResultWarning, match="moves the lever by its first drive alone: the image has nothing of the"):
+        image = pm.simulate(pm.Surface([[3e9, 3e9]], pixel_size=4e-9), scope, 0.8, control=pm.Feedback())
+    assert not [name for name in image if name.startswith("mode2_")]
