@@ -235,7 +235,7 @@ def _of_films(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Itera
 
 
 def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
-    """Yield a sentence where quadrature along the orbit does not show the response to the second drive, or none does."""
+    """Yield a sentence where no quadrature along the orbit shows the response to the second drive, or nothing does."""
     microscope = configuration["microscope"]
     if not microscope["drive"].get("second"):
         return

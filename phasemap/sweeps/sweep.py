@@ -235,7 +235,8 @@ def orbits(
     -------
     xarray.Dataset
         Dim "orbit", from far to near: variables as of an image, with floquet, feedback_slope and stable. The attribute
-        `complete` is 1 if the curve of orbits was followed to its end.
+        `complete` is 1 if every piece of the curve that was found was followed until it closes, leaves the range of
+        the instrument, or ends where a contact with a force that jumps is made or lost; 0 if one was given up before.
 
     Examples
     --------

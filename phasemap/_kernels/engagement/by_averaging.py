@@ -165,7 +165,7 @@ def find_side_and_orbit(oscillator: Oscillator, amplitude: float, harmonic: Harm
     """
     p, lever = oscillator.p, oscillator.lever
     if not (forces_are_plain(oscillator) and near_resonance(lever)):
-        return BY_CURVE  # which also says where it ends, so that only time tells: contacts with hysteresis
+        return BY_CURVE  # which ends where a contact with hysteresis is made or kept: only time tells what comes after
     attracted = has_longrange(p)
     rises = attracted and leaps_to_resonance(oscillator)
     if low_q(lever):

@@ -63,15 +63,15 @@ def hold_orbit_near_row(oscillator: Oscillator, goal: Goal, forms: bool, row: np
     """Hold an amplitude [m] by the periodic orbit to which time leads from that in `row`, which is filled anew.
 
     With `forms` dents that last form under the tip first. False where time leads to no such orbit within the periods
-    allowed, or to one on the other side of the resonance.
+    allowed, or to one on the other branch.
     """
     law, p, lever = oscillator
     tip = Tip(state_on(law, lever, goal.amplitude, row), PeriodResult(), PeriodMap(), Periods())
-    repelled, tolerance = row[col.PHASE] > 0.0, fine_tolerance(p, goal)
+    repelled, tolerance = row[col.STIFFENING] > 0.0, fine_tolerance(p, goal)
     if forms and not form_dents(oscillator, tolerance, goal.amplitude, goal.most_periods, tip):
         return False
     status = hold_periodic(oscillator, tolerance, goal.amplitude, goal.most_periods, tip, row)
-    return status == col.GOOD and (row[col.PHASE] > 0.0) == repelled
+    return status == col.GOOD and (row[col.STIFFENING] > 0.0) == repelled
 
 
 @kernel

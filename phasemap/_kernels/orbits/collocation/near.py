@@ -129,7 +129,7 @@ def collocation_orbit_from_near(oscillator: Oscillator, harmonic: HarmonicOrbit,
     head = head_of(orbit)
     head.amplitude, head.tip_offset = harmonic.amplitude, harmonic.tip_offset
     head.push, head.drag = harmonic.push, harmonic.drag
-    if not lay_again(oscillator, orbit, head.level):
+    if not lay_again(oscillator, orbit, 0):
         return col.NOT_CONVERGED
     done = solve_at_amplitude(oscillator, orbit, 0, tolerance_of(oscillator), MOST_STEPS_NEARBY)
     if done == col.GOOD:
