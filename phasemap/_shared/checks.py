@@ -101,8 +101,10 @@ def check_choice(name: str, value: object, choices: Iterable[str]) -> None:
     """Refuse what is not one of the choices."""
     choices = list(choices)
     if not isinstance(value, str) or value not in choices:
-        near = difflib.get_close_matches(value, choices, 1, 0.5) if isinstance(value, str) else []
-        raise InputError(name, value, "one of " + ", ".join(choices), f"Did you mean {near[0]!r}?" if near else "")
+        known = {choice.casefold(): choice for choice in choices}
+        near = difflib.get_close_matches(value.casefold(), known, 1, 0.5) if isinstance(value, str) else []
+        hint = f"Did you mean {known[near[0]]!r}?" if near else ""
+        raise InputError(name, value, "one of " + ", ".join(choices), hint)
 
 
 def shape_pair(value: object) -> tuple[int, int]:

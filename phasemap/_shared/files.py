@@ -40,7 +40,8 @@ def reason_of(error: Exception, folder: str | os.PathLike[str] | None = None) ->
     """
     full = isinstance(error, OSError) and error.errno == errno.ENOSPC
     with suppress(OSError):
-        full = full or (folder is not None and shutil.disk_usage(folder).free < FULL)
+        if folder is not None and (usage := shutil.disk_usage(folder)).total > 0:  # of the system's folders it is none
+            full = full or usage.free < FULL
     return "the disk is full" if full else str(getattr(error, "strerror", None) or error)
 
 
@@ -84,6 +85,13 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
         raise FileError(f"cannot write {path}: its name has a null byte; choose another one.")
     if len(os.fsencode(path.name)) > LONGEST_NAME:
         raise FileError(f"cannot write {path}: its name is longer than {LONGEST_NAME} bytes; choose a shorter one.")
+    temporary = _temporary(path)
+    try:
+        temporary.touch()
+        temporary.unlink()
+    except OSError as error:
+        where = f"no file can be made in the folder {str(path.parent)!r}"
+        raise FileError(f"cannot write {path}: {where} ({reason_of(error, path.parent)}).") from error
     return path
 
 
@@ -95,7 +103,7 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
     """
     path = check_target(path, overwrite)
     _clear(path)
-    temporary = path.with_name(f".{path.stem}.{_host()}-{os.getpid()}.tmp{path.suffix}")
+    temporary = _temporary(path)
     try:
         yield temporary
         with temporary.open("r+b") as file:
@@ -105,6 +113,11 @@ def replacing(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator
         raise FileError(f"cannot write {path}: {reason_of(error, path.parent)}.") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    """The name that a file has until it is whole."""
+    return path.with_name(f".{path.stem}.{_host()}-{os.getpid()}.tmp{path.suffix}")
 
 
 def _clear(path: Path) -> None:

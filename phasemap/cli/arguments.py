@@ -46,7 +46,8 @@ def add_scene(parser: argparse.ArgumentParser, about: str = "the scene file", ov
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
     """Declare keys of a scene to be set."""
-    parser.add_argument("overrides", metavar="key=value", nargs="*", help="key of the scene, such as tip.radius=20nm")
+    about = "key of the scene, such as tip.radius=20nm"
+    parser.add_argument("overrides", metavar="key=value", nargs="*", default=[], help=about)
 
 
 def add_files(

@@ -12,7 +12,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from phasemap._shared.errors import ExistsError, InputErrors, PhasemapError, on_one_line
+from phasemap._shared.checks import check_choice
+from phasemap._shared.errors import ExistsError, InputError, InputErrors, PhasemapError, on_one_line
 from phasemap._shared.files import reason_of
 from phasemap._shared.interrupts import ending_at_once, interrupted_once, still_busy, stopped
 from phasemap._shared.notices import once, strict_units
@@ -69,9 +70,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # where a terminal, or what a file is written in, lacks a letter
+    words = sys.argv[1:] if argv is None else argv
     with ending_at_once():
         parser = make_parser()
-        arguments, rest = parser.parse_known_args(argv)
+        try:
+            if words and not words[0].startswith("-"):
+                check_choice("the command", words[0], [name for name, *_ in COMMANDS])
+        except InputError as error:
+            parser.exit(_complain(str(error)))
+        arguments, rest = parser.parse_known_args(words)
     if "rest" in arguments:
         arguments.rest, rest = rest, []
     if strange := [word for word in rest if not _belongs(word, arguments)]:

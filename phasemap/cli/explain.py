@@ -39,7 +39,7 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     parser.usage = "%(prog)s FILE [--law LIST] [options] [key=value ...]"
     parser.add_argument("file", metavar="FILE", type=Path, help="the measured curve")
     about = "set a part of the microscope, such as tip.radius=7nm"
-    parser.add_argument("overrides", metavar="key=value", nargs="*", help=about)
+    parser.add_argument("overrides", metavar="key=value", nargs="*", default=[], help=about)
     add_columns(parser)
     about = "contact laws to compare, with commas, such as 'jkr,lossy dmt', or all; default: dmt"
     parser.add_argument("--law", metavar="LIST", default="dmt", help=about)

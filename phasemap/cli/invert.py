@@ -81,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(overrides=[])
     add_scene(parser, SURFACE_UNUSED, overrides=False)
     about = "an image; key=value sets a key of the scene, such as tip.radius=20e-9"
-    parser.add_argument("images", metavar="IMAGE", nargs="*", help=about)
+    parser.add_argument("images", metavar="IMAGE", nargs="*", default=[], help=about)
     for option, metavar, about in OPTIONS:
         parser.add_argument(option, metavar=metavar, help=about)
     about = "the true surface is flat: heights of regions differ by indentation only"

@@ -65,7 +65,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, SURFACE_UNUSED, overrides=False)
     parser.add_argument("axis", metavar="AXIS", help="distance, setpoint, frequency or a parameter; see below")
     parser.add_argument(
-        "overrides", metavar="START STOP key=value", nargs="*",
+        "overrides", metavar="START STOP key=value", nargs="*", default=[],
         help="first and last value, in SI units or with a unit, such as 60nm 0nm, or START:STOP:N; keys of the scene "
         "to set, such as tip.radius=20nm",
     )  # fmt: skip

@@ -128,9 +128,17 @@ def _read_toml(path: Path) -> Table:
         )
     try:
         with path.open("rb") as file:
-            return _parsed(file.read(LARGEST).decode())
+            content = file.read(LARGEST)
     except OSError as error:
         raise FileError(f"cannot read the scene {path}: {error.strerror}.") from error
+    if b"\0" in content:
+        use = "`phasemap plot` draws an image, and `phasemap scene` makes a scene of it."
+        raise FileError(f"cannot read {path}: it is no scene, which is text. {use}")
+    try:
+        return _parsed(content.decode())
+    except UnicodeDecodeError as error:
+        said = f"it is not in UTF-8, from byte {error.start} on: save it as that"
+        raise FileError(f"cannot read the scene {path}: {said}.") from error
     except ValueError as error:
         raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
 

@@ -16,7 +16,7 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap._shared.errors import FileError
-from phasemap._shared.files import _host, check_target
+from phasemap._shared.files import _host, check_target, reason_of
 from phasemap.io import netcdf
 
 DATA = Path(__file__).parents[1] / "data"
@@ -96,11 +96,18 @@ def test_a_write_that_fails_leaves_nothing_and_keeps_the_old_file(
         raise failure
 
     monkeypatch.setattr(xr.Dataset, "to_netcdf", half)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free, total=1 << 50))
     with pytest.raises(FileError, match=rf"cannot write .*image\.nc: {reason}"):
         netcdf.save(image, path, overwrite=True)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["image.nc"]
+
+
+@pytest.mark.skipif(not Path("/proc/version").exists(), reason="there is no /proc on this machine")
+def test_a_folder_that_takes_no_files_is_said_to_take_none_before_anything_is_made() -> None:
+    with pytest.raises(FileError, match=r"cannot write /proc/a\.nc: no file can be made in the folder '/proc' \("):
+        check_target("/proc/a.nc")
+    assert "full" not in reason_of(RuntimeError("NetCDF: HDF error"), "/proc")  # though it has no room, nor ever had
 
 
 def test_an_interrupt_while_writing_leaves_nothing(

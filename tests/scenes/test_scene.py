@@ -191,8 +191,11 @@ def test_a_scene_that_is_no_toml_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"cannot read the scene .*scene.toml: it is not valid TOML: .*line 1"):
         scene(tmp_path, "[scan\n")
     (tmp_path / "latin.toml").write_bytes(b"# \xb5m\n")
-    with pytest.raises(FileError, match="it is not valid TOML"):
+    with pytest.raises(FileError, match=r"it is not in UTF-8, from byte 2 on: save it as that\."):
         load_scene(tmp_path / "latin.toml")
+    (tmp_path / "image.nc").write_bytes(b"\x89HDF\r\n\x1a\n\0\0\0\0")
+    with pytest.raises(FileError, match=r"image\.nc: it is no scene, which is text\. `phasemap plot` draws an"):
+        load_scene(tmp_path / "image.nc")
     with pytest.raises(FileError, match=r"cannot read the scene .*nowhere\.toml: No such file"):
         load_scene(tmp_path / "nowhere.toml")
     with pytest.raises(FileError, match="cannot read the scene"):
