@@ -124,7 +124,7 @@ def test_without_attraction_a_tip_is_repelled_and_adhesion_alone_leaves_that_ope
 def test_where_repulsion_balances_attraction_a_lever_without_further_losses_lacks_what_its_damping_leaves() -> None:
     oscillator, top = over(lever_at(), pull=PULL, longrange=PULL), Maximum()
     amplitude = 0.8 * FREE
-    top.gap, top.behind, top.push = -0.1e-9, -0.2e-9, push_at(oscillator, amplitude, -0.1e-9)
+    top.gap, top.deeper_gap, top.push = -0.1e-9, -0.2e-9, push_at(oscillator, amplitude, -0.1e-9)
     lacks = plain(other_branch.mismatch_at_balance)(oscillator, amplitude, top)
     assert lacks == pytest.approx(0.8**2 - 1.0, abs=1e-12)  # (2 alpha0 A / u0)^2 - 1
 
@@ -168,7 +168,7 @@ def test_angles_are_counted_from_one_phasor_to_another() -> None:
     assert plain(averages.angle_between)(one.real, one.imag, other.real, other.imag) == pytest.approx(-2.5)
 
 
-def rung(oscillator: Oscillator, amplitude: float) -> int:
+def decider(oscillator: Oscillator, amplitude: float) -> int:
     """Way in which the branch is decided: a row of the table of theory/engagement."""
     return int(plain(by_averaging.engage_by_averaging)(oscillator, amplitude, HarmonicOrbit(), Maximum()))
 
@@ -186,23 +186,23 @@ def attracted(share: float, lever: np.ndarray, amplitude: float) -> Oscillator:
 @pytest.mark.parametrize(("share", "way"), [(0.3, BY_AVERAGING), (1.0, BY_FOLD), (2.0, BY_AVERAGING)])
 def test_averaging_decides_unless_attraction_is_nearly_what_the_setpoint_needs(share: float, way: int) -> None:
     amplitude = FREE / math.sqrt(3)
-    assert rung(attracted(share, lever_at(), amplitude), amplitude) == way
+    assert decider(attracted(share, lever_at(), amplitude), amplitude) == way
 
 
 @pytest.mark.parametrize(("share", "way"), [(0.5, BY_AVERAGING), (3.0, IN_TIME)])
 def test_a_lever_that_attraction_carries_over_its_resonance_is_engaged_in_time(share: float, way: int) -> None:
     omega = 0.9985  # where the lever swings 10 nm, and 16 nm at its resonance
     amplitude = 0.8 * FREE / Q / abs(1 - omega**2 + 1j * omega / Q)
-    assert rung(attracted(share, lever_at(omega), amplitude), amplitude) == way
+    assert decider(attracted(share, lever_at(omega), amplitude), amplitude) == way
 
 
 @pytest.mark.parametrize("forces", [{"pull": PULL}, {"longrange": PULL, "pull": PULL}])
 def test_adhesion_alone_and_forces_that_may_repel_before_contact_ask_for_the_curve(forces: dict[str, float]) -> None:
     oscillator = over(lever_at(), **forces)
     repels = oscillator.law._replace(attracts=0 if "longrange" in forces else 1)
-    assert rung(oscillator._replace(law=repels), 0.6 * FREE) == BY_CURVE
+    assert decider(oscillator._replace(law=repels), 0.6 * FREE) == BY_CURVE
 
 
 def test_without_attraction_and_adhesion_averaging_decides() -> None:
     oscillator = over(lever_at())
-    assert rung(oscillator._replace(law=oscillator.law._replace(attracts=1)), 0.6 * FREE) == BY_AVERAGING
+    assert decider(oscillator._replace(law=oscillator.law._replace(attracts=1)), 0.6 * FREE) == BY_AVERAGING

@@ -53,8 +53,8 @@ def engaged_orbit_by_response(
     workspace.seen = 0.0 if sees_tip(lever) else amplitude
     for side in (ATTRACTIVE, REPULSIVE):
         likely = likely_amplitude(lever, amplitude, side)
-        rung = engage_by_averaging(oscillator, likely, harmonic, top)
-        done = orbit_by_response(oscillator, likely, rung, limits, harmonic, workspace)
+        decider = engage_by_averaging(oscillator, likely, harmonic, top)
+        done = orbit_by_response(oscillator, likely, decider, limits, harmonic, workspace)
         if sees_tip(lever):
             return done
         if done and engage_by_averaging(oscillator, state.amplitude, harmonic, top) == BY_AVERAGING:
@@ -83,7 +83,7 @@ def move_to_detected_amplitude(
 
 @kernel
 def collocation_orbit_at_detected_amplitude(
-    oscillator: Oscillator, seen: float, rung: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
+    oscillator: Oscillator, seen: float, decider: int, harmonic: HarmonicOrbit, top: Maximum, curve: CurveWorkspace,
     row: np.ndarray,
 ) -> tuple[int, Along]:  # fmt: skip
     """Orbit on which a tip from far stops where the detector sees an amplitude [m], by the curve: a status, and slopes.
@@ -92,9 +92,9 @@ def collocation_orbit_at_detected_amplitude(
     """
     wanted, found, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
     if sees_tip(oscillator.lever):
-        return engaged_collocation_orbit(oscillator, wanted, rung, harmonic, curve, row), along
+        return engaged_collocation_orbit(oscillator, wanted, decider, harmonic, curve, row), along
     done = col.NOT_CONVERGED
-    for decides in (rung, BY_CURVE):
+    for decides in (decider, BY_CURVE):
         done = engaged_collocation_orbit(oscillator, wanted, decides, harmonic, curve, row)
         if done == col.GOOD:
             done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)

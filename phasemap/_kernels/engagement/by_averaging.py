@@ -124,7 +124,7 @@ def side_by_averaging(oscillator: Oscillator, amplitude: float, top: Maximum) ->
     clear(top)
     if not has_longrange(p):
         # Without attraction there is one branch; with adhesion alone its onset jumps.
-        top.behind = -1e-3 * amplitude
+        top.deeper_gap = -1e-3 * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least, plain = decisive_mismatch(lever, amplitude), decisive_mismatch_beside_resonance(lever, amplitude)
     find_mismatch_maximum(oscillator, amplitude, plain, top)
@@ -153,8 +153,8 @@ def engage_by_averaging(oscillator: Oscillator, amplitude: float, harmonic: Harm
 
     BY_FOLD: the maximum of the mismatch is in `top`.
     """
-    rung = find_side_and_orbit(oscillator, amplitude, harmonic, top)
-    return IN_TIME if rung == BY_AVERAGING and rebounds(oscillator, harmonic.push) else rung
+    decider = find_side_and_orbit(oscillator, amplitude, harmonic, top)
+    return IN_TIME if decider == BY_AVERAGING and rebounds(oscillator, harmonic.push) else decider
 
 
 @kernel

@@ -243,16 +243,21 @@ def orbit_along_curve(oscillator: Oscillator, wanted: Wanted, curve: CurveWorksp
 
 @kernel(shared=True)
 def engaged_collocation_orbit(
-    oscillator: Oscillator, wanted: Wanted, rung: int, harmonic: HarmonicOrbit, curve: CurveWorkspace, row: np.ndarray
+    oscillator: Oscillator,
+    wanted: Wanted,
+    decider: int,
+    harmonic: HarmonicOrbit,
+    curve: CurveWorkspace,
+    row: np.ndarray,
 ) -> int:
     """Exact orbit by collocation, in `found`: from the averaged one where that is sure, else along the exact curve.
 
     Where a tip leaps and lands, or rebounds, no curve tells: NOT_CONVERGED.
     """
-    if rung == IN_TIME:
+    if decider == IN_TIME:
         row[:] = math.nan
         return col.NOT_CONVERGED
-    if rung == BY_AVERAGING and _found_on_averaged_branch(oscillator, harmonic, curve, row):
+    if decider == BY_AVERAGING and _found_on_averaged_branch(oscillator, harmonic, curve, row):
         return col.GOOD
     done = orbit_along_curve(oscillator, wanted, curve, row)
     if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):

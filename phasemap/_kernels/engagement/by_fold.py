@@ -30,7 +30,7 @@ from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, attractive_mismatch
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude, slope_is_clear
 from phasemap._kernels.orbits.response.passes import FOUND, converge_passes, start_passes
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.records import clear
@@ -172,16 +172,16 @@ def fill_orbit_outside_maximum(
 
 @kernel(shared=True)
 def orbit_by_response(
-    oscillator: Oscillator, amplitude: float, rung: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
+    oscillator: Oscillator, amplitude: float, decider: int, limits: ErrorLimits, harmonic: HarmonicOrbit,
     workspace: ResponseWorkspace,
 ) -> bool:  # fmt: skip
     """Find the exact orbit, in `workspace.state`, on the side that averaging or the end of the attractive branch tells.
 
     False where these do not decide, or passes do not come to an orbit that is clear of a fold: curves tell then.
     """
-    if rung == BY_AVERAGING:
-        return exact_orbit_near(oscillator, harmonic, limits, workspace)
-    if rung != BY_FOLD:
+    if decider == BY_AVERAGING:
+        return exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
+    if decider != BY_FOLD:
         return False
     worst = worst_amplitude(oscillator.lever, amplitude)
     side, peak = decide_by_response(oscillator, amplitude, worst, workspace)
@@ -190,14 +190,14 @@ def orbit_by_response(
     known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
     if side == REPULSIVE:
         found = known and not rebounds(oscillator, harmonic.push)
-        return found and exact_orbit_near(oscillator, harmonic, limits, workspace)
-    found = known and exact_orbit_near(oscillator, harmonic, limits, workspace)
+        return found and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
+    found = known and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
     if found and slope_is_clear(oscillator, limits, workspace):
         return True
     if worst != amplitude:
         peak = response_maximum(oscillator, amplitude, peak.gap, peak.step, workspace)
     found = fill_orbit_outside_maximum(oscillator, amplitude, peak, harmonic, workspace)
-    found = found and exact_orbit_near(oscillator, harmonic, limits, workspace)
+    found = found and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
     harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
     return found and slope_is_clear(oscillator, limits, workspace)
 

@@ -63,11 +63,11 @@ if TYPE_CHECKING:
 
 # Of the free amplitude, by which z0 falls in FEWEST_AVERAGED periods, or a ring-down time, without a periodic orbit.
 SLOW_FALL = 4e-3
-MOST_HASTE = 4.0  # times faster than that z0 of such a contact falls, at most
-HASTE_LEFT = 0.25  # the same, of what is left to go
+MOST_SPEED_UP = 4.0  # times faster than that z0 of such a contact falls, at most
+SPEED_UP_NEAR = 0.25  # the same, of what is left to go
 JUMPS_BY = 0.05  # of the amplitude, by which it changes in that time only where the motion jumps
 PARTS_BY = 0.3  # of its way, by which the amplitude may not go with z0: else it was too fast
-TAMER = 0.5  # of the change from period to period before, below which it may not fall: the same
+LEAST_CHANGE_KEPT = 0.5  # of the change from period to period before, below which it may not fall: the same
 LANDING_FALL = 0.1  # of the amplitude that is left, by which it falls in that time
 FINEST_FALL = 64.0  # least part of SLOW_FALL
 NEXT_TRY = 5e-3  # of the free amplitude, that a tip without periodic orbit is lowered before one is tried again
@@ -105,8 +105,8 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
     p, lever, tolerance = oscillator.p, oscillator.lever, coarse_tolerance(goal)
     amplitude, _, most_periods = goal
     block, slow, from_z0 = block_of(lever), slow_pace(lever), tip.u[Z0]
-    hasty, haste = has_hysteresis(p), 1.0
-    step_size = ROUGH_STEPS * tolerance.step_size if hasty else tolerance.step_size
+    hysteretic, speed_up = has_hysteresis(p), 1.0
+    step_size = ROUGH_STEPS * tolerance.step_size if hysteretic else tolerance.step_size
     lock_in, u, acc = LockIn(), tip.u.copy(), PeriodResult()
     begin_lock_in(lever, tip.acc, lock_in)
     if tip.periods.marched + block > most_periods or not average_periods(
@@ -116,22 +116,25 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
     before, change = mean_amplitude(lever, lock_in), lock_in.change
     down = before > amplitude
     while tip.periods.marched + block <= most_periods:
-        pace = haste * slow
-        if hasty:
+        pace = speed_up * slow
+        if hysteretic:
             pace = max(slow / FINEST_FALL, min(pace, LANDING_FALL * abs(before - amplitude) / block))
         copy(tip.u, u)
         assign(acc, tip.acc)
         if not average_periods(oscillator, step_size, block, (pace if down else -pace, 0.0, 0.0), tip, lock_in):
             return TIME_SPENT
         now = mean_amplitude(lever, lock_in)
-        led = abs(abs(now - before) - pace * block) > PARTS_BY * pace * block or lock_in.change < TAMER * change
-        if haste > 1.0 and led:  # to another motion, perhaps: once more, slowly
+        diverted = (
+            abs(abs(now - before) - pace * block) > PARTS_BY * pace * block
+            or lock_in.change < LEAST_CHANGE_KEPT * change
+        )
+        if speed_up > 1.0 and diverted:  # perhaps to another motion: once more, slowly
             copy(u, tip.u)
             assign(tip.acc, acc)
             begin_lock_in(lever, acc, lock_in)
-            haste = 1.0
+            speed_up = 1.0
             continue
-        if not hasty and (now <= amplitude) == down and abs(now - before) > JUMPS_BY * amplitude:
+        if not hysteretic and (now <= amplitude) == down and abs(now - before) > JUMPS_BY * amplitude:
             now = amplitude_after_jump(oscillator, step_size, block, most_periods, tip, lock_in)
             if math.isnan(now):
                 return TIME_SPENT
@@ -140,13 +143,15 @@ def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip
         if too_far(lever, from_z0, tip.u[Z0]):
             return LOWEST_OFFSET
         before, change = now, lock_in.change
-        still = change < STILL_MOTION * (max(amplitude, now) if hasty else amplitude) and touches_alike(lock_in)
+        still = change < STILL_MOTION * (max(amplitude, now) if hysteretic else amplitude) and touches_alike(lock_in)
         if still and abs(from_z0 - tip.u[Z0]) > least and skip_transient(oscillator, tolerance, 0.0, tip):
             return ORBIT_AGAIN
-        if hasty and not still:
-            haste = max(1.0, min(2.0 * haste, MOST_HASTE, HASTE_LEFT * abs(now - amplitude) / (slow * block)))
+        if hysteretic and not still:
+            speed_up = max(
+                1.0, min(2.0 * speed_up, MOST_SPEED_UP, SPEED_UP_NEAR * abs(now - amplitude) / (slow * block))
+            )
         else:
-            haste = 1.0
+            speed_up = 1.0
     return TIME_SPENT
 
 

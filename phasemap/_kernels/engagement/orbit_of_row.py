@@ -30,7 +30,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
     nodes_from_response,
     read_nodes,
 )
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near, nodes_of_solution
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude, nodes_of_solution
 from phasemap._kernels.orbits.result_row import same_orbit
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes
@@ -102,7 +102,7 @@ def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, workspace: Ro
     amplitude, response, harmonic = row[col.AMPLITUDE], workspace.response, workspace.harmonic
     if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, harmonic)):
         return False
-    found = exact_orbit_near(oscillator, harmonic, workspace.limits, response)
+    found = exact_orbit_at_amplitude(oscillator, harmonic, workspace.limits, response)
     if not found or not abs(response.state.tip_offset - row[col.TIP_OFFSET]) < ALIKE * amplitude:
         return False
     nodes_from_response(nodes_of_solution(response), amplitude, response.state.centre, workspace.nodes)

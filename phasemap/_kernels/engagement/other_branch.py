@@ -29,7 +29,7 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near, slope_is_clear
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude, slope_is_clear
 from phasemap._kernels.records import assign, clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt
@@ -88,7 +88,7 @@ def mismatch_at_balance(oscillator: Oscillator, amplitude: float, top: Maximum) 
     Above zero, damping alone needs more than the drive gives, and no orbit lies deeper. Infinite if nothing balances
     the attraction, even in permanent contact.
     """
-    before, gap = (top.gap, top.push), top.behind
+    before, gap = (top.gap, top.push), top.deeper_gap
     _, push = mismatch_at_gap(oscillator, amplitude, gap)
     while push <= 0.0 and gap >= lowest_tip_offset(oscillator):
         before, gap = (gap, push), 2.0 * gap
@@ -115,7 +115,9 @@ def refined_orbit_on_branch(
     assign(near, harmonic)
     if done == col.PENDING and not fill_averaged_orbit_near(oscillator, amplitude, side, near):
         return done
-    if not (exact_orbit_near(oscillator, near, limits, workspace) and slope_is_clear(oscillator, limits, workspace)):
+    if not (
+        exact_orbit_at_amplitude(oscillator, near, limits, workspace) and slope_is_clear(oscillator, limits, workspace)
+    ):
         return col.PENDING
     assign(harmonic, near)
     return col.GOOD

@@ -59,10 +59,10 @@ def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> No
         if status[i] != col.PENDING:
             continue
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i, : col.COLUMNS]
-        rung = engage_by_averaging(oscillator, likely_amplitude(lever, amplitude, ATTRACTIVE), harmonic, top)
+        decider = engage_by_averaging(oscillator, likely_amplitude(lever, amplitude, ATTRACTIVE), harmonic, top)
         row[:], solver[i] = math.nan, col.ORBIT
         status[i], along = collocation_orbit_at_detected_amplitude(
-            oscillator, amplitude, rung, harmonic, top, curve, row
+            oscillator, amplitude, decider, harmonic, top, curve, row
         )
         if status[i] != col.GOOD:
             row[:] = math.nan

@@ -91,8 +91,8 @@ def collocation_orbit_from_far(oscillator: Oscillator, held: float, curve: Curve
     `held`: amplitude [m] that the detector sees.
     """
     top, harmonic = Maximum(), HarmonicOrbit()
-    rung = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, ATTRACTIVE), harmonic, top)
-    done, _ = collocation_orbit_at_detected_amplitude(oscillator, held, rung, harmonic, top, curve, row)
+    decider = engage_by_averaging(oscillator, likely_amplitude(oscillator.lever, held, ATTRACTIVE), harmonic, top)
+    done, _ = collocation_orbit_at_detected_amplitude(oscillator, held, decider, harmonic, top, curve, row)
     return done == col.GOOD
 
 

@@ -26,7 +26,7 @@ from phasemap._kernels.orbits.averaged.branch import (
     held_root,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude
 
 
 class Setpoints(NamedTuple):
@@ -119,7 +119,7 @@ def response_block(
             if not fill_held_averaged_orbit(oscillator, amplitudes[j], sides[i, j], near, harmonic):
                 continue
             workspace.seen = 0.0 if sees_tip(levers[j]) else amplitudes[j]
-            good[i, j] = exact_orbit_near(oscillator, harmonic, limits, workspace)
+            good[i, j] = exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
             if good[i, j]:
                 values[i, j, MEASURED_PHASE] = detected_signal(levers[j], state.amplitude, state.phase)[1]
                 values[i, j, MEASURED_OFFSET] = state.tip_offset

@@ -24,7 +24,7 @@ from phasemap._kernels.orbits.averaged.harmonics import longrange_integrals
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.sides import fill_averaged_orbit_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_near
+from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude
 from phasemap._kernels.records import clear, record
 
 KAPPA_OF_SHORT_PUSH = 0.75  # kappa of the shortest push
@@ -101,7 +101,7 @@ def share_rows(
         for j in range(len(orbits)):
             load_harmonic_orbit(orbits[j], harmonic)
             fill_averaged_orbit_at_gap(oscillator, amplitude, centre_height(harmonic) - amplitude, harmonic)
-            if exact_orbit_near(oscillator, harmonic, limits, workspace):
+            if exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace):
                 c, push = centre_height(harmonic) / amplitude, harmonic.push
                 pull = pull_of(oscillator, amplitude, c)
                 if push < 0.0 and attractive.attraction != 0.0:

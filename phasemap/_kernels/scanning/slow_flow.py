@@ -304,9 +304,9 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
     _note_end(loop, y, k[0], before)
     done = 0.0
     for _ in range(MOST_FLOW_STEPS + int(FLOW_STEPS_OF_PERIOD * span * lever[col.OMEGA] / (2.0 * math.pi))):
-        left = span - done
-        steps = max(1.0, math.ceil(left / min(memory.step, longest) - 1e-9))
-        h = left / steps
+        remaining = span - done
+        steps = max(1.0, math.ceil(remaining / min(memory.step, longest) - 1e-9))
+        h = remaining / steps
         shift, lead = memory.shift, complex(memory.lead_real, memory.lead_imag)
         b = complex(y[A_REAL], y[A_IMAG]) + lead
         for stage in range(1, STAGES):

@@ -45,7 +45,7 @@ class Maximum:
     gap: float  # b = e - A [m]
     mismatch: float
     push: float  # P [m]
-    behind: float  # gap one step deeper [m]
+    deeper_gap: float  # gap one step deeper [m]
 
 
 @kernel
@@ -109,7 +109,7 @@ def find_mismatch_maximum(oscillator: Oscillator, amplitude: float, plain: float
             return
         before, h_before, here, h_here = here, h_here, deeper, h
         deeper *= 2.0
-    top.behind = deeper
+    top.deeper_gap = deeper
     if here < 0.0 and push <= 0.0:
         # A parabola through three points, in the root of the depth.
         x0, x1, x2 = math.sqrt(-before), math.sqrt(-here), math.sqrt(-deeper)
@@ -199,7 +199,7 @@ def repulsive_gap(oscillator: Oscillator, amplitude: float, top: Maximum) -> flo
     stiff = amplitude * lever[col.DYNAMIC_STIFFNESS]
     peak, want = top.gap, lever[col.DRIVE] - stiff - top.push
     near, f_near = peak, min(NOT_REPULSIVE, -abs(math.log1p(max(top.mismatch, LEAST_MISMATCH))))
-    gap, last = top.behind, lowest_tip_offset(oscillator)
+    gap, last = top.deeper_gap, lowest_tip_offset(oscillator)
     for _ in range(MOST_GAPS):
         h, push = mismatch_at_gap(oscillator, amplitude, gap)
         if h > 0.0 and push > 0.0:

@@ -111,7 +111,7 @@ def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
         for i in range(contacts):
             head_of(orbit).neck_end[i] = head_of(orbit).contact_end[i]
     elif contacts > 0:
-        _find_releases(p, orbit)
+        _find_neck_ends(p, orbit)
     elif held and contacts == 0 and _least_depth(orbit) > p[RELEASE]:
         head_of(orbit).contacts = PERMANENT
     return True
@@ -160,7 +160,7 @@ def _least_depth(orbit: Orbit) -> float:
 
 
 @kernel
-def _find_releases(p: np.ndarray, orbit: Orbit) -> None:
+def _find_neck_ends(p: np.ndarray, orbit: Orbit) -> None:
     """Fill in the angle where the neck of each contact breaks; the start of the next contact where it does not."""
     head = head_of(orbit)
     contacts, count = head.contacts, head.count

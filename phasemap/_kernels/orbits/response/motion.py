@@ -152,6 +152,6 @@ def _unresolved(nodes: Nodes, again: float) -> float:
             im += HIGHEST[1, j] * share_im
             size += GAUSS_WEIGHTS[j] * (abs(share_re) + abs(share_im))
         found = abs(re) + abs(im) + abs(re_before) + abs(im_before)
-        felt = again * nodes.growth[OUT + N - 1] / nodes.growth[ENTRY] if element == 2 else 1.0
-        rest += UNRESOLVED_SHARE * felt * found * (found / size) ** 3
+        weight = again * nodes.growth[OUT + N - 1] / nodes.growth[ENTRY] if element == 2 else 1.0
+        rest += UNRESOLVED_SHARE * weight * found * (found / size) ** 3
     return rest

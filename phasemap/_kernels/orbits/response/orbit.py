@@ -62,7 +62,7 @@ def nodes_of_solution(workspace: ResponseWorkspace) -> Nodes:
 
 
 @kernel
-def exact_orbit_near(
+def exact_orbit_at_amplitude(
     oscillator: Oscillator, harmonic: HarmonicOrbit, limits: ErrorLimits, workspace: ResponseWorkspace
 ) -> bool:
     """Exact orbit near the averaged one of `harmonic`, if the cheap path finds it within `limits` and it is sound."""

@@ -136,7 +136,7 @@ def first_pass(lever: np.ndarray, state: PassState) -> None:
     """Forget the changes of earlier passes; before any, note phase and tip offset of the harmonic orbit."""
     state.phase = state.tip_offset = state.last_w = math.nan
     state.phase_change = state.tip_offset_change = math.nan
-    state.lacks, state.last_ratio, state.defect, state.slow = 0.0, 1.0, math.inf, 0
+    state.lacks, state.last_ratio, state.closure, state.slow = 0.0, 1.0, math.inf, 0
     if state.passes == 0:
         state.phase, state.last_w = phase_of(lever, state.amplitude, state.push, state.drag), 0.0
         state.tip_offset = state.centre - static_compliance(lever) * state.mean_force
@@ -184,21 +184,21 @@ def outcome_of_pass(
 
     `nodes`: error of P, S and mean deflection from the finite number of nodes [m].
     """
-    left = 0.0 if hold else relative_energy_closure(lever, state)
+    closure = 0.0 if hold else relative_energy_closure(lever, state)
     small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
-    if small and abs(left) < LARGEST_CLOSURE:
+    if small and abs(closure) < LARGEST_CLOSURE:
         return FOUND
     if early:
         return GO_ON
-    left_before, state.defect = state.defect, left
+    closure_before, state.closure = state.closure, closure
     state.slow += 1 if state.last_ratio > SLOW_RATIO else 0
-    change = abs(left - left_before)
-    stays = change < 0.5 * abs(left) if newton else abs(left) > 0.5 * abs(left_before)
+    change = abs(closure - closure_before)
+    stays = change < 0.5 * abs(closure) if newton else abs(closure) > 0.5 * abs(closure_before)
     rough = nodes > limit_phase * lever[DRIVE]
     rough = rough or (newton and nodes * tip_offset_error_factor(lever, state) > limit_height)
-    left_phase, left_height = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
-    done = left_phase < limit_phase and left_height < limit_height
-    if rough or (small and stays) or (newton and done and change < 0.1 * abs(left)):
+    phase_left, height_left = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
+    done = phase_left < limit_phase and height_left < limit_height
+    if rough or (small and stays) or (newton and done and change < 0.1 * abs(closure)):
         return UNRESOLVED
     return NO_ORBIT if state.slow > MOST_SLOW else GO_ON
 

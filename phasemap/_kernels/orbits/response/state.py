@@ -50,7 +50,7 @@ class PassState:
     phase_change: float  # by the last pass [rad]
     tip_offset_change: float  # [m]
     last_ratio: float  # of the changes of the pass before
-    defect: float  # relative energy defect after the pass before
+    closure: float  # relative energy closure after the pass before
     slow: int  # passes that contracted slowly
     mean_slope: float  # change of `mean_force`, `push` and `drag` with e [1]
     push_slope: float

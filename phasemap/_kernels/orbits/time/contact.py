@@ -78,7 +78,7 @@ class Motion:
     trial: MotionPoint
     h: float  # length of the step, of the variable s
     time: float  # since the period began [1/omega_c]
-    left: float  # of the period
+    time_left: float  # of the period
     cos: float  # of the drive's phase
     sin: float
     event: int  # at the end of the step

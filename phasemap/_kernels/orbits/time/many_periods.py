@@ -138,9 +138,9 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
         step = length_of(ahead) + abs(ahead.z0)
         part = min(FORMING_STEP * target / step, 1.0)
         way += part * step
-        left = pass_along(oscillator, tolerance, target, part, tip, ahead, y)
-        if not left < math.inf or left <= 1 - share * share:
-            return left < math.inf
+        remaining = pass_along(oscillator, tolerance, target, part, tip, ahead, y)
+        if not remaining < math.inf or remaining <= 1 - share * share:
+            return remaining < math.inf
     return False
 
 

@@ -102,7 +102,7 @@ def overshoot_of_event(here: Here, motion: Motion, event: int, point: MotionPoin
     other than v.
     """
     if event == PERIOD_ENDS:
-        return point.at.passed - motion.left, 2 * point.at.x
+        return point.at.passed - motion.time_left, 2 * point.at.x
     if event == TURNED:
         if point.known == 0:
             find_slopes(here, motion, point)
@@ -159,9 +159,9 @@ def stop_at_touch(here: Here, motion: Motion) -> None:
 def _step_to_event(here: Here, step_size: float, motion: Motion) -> None:
     """Take a step to what happens first, or to the end of the period."""
     off, h = here.contact.now.mode == OFF_SURFACE, step_length(here.contact, here.beam, step_size, motion)
-    advance(here, motion, min(h, motion.left) if off else h)
+    advance(here, motion, min(h, motion.time_left) if off else h)
     stop_at_event(here.contact, here, motion)
-    if not off and motion.end.at.passed >= motion.left:
+    if not off and motion.end.at.passed >= motion.time_left:
         end_step_at_event(here, motion, PERIOD_ENDS)
         motion.event = NO_EVENT
 
@@ -182,7 +182,7 @@ def _move_on(here: Here, motion: Motion) -> None:
     c, s = cosine_and_sine(angle) if angle < SMALL_TURN else (math.cos(angle), math.sin(angle))
     motion.cos, motion.sin = motion.cos * c - motion.sin * s, motion.sin * c + motion.cos * s
     motion.time += end.passed
-    motion.left -= end.passed
+    motion.time_left -= end.passed
     u.x, u.v = end.x, end.v
     for j in range(first_moved(here.contact), PLACE_OF_X):
         u.arms[j] = end.arms[j]
@@ -197,7 +197,7 @@ def _move_on(here: Here, motion: Motion) -> None:
 def march_through(here: Here, step_size: float, motion: Motion) -> int:
     """March to the end of a period; returns the steps taken, or minus a status."""
     steps = 0
-    while motion.left > LEFT_BY_ROUNDING:
+    while motion.time_left > LEFT_BY_ROUNDING:
         steps += 1
         if steps > MOST_MARCH_STEPS:
             return -col.NOT_SETTLED
@@ -223,7 +223,7 @@ def begin_period(beam: DrivenLever, y: np.ndarray, motion: Motion) -> None:
     for j in range(2 * beam.modes.count - 2):
         u.modes[j] = y[PLAIN_STATE + j]
     motion.cos, motion.sin, motion.sums.deepest = math.cos(begin), math.sin(begin), u.x
-    motion.left = 2 * math.pi / beam.omega
+    motion.time_left = 2 * math.pi / beam.omega
 
 
 @kernel

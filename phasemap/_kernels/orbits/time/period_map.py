@@ -159,16 +159,16 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
     Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
     is that over the share of them that a pass of two periods takes.
     """
-    share, left = lingering(oscillator), math.inf
+    share, remaining = lingering(oscillator), math.inf
     most = 2 + int(min(-0.5 * math.log(DENT_GONE) / -math.log(share), MOST_CREEP)) if share > 0 else 2
     farthest = max(CREEP_STEP * motion_scale(oscillator.lever, tip.u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
     for i in range(most):
-        left = pass_along(oscillator, tolerance, target, 1.0, tip, way, y)
-        if not left < math.inf or (share > 0 and not max(length_of(way), abs(way.z0)) <= farthest):
+        remaining = pass_along(oscillator, tolerance, target, 1.0, tip, way, y)
+        if not remaining < math.inf or (share > 0 and not max(length_of(way), abs(way.z0)) <= farthest):
             return math.inf
-        if i > 0 and (share == 0 or y[OUTER_COUNT] == 0 or left <= 1 - share * share):
+        if i > 0 and (share == 0 or y[OUTER_COUNT] == 0 or remaining <= 1 - share * share):
             break
-    return left
+    return remaining
 
 
 @kernel(shared=True)
@@ -191,29 +191,29 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
         fill_way_to_rest(linear, linear.now, target, way)
         before = way_left(way, tolerance)
         near = before * tolerance.state <= NEAR_ORBIT * motion_scale(lever, u)
-        moved, left = False, before
+        moved, remaining = False, before
         while before > 1 or not moved:
             if not march_beside(oscillator, tolerance.step_size, tip, way, y, now):
                 return False
             fill_way_to_rest(linear, now, target, ahead)
-            left = way_left(ahead, tolerance)
-            if not (left <= 1 or left <= 0.25 * before):
+            remaining = way_left(ahead, tolerance)
+            if not (remaining <= 1 or remaining <= 0.25 * before):
                 break
             move_state(lever, way, 1.0, u)
             copy_memory(y, u)
             assign(way, ahead)
-            before, moved = left, True
+            before, moved = remaining, True
         if moved and before <= 1 and near:  # so near that the derivatives are those at the end
-            left = _creep(oscillator, tolerance, target, tip, way, y)
-            return left <= 1 or (lingering(oscillator) == 0 and left < math.inf)
+            remaining = _creep(oscillator, tolerance, target, tip, way, y)
+            return remaining <= 1 or (lingering(oscillator) == 0 and remaining < math.inf)
         if moved:
             continue
         # Where dents last, what is left of the way may be theirs.
-        if not (left <= before and lingering(oscillator) > 0):
+        if not (remaining <= before and lingering(oscillator) > 0):
             return False
         where = u.copy()
-        left = _creep(oscillator, tolerance, target, tip, way, y)
-        if not (left <= 1 or left <= 0.25 * before):
+        remaining = _creep(oscillator, tolerance, target, tip, way, y)
+        if not (remaining <= 1 or remaining <= 0.25 * before):
             copy(where, u)
             return False
     return False
