@@ -23,6 +23,7 @@ from phasemap.experiment.material import Material
 if TYPE_CHECKING:
     import xarray as xr
 
+    from phasemap.experiment.microscope import Microscope
     from phasemap.scenes.ensemble import Ensemble
     from phasemap.scenes.scene import Scene
 
@@ -147,12 +148,21 @@ def _print_scene(scene: Scene, modelled: str) -> None:
             print(f"{name:<12}{in_words(Material(**numbers))}{'' if name in used else '; in no pixel'}")
     print(f"lever       {in_words(scene.microscope.cantilever)}")
     print(f"modelled    {modelled}")
-    print(f"setpoint    {scene.options['setpoint']:g} of {say(scene.microscope.driven_amplitude, 'm')}")
+    print(f"setpoint    {scene.options['setpoint']:g} of {_free_in_words(scene.microscope)}")
     print(f"solver      {scene.options['solver']}")
     if control := str(scene.options["control"]):
         print(f"control     {control}")
     if realism := str(scene.options["realism"]):
         print(f"realism     {realism}")
+
+
+def _free_in_words(scope: Microscope) -> str:
+    """The free amplitude that the setpoint is of, and why it is not that of the scene, where it is another."""
+    seen, alone = say(scope.driven_amplitude, "m"), say(scope.drive.free_amplitude, "m")
+    if seen == alone:
+        return seen
+    alone = f"(free_amplitude, {alone}, is its first mode's at resonance)"
+    return f"{seen}, which the free lever shows at the drive frequency {alone}"
 
 
 def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:

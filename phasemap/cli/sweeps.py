@@ -215,7 +215,8 @@ def said_of_sweep(found: xr.Dataset) -> list[str]:
     unit = readable(float(np.abs(values).max()), about["units"])
     digits = 2 + math.ceil(math.log10(np.abs(values).max() / np.ptp(values)) + 2)
     held = json.loads(found.attrs["configuration"])
-    still = {axis, *(["amplitude"] if "setpoint" in held else []), *(["tip_offset"] if "tip_offset" in held else [])}
+    still = {axis, *(["tip_offset"] if "tip_offset" in held else [])}
+    still |= {"amplitude"} if "setpoint" in (axis, *held) else set()  # the feedback holds it, through jumps too
     shown = [name for name in ("amplitude", "tip_offset", "phase") if name not in still]
     heads = ("title", "material", "microscope")[-len(titles(found)) :]
     lines = [f"{word:<12}{line}" for word, line in zip(heads, titles(found), strict=True)]

@@ -184,10 +184,10 @@ def _inside(value: Any, quantity: Quantity) -> Any:
 
 
 def _raise_for_pixel(name: str, full: Array, bad: NDArray[np.bool_]) -> None:
-    """Raise `InputError` for the first bad pixel and say how many there are."""
+    """Raise `InputError` for the first bad pixel and say how many are like it, NaN or out of bounds."""
     quantity = QUANTITIES[name]
     value = full.reshape(-1)[bad.argmax()]
-    hint = where(bad)
+    hint = where(bad & (np.isnan(full) == math.isnan(value)))
     if math.isnan(value):
         left = ", or give allow_nan=True (in a scene allow_nan = true) to leave it without a material."
         hint += f" Fill it from its neighbours{'.' if name == 'topography' else left}"

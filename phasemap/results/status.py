@@ -39,8 +39,13 @@ class Status(Enum):
         "Change the setpoint, or lower the gains."
     )
 
-    def advice(self, held: str = "") -> str:
-        """What it means and what helps; in a sweep what helps there, by what is `held`: "setpoint" or "tip offset"."""
+    def advice(self, held: str = "", contact: str = "") -> str:
+        """What it means and what helps; in a sweep what helps there, by what is `held`: "setpoint" or "tip offset".
+
+        What makes a material invalid is said of the named law of `contact`, of all laws without one.
+        """
+        if self is Status.invalid and contact in CANNOT_HAVE:
+            return f"The material has a property that is not a number (NaN){CANNOT_HAVE[contact]}."
         if self is Status.no_stable_orbit and held == "tip offset":
             return "No stable orbit was found at this tip offset. Take another one, or a larger free amplitude."
         if self in (Status.not_converged, Status.not_settled) and held:  # there is no solver to choose, and no accuracy
@@ -58,4 +63,10 @@ class Status(Enum):
         return list(cls)[code]
 
 
+CANNOT_HAVE = {
+    **dict.fromkeys(("hertz", "dmt", "cone", "punch", "film"), ""),
+    **dict.fromkeys(("jkr", "maugis"), ", or adhesion without stiffness, which this contact law cannot have"),
+    "capillary": ", or films of liquid so thick that they meet where their neck breaks",
+}
+"""What a contact law cannot have, besides NaN."""
 _CODES = {status: code for code, status in enumerate(Status)}

@@ -261,14 +261,14 @@ def test_the_word_while_it_lasts(capsys: pytest.CaptureFixture[str], monkeypatch
     use = FirstUse(80)
     use.done = 40
     use._started -= 3.0  # for 0.375 of it
-    expected = "phasemap: compiling kernels for their first use, about 5 s left; later runs load them."
+    expected = "phasemap: compiling kernels for their first use, which may take a minute or more; later runs load them."
     assert use.line() == expected
     for _ in range(2):
         with use:
             use._ended.wait(0.2)
     assert capsys.readouterr().err == expected + "\n"  # once a process
     use._bar = True
-    assert "[#########...............]" in use.line()
+    assert "[#########...............], about 5 s left of this part; later" in use.line()
 
 
 def test_a_kind_of_work_that_fails_is_said_to_fail() -> None:

@@ -207,6 +207,16 @@ def test_what_goes_wrong_outside_is_said_in_one_sentence(
     assert sentence in fails(capsys, "run", STEP, "-o", str(tmp_path / "step.nc"))
 
 
+def test_a_free_amplitude_that_is_not_that_of_the_scene_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", STEP, "drive.excitation=base", "drive.frequency=304e3"]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("setpoint")]
+    assert re.fullmatch(
+        r"setpoint    0.7 of 3\.\d+ nm, which the free lever shows at the drive frequency "
+        r"\(free_amplitude, 40 nm, is its first mode's at resonance\)",
+        line,
+    )
+
+
 def test_validate_says_what_would_be_simulated(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", STEP, "drive.free_amplitude=20e-9"]) == 0
     assert capsys.readouterr().out.splitlines() == [
@@ -370,6 +380,13 @@ def test_a_sweep_is_what_python_gives(tmp_path: Path, capsys: pytest.CaptureFixt
     nowhere = said_of_sweep(ds.assign({name: np.nan * ds[name] for name in ds if str(name).startswith("jump_to_")}))
     (first, _) = [line for line in nowhere if line.startswith("jump        ")]
     assert re.search(r": amplitude \S+ nm, phase -\S+ degrees, to no steady motion$", first)
+
+
+def test_a_sweep_of_the_setpoint_names_what_jumps_and_not_the_amplitude_that_is_held() -> None:
+    setup = phasemap.scenes.scene.load_setup(STEP, [GENTLE])
+    found = phasemap.sweep_setpoint(setup.materials["stiff"], setup.microscope, np.linspace(0.98, 0.5, 10))
+    (jump, *_) = [line for line in said_of_sweep(found) if line.startswith("jump        ")]
+    assert re.fullmatch(r"jump        down at 0\.\d+: tip offset \S+ to \S+ nm, phase -\S+ to \S+ degrees", jump)
 
 
 @pytest.mark.parametrize(

@@ -205,6 +205,15 @@ def test_a_map_with_nan_says_where() -> None:
         Surface(modulus=modulus, pixel_size=1e-9)
 
 
+def test_nan_and_numbers_out_of_bounds_are_counted_apart() -> None:
+    modulus = np.ones((5, 20))
+    modulus[3, 17], modulus[4, :7] = -1.0, NAN
+    with pytest.raises(InputError, match=r"modulus is -1.0; .* row 3, column 17\.$"):
+        Surface(modulus=modulus, pixel_size=1e-9)
+    with pytest.raises(InputError, match=r"modulus is nan; .* row 1, column 0; 7 such pixels"):
+        Surface(modulus=modulus[[0, 4, 3]], pixel_size=1e-9)
+
+
 def test_pixels_without_a_material_are_kept_on_request() -> None:
     s = Surface(modulus=[[1e9, NAN, NAN]], adhesion=0.1, pixel_size=1e-9, allow_nan=True)
     rows, inverse = s.unique()

@@ -20,6 +20,7 @@ from phasemap._kernels.scanning import feedback_loop as of
 from phasemap._kernels.scanning.line import move_over, start_swinging
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
+from phasemap._shared.notices import untold
 from phasemap.imaging.feedback.lines import bandwidth_of, check_loop, loop_of
 from phasemap.imaging.feedback.tuning import LinearLoop
 from phasemap.solvers.problem import make_work
@@ -123,6 +124,15 @@ def test_elastic_contrast_is_in_the_height_and_not_in_the_phase(solver: str) -> 
     assert float(image.phase[7]) == pytest.approx(math.degrees(math.acos(SETPOINT)), abs=0.01)
     assert float(image.phase[15]) == pytest.approx(float(image.phase[7]), abs=0.01)
     assert float(image.height[15] - image.height[7]) > 0.5e-9
+
+
+def test_pixels_without_a_material_do_not_change_what_moves_the_tip() -> None:
+    # NaN had been taken for a contact with hysteresis, and the whole scan for one that must be integrated in full.
+    modulus = np.full((1, 16), 3e9)
+    modulus[0, 8] = np.nan
+    with untold():
+        image = scan(pm.Surface(modulus, pixel_size=4e-9, allow_nan=True), solver="auto")
+    assert (image.solver == 0).all()
 
 
 @pytest.mark.parametrize("solver", ENGINES)

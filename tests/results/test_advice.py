@@ -133,7 +133,8 @@ def test_averaging_in_a_liquid_is_questioned_and_another_solver_is_not() -> None
 def test_an_image_that_is_not_what_it_seems_warns_at_the_line_that_asked_for_it() -> None:
     surface = pm.Surface([[1e9, np.nan]], pixel_size=4e-9, allow_nan=True)
     with pytest.warns(
-        pm.ResultWarning, match=r"^1 of 2 pixels \(50 %\): The material has a property that is not a number"
+        pm.ResultWarning,
+        match=r"^1 of 2 pixels \(50 %\): The material has a property that is not a number \(NaN\)\.$",
     ) as caught:
         pm.simulate(surface, SCOPE, 0.7)
     assert caught[0].filename == __file__
@@ -154,3 +155,18 @@ def test_the_advice_of_a_sweep_speaks_of_what_it_has(held: Case, status: pm.Stat
     assert said.startswith("1 of 2 points") and words in said
     others = "setpoint", "solver=", "Accuracy", "accuracy."
     assert not [word for word in others if word in said and word not in held]
+
+
+@pytest.mark.parametrize(
+    ("contact", "words"),
+    [
+        ("dmt", r"\(NaN\)\.$"),
+        ("jkr", "or adhesion without stiffness, which this contact law cannot have"),
+        (pm.interaction.Capillary(humidity=0.8), "or films of liquid so thick that they meet where their neck breaks"),
+    ],
+)
+def test_an_invalid_pixel_is_said_to_be_so_by_what_its_law_cannot_have(contact: object, words: str) -> None:
+    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(contact))
+    surface = pm.Surface([[1e9, np.nan]], 0.05, pixel_size=4e-9, allow_nan=True)
+    with pytest.warns(pm.ResultWarning, match=words):
+        pm.simulate(surface, scope, 0.7)

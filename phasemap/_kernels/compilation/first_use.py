@@ -1,7 +1,8 @@
 """A line on stderr while kernels are compiled: how far that is, and about how long it will take.
 
-One line after two seconds; on a terminal it has a bar that moves. The environment variable PHASEMAP_QUIET, set to
-anything, keeps it away.
+One line after two seconds, too early to say how long it will take; on a terminal it has a bar that moves, and says that
+of the part at hand: which others are needed shows later. The environment variable PHASEMAP_QUIET, set to anything,
+keeps it away.
 """
 
 from __future__ import annotations
@@ -47,10 +48,12 @@ class FirstUse:
         """Line that is shown: how far the compilation is, and how long it will take."""
         spent = time.monotonic() - self._started
         share = (1.0 - SHARE_OF_THE_END) * min(self.done / self.expected, 1.0)
-        left = f", about {max(spent / share - spent, 1.0):.0f} s left" if share > 0.1 else ""
+        left = f", about {max(spent / share - spent, 1.0):.0f} s left of this part" if share > 0.1 else ""
         filled = round(BAR_WIDTH * share)
-        bar = f" [{'#' * filled}{'.' * (BAR_WIDTH - filled)}]" if self._bar else ""
-        return f"phasemap: compiling kernels for their first use{bar}{left}; later runs load them."
+        bar = (
+            f" [{'#' * filled}{'.' * (BAR_WIDTH - filled)}]{left}" if self._bar else ", which may take a minute or more"
+        )
+        return f"phasemap: compiling kernels for their first use{bar}; later runs load them."
 
     def _print(self) -> None:
         """Print the line until the work has ended."""

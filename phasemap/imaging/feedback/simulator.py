@@ -74,7 +74,7 @@ def _engine_of(job: Job, work: Work) -> int:
     The averaged lever taps in every period or in none. A contact with hysteresis that is just touched does not. Its
     higher modes follow the first at once, so that none may ring longer.
     """
-    name, hysteretic = job.solver.name, bool((work.rows[:, col.RELEASE] != 0).any())
+    name, hysteretic = job.solver.name, bool((work.rows[work.refused() == col.GOOD, col.RELEASE] != 0).any())
     first, *higher = (mode.quality_factor / mode.frequency_ratio for mode in job.scope.cantilever.eigenmodes)
     ringing = any(one > first for one in higher)
     if name == "auto":
