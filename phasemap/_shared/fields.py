@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import MISSING, Field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
@@ -70,6 +71,12 @@ class Number(Generic[T]):
             meant = likely(value, self.unit, self.usual)
             hint = f"Did you mean {meant}?" if meant else ""
             raise InputError(error.name, error.value, error.allowed, hint) from None
+
+    def called(self, said: str) -> Number[T]:
+        """The same under another name."""
+        other = copy(self)
+        other._said = said
+        return other
 
     @property
     def ends(self) -> tuple[float, float]:

@@ -89,10 +89,10 @@ def strict_units() -> Iterator[None]:
     --------
     >>> import phasemap as pm
     >>> with pm.strict_units():
-    ...     pm.Drive(40)
+    ...     pm.Material(3)
     Traceback (most recent call last):
     ...
-    phasemap.InputError: free_amplitude is 40 m; allowed: the usual 50 pm … 1 µm. Did you mean 40 nm?
+    phasemap.InputError: modulus is 3 Pa; allowed: the usual 100 Pa … 2 TPa. Did you mean 3 GPa?
     """
     with temporarily(_MANNER, "raise"):
         yield

@@ -324,6 +324,7 @@ def said_of_contrast(found: xr.Dataset) -> list[str]:
     import numpy as np
 
     from phasemap.results.descriptions import describe_flags
+    from phasemap.sweeps.contrasts.pair import SEEN
 
     names = [str(name) for name in found["material"].values]
     lines = [f"contrast    {names[1]} minus {names[0]}"]
@@ -341,5 +342,6 @@ def said_of_contrast(found: xr.Dataset) -> list[str]:
             at = f"{places.min():.4g}" + (f" to {places.max():.4g}" if len(places) > 1 else "")
             lines.append(f"inverts     by a {what} at setpoint {at}")
     if not len(zeros) and not len(jumps):
-        lines.append("inverts     nowhere")
+        both = bool((found["contrast"] < 0).any() and (found["contrast"] > 0).any())  # below that it counts as none
+        lines.append("inverts     nowhere" + f" by more than {SEEN:g} degrees" * both)
     return [*lines, *remarks(found, "points"), f"recommended {found.attrs['recommendation']}"]

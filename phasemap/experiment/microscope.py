@@ -57,7 +57,7 @@ class Mode(Shown):
     """
 
     free_amplitude: Number[float] = Number(
-        "m", 0.1e-9, said="second mode's free_amplitude", above=0, usual=(1e-12, 100e-9)
+        "m", 0.1e-9, said="second mode's free_amplitude", above=0, maximum=1.0, usual=(1e-12, 100e-9)
     )
     detection: str = "fm"
 
@@ -89,7 +89,7 @@ class Drive(Shown):
         "march" integrates both drives at once, whatever the amplitudes.
     """
 
-    free_amplitude: Number[float] = Number("m", above=0, usual=AMPLITUDE, asks=False)
+    free_amplitude: Number[float] = Number("m", above=0, maximum=1.0, usual=AMPLITUDE, asks=False)
     frequency: Number[float | None] = Number("Hz", None, said="drive frequency", above=0, usual=FREQUENCY)
     excitation: str = "direct"
     second: Mode | None = None

@@ -14,24 +14,23 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import FORMING, RELEASE
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import check_choice, number, whole
+from phasemap._shared.checks import check_choice, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.notices import question
+from phasemap._shared.fields import Number
 from phasemap._shared.quantities import Scalar
-from phasemap.experiment.cantilever import FREQUENCY
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import STABILITY, coded, of_rows, provenance
 from phasemap.solvers.continuation.curves import curves_to_amplitude, curves_to_offset
-from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, UNITS, Question, fixed_path
+from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, Question, fixed_path
 from phasemap.solvers.problem import check_marched, check_setpoint, work_of_material
 from phasemap.sweeps.follow import distance, parameter, setpoint
 
-OFFSETS = (0.0, 1e-4)  # m, where a tip is held in practice
-
+OFFSET = Number[float]("m", said="tip_offset", minimum=-1.0, maximum=1.0, usual=(0.0, 1e-4))
+SETPOINT = Number[float]("1", said="setpoint")
+DEPTH = Number[float]("m", said="depth", usual=(0.0, 1e-5))
 DEPTHS = "-5 nm:2 nm:281"
-USUAL = (0.0, 1e-5)  # m, of depths and distances of interest
 
 
 @asked_as()
@@ -64,7 +63,7 @@ def sweep_distance(material: Material, scope: Microscope, tip_offsets: Any, *, s
     >>> curve.sizes["fold"], curve.jump_direction.values.tolist()
     (2, [0, 1])
     """
-    axis = check_axis("tip_offsets", tip_offsets, "m", usual=OFFSETS)
+    axis = check_axis("tip_offsets", tip_offsets, OFFSET)
     return distance(Question(material, scope), axis, whole("samples", samples, 0, MOST_SAMPLES))
 
 
@@ -94,7 +93,7 @@ def sweep_setpoint(material: Material, scope: Microscope, setpoints: Any, *, sam
     >>> curve.phase.sel(direction="down").values[[0, -1]].round(2).tolist()
     [-18.19, 72.54]
     """
-    axis = check_axis("setpoints", setpoints, "1")
+    axis = check_axis("setpoints", setpoints, SETPOINT)
     for value in axis:
         check_setpoint(value)
     return setpoint(Question(material, scope), axis, whole("samples", samples, 0, MOST_SAMPLES))
@@ -132,7 +131,7 @@ def sweep_frequency(
     >>> curve.sizes["direction"], bool((curve.status == 0).all())
     (2, True)
     """
-    axis = check_axis("frequencies", frequencies, "Hz", above=0, usual=FREQUENCY)
+    axis = check_axis("frequencies", frequencies, NUMBERS["frequency"])
     asked = Question(material, scope)
     return parameter(asked, "frequency", axis, None, _offset(tip_offset), whole("samples", samples, 0, MOST_SAMPLES))
 
@@ -186,33 +185,31 @@ def sweep_parameter(
     ratio = None if setpoint is None else check_setpoint(setpoint)
     height = 0.0 if tip_offset is None else _offset(tip_offset)
     check_choice("parameter", name, NUMBERS)
-    axis = check_axis(name, values, UNITS[name], usual=NUMBERS[name].usual)
+    axis = check_axis(name, values, NUMBERS[name])
     return parameter(Question(material, scope), name, axis, ratio, height, whole("samples", samples, 0, MOST_SAMPLES))
 
 
 def _offset(value: object) -> float:
     """A tip offset [m]."""
-    offset = number("tip_offset", value, "m")
-    question("tip_offset", offset, "m", OFFSETS)
+    offset = OFFSET.check(value)
+    assert offset is not None
+    OFFSET.look_at(offset)
     return offset
 
 
-def check_axis(
-    name: str, values: Any, unit: str, above: float = -np.inf, usual: tuple[float, float] | None = None
-) -> np.ndarray:
-    """Return the values of a sweep as an array, in `unit` where they have one, and warn of what is not `usual`."""
-    axis = real_numbers(name, values, unit)
+def check_axis(name: str, values: Any, number: Number[Any]) -> np.ndarray:
+    """Return the values of a sweep of a number as an array, in its unit, and warn of what is not usual."""
+    axis, one = real_numbers(name, values, number.unit), number.called(name)
     if axis.ndim != 1 or len(axis) < 2:
         raise InputError(name, f"an array of shape {axis.shape}", "at least two values in one dimension")
-    for value in axis[~(np.isfinite(axis) & (axis > above))][:1]:
-        number(name, float(value), unit, above=above)
+    for value in axis.tolist():
+        one.check(value)
     steps = np.diff(axis)
     if not ((steps > 0).all() or (steps < 0).all()):
         wrong = int(np.flatnonzero(np.sign(steps) != (np.sign(steps[0]) or 1))[0])
         pair = f"{axis[wrong]:g}, {axis[wrong + 1]:g} (values {wrong + 1} and {wrong + 2})"
         raise InputError(name, pair, "values that only rise or only fall")
-    if usual is not None:  # a sweep may go beyond on purpose, but not begin and end there
-        question(name, float(min(axis[axis != 0][[0, -1]], key=abs)), unit, usual)
+    one.look_at(float(min(axis[axis != 0][[0, -1]], key=abs)))  # a sweep may go beyond, but not begin and end there
     return axis
 
 
@@ -253,8 +250,7 @@ def orbits(
         setpoint = check_setpoint(setpoint)
         curves = curves_to_amplitude(path, setpoint * scope.driven_amplitude)
     else:
-        assert tip_offset is not None
-        tip_offset = number("tip_offset", tip_offset, "m")
+        tip_offset = _offset(tip_offset)
         curves = curves_to_offset(path, tip_offset)
     rows = curves.seen(curves.wanted_rows)
     if setpoint is not None:
@@ -310,7 +306,7 @@ def force_curve(material: Material, scope: Microscope, depths: Any = DEPTHS) -> 
     # What the page without a server has not.
     from phasemap._kernels.law import contact_force, longrange_force, withdrawn_force
 
-    axis = check_axis("depths", depths, "m", usual=USUAL)
+    axis = check_axis("depths", depths, DEPTH)
     work = work_of_material(material, scope, scope.driven_amplitude, marched=scope.interaction.law.in_time)
     row, law = work.rows[0], work.law
     if law.memory:

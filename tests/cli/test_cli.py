@@ -17,7 +17,7 @@ import xarray as xr
 import phasemap.scenes.scene
 import phasemap.sweeps.sweep
 from phasemap.cli import main
-from phasemap.cli.sweeps import said_of_sweep
+from phasemap.cli.sweeps import said_of_contrast, said_of_sweep
 from phasemap.io.netcdf import load
 from phasemap.io.read import read_image
 from phasemap.plot.colours import scale_of
@@ -387,6 +387,14 @@ def test_a_sweep_of_the_setpoint_names_what_jumps_and_not_the_amplitude_that_is_
     found = phasemap.sweep_setpoint(setup.materials["stiff"], setup.microscope, np.linspace(0.98, 0.5, 10))
     (jump, *_) = [line for line in said_of_sweep(found) if line.startswith("jump        ")]
     assert re.fullmatch(r"jump        down at 0\.\d+: tip offset \S+ to \S+ nm, phase -\S+ to \S+ degrees", jump)
+
+
+def test_a_contrast_whose_sign_changes_by_less_than_is_seen_is_said_to_invert_nowhere_by_more() -> None:
+    setup = phasemap.scenes.scene.load_setup(STEP)
+    found = phasemap.contrast(*setup.materials.values(), setup.microscope, [0.7, 0.8], names=("a", "b"))
+    for contrast, said in (([-144.0, 0.31], "nowhere by more than 0.5 degrees"), ([-144.0, -0.31], "nowhere")):
+        shown = said_of_contrast(found.assign(contrast=("setpoint", contrast)))
+        assert f"inverts     {said}" in shown
 
 
 @pytest.mark.parametrize(

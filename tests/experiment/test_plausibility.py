@@ -17,14 +17,14 @@ from phasemap.cli import main
 from phasemap.experiment.described import describe
 from phasemap.results.descriptions import describe_validity
 from phasemap.scenes.ensemble import load_ensemble
-from phasemap.sweeps.sweep import check_axis
+from phasemap.sweeps.sweep import OFFSET, check_axis
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
 
 MISTAKES: dict[str, Callable[[], Any]] = {
-    "free_amplitude = 40 m; usual 50 pm … 1 µm; did you mean 40 nm?": lambda: pm.Drive(40),
+    "free_amplitude = 0.4 m; usual 50 pm … 1 µm; did you mean 0.4 nm?": lambda: pm.Drive(0.4),
     "modulus = 3 Pa; usual 100 Pa … 2 TPa; did you mean 3 GPa?": lambda: pm.Material(3.0),
     "adhesion = 70 J/m²; usual up to 2 J/m²; did you mean 70 mJ/m²?": lambda: pm.Material(3e9, adhesion=70),
     "viscosity = 1e+09 Pa s; usual 10 µPa s … 10 MPa s.": lambda: pm.Material(3e9, viscosity=1e9),
@@ -37,8 +37,8 @@ MISTAKES: dict[str, Callable[[], Any]] = {
         1e9, topography=5.0 * np.eye(2), pixel_size=4e-9
     ),
     "modulus = 3 Pa; usual 100 Pa … 2 TPa; did you mean 3 GPa? ": lambda: pm.Surface([[1.0, 3.0]], pixel_size=4e-9),
-    "tip_offsets = 60 m; usual up to 100 µm; did you mean 60 nm?": lambda: check_axis(
-        "tip_offsets", [60, 0], "m", usual=(0.0, 1e-4)
+    "tip_offsets = 0.6 m; usual up to 100 µm; did you mean 0.6 nm?": lambda: check_axis(
+        "tip_offsets", [0.6, 0], OFFSET
     ),
     "second mode's free_amplitude = 0.1 m; usual 1 pm … 100 nm; did you mean 0.1 nm?": lambda: pm.Mode(
         free_amplitude=0.1
@@ -70,6 +70,17 @@ def test_a_number_that_is_refused_is_asked_for_its_unit_too() -> None:
         pm.Tip(10)
     with pytest.raises(pm.InputError, match=r"tip radius is -10; allowed: .* at most 1 m\.$"):
         pm.Tip(-10)
+    with pytest.raises(pm.InputError, match=r"free_amplitude is 10; allowed: .* at most 1 m\. Did you mean 10 nm\?$"):
+        pm.Drive(10)
+    scope, material = pm.Microscope(LEVER, TIP, pm.Drive(20e-9)), pm.Material(1e9)
+    refused = r"tip_offsets is 10.0; allowed: .* of at least -1 and at most 1 m\. Did you mean 10 nm\?$"
+    with pytest.raises(pm.InputError, match=refused):
+        pm.sweep_distance(material, scope, [10, 30])
+    with pytest.raises(pm.InputError, match=r"tip_offset is 35; .* Did you mean 35 nm\?$"):
+        pm.orbits(material, scope, tip_offset=35)
+    for amplitudes in (10, [10, 20]):
+        with pytest.raises(pm.InputError, match=r"free_amplitudes is 10.0; .* at most 1 m\. Did you mean 10 nm\?$"):
+            pm.contrast(material, pm.Material(2e9), scope, [0.5, 0.7], free_amplitudes=amplitudes)
 
 
 def test_what_people_do_is_never_questioned() -> None:
@@ -81,26 +92,26 @@ def test_what_people_do_is_never_questioned() -> None:
 
 
 def test_a_name_is_said_once_in_a_command_and_in_an_ensemble(tmp_path: Path) -> None:
-    with pytest.warns(pm.PlausibilityWarning, match="^free_amplitude = 40 m; usual") as caught:
-        main(["validate", STEP, "drive.free_amplitude=40"])
+    with pytest.warns(pm.PlausibilityWarning, match="^free_amplitude = 0.4 m; usual") as caught:
+        main(["validate", STEP, "drive.free_amplitude=0.4"])
     assert len(caught) == 1
     many = tmp_path / "many.toml"
     scene = Path(STEP).read_text()
-    many.write_text(scene + "[ensemble]\ncount = 9\nvary = { drive.free_amplitude = { low = 20, high = 60 } }\n")
+    many.write_text(scene + "[ensemble]\ncount = 9\nvary = { drive.free_amplitude = { low = 0.2, high = 0.6 } }\n")
     with pytest.warns(pm.PlausibilityWarning) as caught:
         load_ensemble(many)
     assert len(caught) == 1
 
 
 def test_commands_and_scenes_can_be_strict(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", STEP, "--strict-units", "drive.free_amplitude=40"]) == 2
+    assert main(["validate", STEP, "--strict-units", "drive.free_amplitude=0.4"]) == 2
     assert (
-        "[drive] free_amplitude is 40 m; allowed: the usual 50 pm … 1 µm. Did you mean 40 nm?"
+        "[drive] free_amplitude is 0.4 m; allowed: the usual 50 pm … 1 µm. Did you mean 0.4 nm?"
         in capsys.readouterr().err
     )
     assert main(["validate", STEP, "--strict-units"]) == 0
-    with pytest.raises(pm.InputError, match=r"\[drive\] free_amplitude is 40 m; allowed: the usual"):
-        pm.load_scene(STEP, ["scan.strict_units=true", "drive.free_amplitude=40"])
+    with pytest.raises(pm.InputError, match=r"\[drive\] free_amplitude is 0.4 m; allowed: the usual"):
+        pm.load_scene(STEP, ["scan.strict_units=true", "drive.free_amplitude=0.4"])
     with pytest.raises(pm.InputError, match=r"\[scan\] strict_units is 1; allowed: true or false"):
         pm.load_scene(STEP, ["scan.strict_units=1"])
 

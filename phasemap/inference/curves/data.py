@@ -66,7 +66,7 @@ def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[An
     """Measured amplitudes and phases as arrays. `given`: values and errors of each of `QUANTITIES`, as given."""
     frequency = axis == "frequency"
     name = "frequencies" if frequency else "tip_offsets"
-    along = check_axis(name, values, "Hz" if frequency else "m", above=0 if frequency else -np.inf)
+    along = check_axis(name, values, Number[float]("Hz", above=0) if frequency else Number[float]("m"))
     allowed = DIRECTIONS[axis]
     directions = (direction,) if isinstance(direction, str) else direction
     if not isinstance(directions, (list, tuple)) or tuple(directions) not in ((allowed[0],), (allowed[1],), allowed):

@@ -15,7 +15,6 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
 from phasemap._shared.notices import unquestioned
@@ -30,7 +29,7 @@ from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name, check_marches
 from phasemap.sweeps.contrasts.pair import Axes, Pair, borders, regime_of, regimes
 from phasemap.sweeps.contrasts.result import DIMS, RULE, Recommended, choose, record
-from phasemap.sweeps.sweep import check_axis
+from phasemap.sweeps.sweep import SETPOINT, check_axis
 
 Array = np.ndarray
 
@@ -186,7 +185,7 @@ def _axes(scope: Microscope, frequencies: Any, free_amplitudes: Any, setpoints: 
     axes = (
         _axis("frequencies", frequencies, drive.frequency or scope.cantilever.resonance_frequency, "frequency"),
         _axis("free_amplitudes", free_amplitudes, drive.free_amplitude, "free_amplitude"),
-        check_axis("setpoints", setpoints, "1"),
+        check_axis("setpoints", setpoints, SETPOINT),
     )
     for setpoint in axes[2]:
         check_setpoint(setpoint)
@@ -205,11 +204,12 @@ def _axis(name: str, values: Any, default: float, parameter: str) -> Array:
     """The values of an axis of the map, one where a number or nothing was given."""
     field = NUMBERS[parameter]
     if np.ndim(values):
-        return check_axis(name, values, field.unit, above=0, usual=field.usual)
-    one = number(name, default if values is None else values, field.unit, above=0)
-    if values is not None:
-        field.look_at(one)
-    return np.array([one])
+        return check_axis(name, values, field)
+    if values is None:
+        return np.array([default])
+    field.called(name).check(values)
+    field.look_at(values)
+    return np.array([values])
 
 
 def _check_names(names: object) -> tuple[str, str]:
