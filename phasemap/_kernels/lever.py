@@ -16,6 +16,12 @@ LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averagin
 FORGOTTEN = 2.0  # ring-down rate over a period from which on a motion counts as forgotten in the next
 FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
+LEAST_SCALE = 1e-3  # of the free amplitude: orbits change on no shorter length
+PART_OF_DRIVE, SHORTEST_HALF = (
+    0.15,
+    0.05,
+)  # of the drive, times pi, that a pull may take up in a contact; its half [rad]
+PRESSED_IN, PRESSED_BY_PULL, PRESSED_AT_LEAST = 30.0, 20.0, 1e-7  # free amplitudes, bends by adhesion, [m]
 
 
 class Mode(NamedTuple):
@@ -141,11 +147,11 @@ def scale_of(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     free = free_amplitude(lever)
     if has_longrange(p):
-        return max(reach_of(p), 1e-3 * free)
+        return max(reach_of(p), LEAST_SCALE * free)
     pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
     if not pull > 0.0:
-        return 1e-3 * free
-    half = min(0.15 * math.pi * lever[col.DRIVE] / pull, 0.05)
+        return LEAST_SCALE * free
+    half = min(PART_OF_DRIVE * math.pi * lever[col.DRIVE] / pull, SHORTEST_HALF)
     return 0.5 * free * half * half
 
 
@@ -233,7 +239,8 @@ def lowest_tip_offset(oscillator: Oscillator) -> float:
     lever = oscillator.lever
     if lever[col.OMEGA] > 1.0 and beside_resonance(lever):
         return -FARTHEST_AT_ALL
-    return -(30.0 * free_amplitude(lever) + 20.0 * bend_by_adhesion(oscillator) + 1e-7)
+    pressed = PRESSED_IN * free_amplitude(lever) + PRESSED_BY_PULL * bend_by_adhesion(oscillator)
+    return -(pressed + PRESSED_AT_LEAST)
 
 
 @kernel(light=True)

@@ -14,6 +14,7 @@ from phasemap._kernels.continuation.point import (
     ENTRY_M,
     ENTRY_SEEN,
     ENTRY_Z0,
+    OF_AMPLITUDE,
     Point,
     control_entry,
     natural_length,
@@ -74,6 +75,7 @@ FEWEST_POINTS_ROUND = 8  # of a curve that closes
 FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where it turns: the fold is known
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
 CURVE_TOLERANCE = 0.1  # last change of an orbit of a curve, over that of a pixel's
+SAME_SENSE = 0.5  # cosine of the angle between tangents that go round a closed curve the same way
 GRAZING = 1e-3  # of the amplitude: as near to contact made or lost, with which the force jumps, a curve ends
 # How a piece ends: where it leaves the box, where it began, at such a jump; or no step succeeds, or there is no room.
 PIECE_LEFT = 0
@@ -215,7 +217,7 @@ def turn_between(
     head_of(base).level = level
     one, f_one, two, f_two = 0.0, begun.rate[entry], after.length, after.rate[entry]
     rises, most = f_one > 0.0, max(abs(f_one), abs(f_two))
-    steep, natural = (abs(f_one) + abs(f_two)) / after.length, 0.2 * begun.value[ENTRY_A]
+    steep, natural = (abs(f_one) + abs(f_two)) / after.length, OF_AMPLITUDE * begun.value[ENTRY_A]
     if entry == control_entry(path):
         natural = scales(path, natural_length(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
@@ -335,7 +337,7 @@ def has_closed(path: Path, orbit: Orbit, origin: Point, point: Point) -> bool:
     """True if the curve has come back to the point where it was begun."""
     back = origin.value - point.value
     away = scaled_direction(path, natural_length(path, orbit), point, back[ENTRY_Z0], back[ENTRY_A], back[ENTRY_M])
-    same = origin.tangent_u * point.tangent_u + origin.tangent_v * point.tangent_v > 0.5
+    same = origin.tangent_u * point.tangent_u + origin.tangent_v * point.tangent_v > SAME_SENSE
     return same and math.hypot(away[0], away[1]) < point.length
 
 

@@ -30,6 +30,7 @@ ENTRY_M = 2
 ENTRY_P = 3
 ENTRY_S = 4
 ENTRY_SEEN = 5  # the amplitude that the detector sees
+OF_AMPLITUDE = 0.2  # natural length of an amplitude, over it
 
 
 @record
@@ -71,8 +72,8 @@ def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float
     """
     gap = gap_scale(reach, z0, amplitude)
     if path.kind == FIXED_PATH:
-        return gap, 0.2 * amplitude
-    return path.width, gap if path.kind == HELD_AMPLITUDE else min(gap, 0.2 * amplitude)
+        return gap, OF_AMPLITUDE * amplitude
+    return path.width, gap if path.kind == HELD_AMPLITUDE else min(gap, OF_AMPLITUDE * amplitude)
 
 
 @kernel

@@ -20,8 +20,12 @@ from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.averaged.sides import balance_depth, gap_of_push
 
 STRONG = 0.3  # of the stiffness times the free amplitude: a larger adhesion bends the lever too much to be averaged
+MOST_STEPS_TO_BALANCE, BALANCED = 4, 1e-3  # to the amplitude at a gap, and last change over the reach: a pull is flat
 FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
+DEEPEST_FOLD = 1.4  # reaches into the surface up to which it is
 GAP_SHRINKS = 0.75  # steps of its distance from -1.5
+FIRST_DEPTH, DEEPER = 0.7, 1.4  # of the depth at which forces balance, and times that: search for a repulsive orbit
+IN_CONTACT_TO = 1.9  # amplitudes of depth: at 2 the tip never leaves the surface
 CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
 LASTS = 2.943  # of the depth over the velocity: time of a Hertzian impact, 2 pi^(1/2) Gamma(7/5)/Gamma(9/10)
 STORED = 0.4  # of depth times force: energy of a Hertzian contact
@@ -38,13 +42,13 @@ def orbit_below_resonance(oscillator: Oscillator, gap: float, amplitude: float) 
     stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
     whole = stiff * stiff + damped * damped
     push = mean = 0.0
-    for _ in range(4):
+    for _ in range(MOST_STEPS_TO_BALANCE):
         push, _, mean = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
         square = lever[col.DRIVE] ** 2 * whole - (push * damped) ** 2
         if square < 0.0:
             return math.nan, math.nan
         before, amplitude = amplitude, (math.sqrt(square) - push * stiff) / whole
-        if abs(amplitude - before) < 1e-3 * reach_of(oscillator.p):
+        if abs(amplitude - before) < BALANCED * reach_of(oscillator.p):
             break
     return (amplitude, amplitude + gap + mean) if push + amplitude * stiff > 0.0 else (math.nan, math.nan)
 
@@ -58,7 +62,7 @@ def tip_offset_of_fold(oscillator: Oscillator) -> float:
     reach, amplitude = reach_of(oscillator.p), free_amplitude(oscillator.lever)
     gap = FARTHEST_FOLD * reach
     x0 = x1 = z0 = z1 = math.inf
-    while gap >= -1.4 * reach:
+    while gap >= -DEEPEST_FOLD * reach:
         amplitude, z = orbit_below_resonance(oscillator, gap, amplitude)
         if not math.isfinite(z):
             break
@@ -82,11 +86,11 @@ def highest_repulsive_tip_offset(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     pull = lever[col.DYNAMIC_STIFFNESS] * lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
     amplitude = lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
-    before, gap = (0.0, harmonics(oscillator, amplitude, 1.0)[0]), -0.7 * balance_depth(law, p)
+    before, gap = (0.0, harmonics(oscillator, amplitude, 1.0)[0]), -FIRST_DEPTH * balance_depth(law, p)
     push, _, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     while push + pull <= 0.0:
-        before, gap = (gap, push), 1.4 * gap
-        if gap < -1.9 * amplitude:
+        before, gap = (gap, push), DEEPER * gap
+        if gap < -IN_CONTACT_TO * amplitude:
             return -math.inf
         push, _, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     gap = gap_of_push(oscillator, amplitude, -pull, before, (gap, push))

@@ -42,11 +42,15 @@ from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height
 from phasemap._kernels.records import clear
 
 CLEAR_MISMATCH = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
+LEAST_CLEAR = 0.03  # the same where that goes to 0
+DAMPED = 120.0  # by which both grow with the damping ratio: averaging neglects terms of the order of 1/Q
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
 # So much averaged attraction, over that of theory, Eq. (engagement-3), or less leaves no doubt at low Q: one that bends
 # the lever much draws the tip in faster than in a harmonic orbit, and acts for a shorter time.
 WEAK = 2 / 3
+TOO_WEAK = 0.5  # the same near resonance, X = (r x - q)/2: no doubt that the tip is repelled
 
+BARELY = 1e-3  # of the amplitude, in contact: where the repulsive side begins without attraction before it
 FINELY = 0.15  # of the gap and the reach, in which the mismatch is looked at on the way in
 # What decides on which orbit a tip from far holds the setpoint.
 BY_AVERAGING = 0
@@ -87,7 +91,7 @@ def leaps_to_resonance(oscillator: Oscillator) -> bool:
 @kernel
 def low_q_margin_factor(lever: np.ndarray) -> float:
     """Factor by which damping widens decision margins: averaging neglects terms of order 1/Q."""
-    return 1.0 + 120.0 * lever[col.ALPHA0]
+    return 1.0 + DAMPED * lever[col.ALPHA0]
 
 
 @kernel
@@ -96,7 +100,7 @@ def decisive_mismatch(lever: np.ndarray, amplitude: float) -> float:
     x, y = detuning(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
-    return (CLEAR_MISMATCH * q * (q + r * x) + 0.03) * low_q_margin_factor(lever)
+    return (CLEAR_MISMATCH * q * (q + r * x) + LEAST_CLEAR) * low_q_margin_factor(lever)
 
 
 @kernel
@@ -124,15 +128,14 @@ def side_by_averaging(oscillator: Oscillator, amplitude: float, top: Maximum) ->
     clear(top)
     if not has_longrange(p):
         # Without attraction there is one branch; with adhesion alone its onset jumps.
-        top.deeper_gap = -1e-3 * amplitude
+        top.deeper_gap = -BARELY * amplitude
         return REPULSIVE if contact_force(law, 0.0, p) >= 0.0 else UNCLEAR
     least, plain = decisive_mismatch(lever, amplitude), decisive_mismatch_beside_resonance(lever, amplitude)
     find_mismatch_maximum(oscillator, amplitude, plain, top)
     if top.mismatch >= plain:
         return ATTRACTIVE
-    # An attraction of half of what is needed, X = (r x - q)/2, leaves no doubt either.
-    half = -mismatch_at_attraction_share(lever, amplitude, 0.5)
-    return REPULSIVE if top.mismatch <= -min(plain, max(least, half)) else UNCLEAR
+    weak = -mismatch_at_attraction_share(lever, amplitude, TOO_WEAK)
+    return REPULSIVE if top.mismatch <= -min(plain, max(least, weak)) else UNCLEAR
 
 
 @kernel

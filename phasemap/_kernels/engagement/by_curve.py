@@ -57,6 +57,8 @@ from phasemap._kernels.records import assign, clear, record
 MOST_APPROACH_POINTS = 1500
 MAY_REACH = 0.5  # of a slope's change over a step, times its length: farther beyond both ends no parabola turns
 HIGHER = 0.5  # of the way from the narrowest amplitude to the free one: where the attractive branch may be sure
+RISES_TO = 10.0  # times tip offset, amplitude and reach at the start: a curve that is followed higher leads away
+BELOW_SETPOINT = 0.3  # of the setpoint: a tip in contact all the time that moves less comes back to no orbit
 LINGERING = 1e4  # a multiplier as large belongs to an orbit that lingers at an unstable equilibrium, or grazes
 
 
@@ -161,7 +163,7 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWork
     orbit, saved, found = curve
     amplitude, step, way = wanted.value, FIRST_ARC_STEP, CurveDescent()
     way.lowest = math.inf
-    highest = 10.0 * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
+    highest = RISES_TO * (abs(point.value[ENTRY_Z0]) + point.value[ENTRY_A] + path.reach)
     for _ in range(MOST_APPROACH_POINTS):
         before = Point()
         assign(before, point)
@@ -175,7 +177,7 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWork
         away = z0 > highest and contacts == 0 and a < 2.0 * free_amplitude(path.lever)
         if point.floquet > LINGERING or away:
             return col.NOT_CONVERGED
-        if contacts == PERMANENT and (a < 0.3 * amplitude or z0 < -FARTHEST_AT_ALL):
+        if contacts == PERMANENT and (a < BELOW_SETPOINT * amplitude or z0 < -FARTHEST_AT_ALL):
             return col.NO_STABLE_ORBIT
     return col.NOT_CONVERGED
 

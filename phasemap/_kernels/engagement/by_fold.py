@@ -45,6 +45,7 @@ CLOSEST = 1e-4  # nearer to zero only the curve of exact orbits tells
 END_PHASE = 0.1 * CLOSEST  # phase [rad] to which orbits are known of which this is the maximum
 SURE_OF_IT = 0.3  # of the mismatch at the maximum, by which a parabola may miss it
 SPREAD = 0.04  # between the amplitudes around the narrowest one, over it
+BESIDE = 2.0  # of that, by which the least of the maxima may lie beside the amplitudes that were asked
 MOST_STEPS_TO_END = 6  # to the orbit beside the end
 END_MISMATCH = 0.02  # left there, over the mismatch at the maximum
 
@@ -141,7 +142,7 @@ def decide_by_response(
         above = response_maximum(oscillator, (1.0 + SPREAD) * amplitude, peak.gap, peak.step, workspace).mismatch
         below = response_maximum(oscillator, (1.0 - SPREAD) * amplitude, peak.gap, peak.step, workspace).mismatch
         at, least, bend = parabola((-1.0, below), (0.0, highest), (1.0, above))
-        if not (bend > 0.0 and abs(at) < 2.0):
+        if not (bend > 0.0 and abs(at) < BESIDE):
             return UNCLEAR, peak
         highest = least + 0.5 * bend * max((setpoint / amplitude - 1.0) / SPREAD - at, 0.0) ** 2
     return side_of(highest), peak

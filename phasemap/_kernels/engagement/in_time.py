@@ -67,6 +67,10 @@ MOST_SPEED_UP = 4.0  # times faster than that z0 of such a contact falls, at mos
 SPEED_UP_NEAR = 0.25  # the same, of what is left to go
 JUMPS_BY = 0.05  # of the amplitude, by which it changes in that time only where the motion jumps
 PARTS_BY = 0.3  # of its way, by which the amplitude may not go with z0: else it was too fast
+STEP_OF_SCALE, STEP_OF_FREE = (
+    0.1,
+    1e-3,
+)  # of the length on which forces change, and the free amplitude: first steps down
 LEAST_CHANGE_KEPT = 0.5  # of the change from period to period before, below which it may not fall: the same
 LANDING_FALL = 0.1  # of the amplitude that is left, by which it falls in that time
 FINEST_FALL = 64.0  # least part of SLOW_FALL
@@ -174,7 +178,7 @@ def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     u = free_state(law, lever, free * ratio_far_from_surface(oscillator, goal.amplitude))
     tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
-    step, least = 0.1 * scale_of(oscillator) + 1e-3 * free, NEXT_TRY * free
+    step, least = STEP_OF_SCALE * scale_of(oscillator) + STEP_OF_FREE * free, NEXT_TRY * free
     pace, loose = pace_of_leap(oscillator), False
     # Too few periods are allowed to follow a fall to its end: only whether the tip sticks can be told.
     short = WHOLE_FALL * ring_down_periods(lever) > goal.most_periods

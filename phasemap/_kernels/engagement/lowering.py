@@ -46,6 +46,9 @@ LONGEST_STRIDE = 8.0  # steps of the tip offset on that way, over the one given
 SHORTEST_STRIDE = 0.02  # the same, at least
 DEEPER_STRIDE = 0.05  # of the depth to which a lever is pressed in: steps of the tip offset there, if that is longer
 PREDICTION_MISS = 0.02  # of the amplitude, by which a linear prediction of the next orbit may be off
+WELL_PREDICTED = 0.1  # of that: the next step may be twice as long
+FIRST_STRIDE, SHORTER = 0.1, 0.25  # the first step over the one given, and a shorter one over the one before
+SLOPED = 1e-3  # [1], dA/dz0 of an amplitude that surely falls or rises with the tip
 DISTURBED = 8.0  # ring-down times in which a motion that lost its orbit may find another
 DISTURBED_NECK = 1.0  # the same of a contact with hysteresis: it mostly finds none
 STILL_MOTION = 1e-3  # of the amplitude, change of the phasor from period to period at which an orbit is tried for
@@ -72,6 +75,7 @@ ORBIT_HELD = 5  # on the amplitude
 MOTION_KEPT = 6  # on the amplitude, and not periodic
 KEPT_WITHIN = 0.01  # of the amplitude, by which what is seen may miss it to be MOTION_KEPT
 KEPT_FOR = 40  # ring-down times of that
+DEEPEST = 30.0  # free amplitudes by which a lever is lowered past the surface, near resonance of those there
 WHOLE_FALL = 64.0  # ring-down times that a fall takes with what comes before and after, unless the tip sticks
 
 
@@ -79,8 +83,8 @@ WHOLE_FALL = 64.0  # ring-down times that a fall takes with what comes before an
 def deepest_offset(lever: np.ndarray) -> float:
     """Lowest tip offset [m] of an approach: -30 free amplitudes, near resonance -30 of those at the resonance."""
     if not near_resonance(lever):
-        return -30.0 * free_amplitude(lever)
-    return -15.0 * lever[col.DRIVE] / lever[col.ALPHA0]
+        return -DEEPEST * free_amplitude(lever)
+    return -0.5 * DEEPEST * lever[col.DRIVE] / lever[col.ALPHA0]
 
 
 @kernel
@@ -128,10 +132,12 @@ def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, t
         copy_state(u, predicted)
         rests = skip_transient(oscillator, tolerance, 0.0, tip)
         off = math.hypot(u[Z] - predicted[Z], u[V] - predicted[V]) if rests else math.inf
-        turned = rests and amplitude_slope(linear) < -1e-3 and slope > 1e-3  # the amplitude has a minimum on the way
+        turned = (
+            rests and amplitude_slope(linear) < -SLOPED and slope > SLOPED
+        )  # the amplitude has a minimum on the way
         small = stride <= SHORTEST_STRIDE * step
         if not small and (turned or off > PREDICTION_MISS * amplitude):
-            stride *= 0.25
+            stride *= SHORTER
             copy(before, u)
             if rests or trail == 0.0:
                 continue
@@ -152,8 +158,8 @@ def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, t
             return AMPLITUDE_REACHED
         slope = slopes_of_orbit(linear, slopes)
         if stride == 0.0:
-            stride = 0.1 * step
-        elif off < 0.1 * PREDICTION_MISS * amplitude:
+            stride = FIRST_STRIDE * step
+        elif off < WELL_PREDICTED * PREDICTION_MISS * amplitude:
             stride = min(2.0 * stride, max(LONGEST_STRIDE * step, -DEEPER_STRIDE * u[Z0]))
     return TIME_SPENT
 

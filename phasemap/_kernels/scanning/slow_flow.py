@@ -57,6 +57,8 @@ STEP_TOLERANCE = 1.5e-4  # of the setpoint amplitude, local error of a step
 LEAST_SCALE = 0.01  # of the setpoint amplitude: a smaller amplitude allows no smaller error of a
 MOST_FLOW_STEPS = 500  # between two corners of the surface,
 FLOW_STEPS_OF_PERIOD = 8.0  # and as many more in each period: more follow no averaged lever
+FIRST_FLOW_STEP, LEAST_FLOW_STEP = 0.1, 1e-9  # in times of the loop; of the span, where the flow diverges
+MOST_LONGER, MOST_SHORTER, CAUTION = 5.0, 0.2, 0.9  # a step over the one before, and below the longest allowed
 NOISY_STEP = 0.25  # in decay times of lever and lock-in: the longest step with noise
 
 STAGES = 5
@@ -297,7 +299,7 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
     noisy = loop.thermal_noise > 0.0 or loop.detector_noise > 0.0
     longest = NOISY_STEP / max(loop.rate, lever[col.ALPHA0]) if noisy else math.inf
     if not memory.step > 0.0:
-        memory.step = 0.1 / loop.rate
+        memory.step = FIRST_FLOW_STEP / loop.rate
     inverse, moving = inverse_inertia(lever), _stepped_entries(loop)
     before, after = StepEnd(), StepEnd()
     slow_flow_rhs(sample, loop, ground, y, memory, k[0])
@@ -322,7 +324,9 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
                 _add_flow_noise(lever, loop, h, noise, trial)
             slow_flow_rhs(sample, loop, ground + slope * (done + _WHEN[stage] * h), trial, memory, k[stage])
         error = _step_error(loop, k, h, modulus(complex(trial[A_REAL], trial[A_IMAG])))
-        memory.step = h * min(5.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 5.0 * h
+        memory.step = (
+            h * min(MOST_LONGER, max(MOST_SHORTER, CAUTION * error**-0.25)) if error > 0.0 else MOST_LONGER * h
+        )
         if error <= 1.0:
             if abs(memory.push) > lever[col.DRIVE] + loop.most_push * modulus(complex(trial[A_REAL], trial[A_IMAG])):
                 return col.NOT_CONVERGED
@@ -337,6 +341,6 @@ def _flow_over(setup: Setup, sample: Sample, stretch: Stretch, flow: Flow, tally
                 return col.GOOD
         else:
             memory.shift, memory.lead_real, memory.lead_imag = shift, lead.real, lead.imag
-            if not memory.step > 1e-9 * span:
+            if not memory.step > LEAST_FLOW_STEP * span:
                 return col.DIVERGED
     return col.NOT_CONVERGED

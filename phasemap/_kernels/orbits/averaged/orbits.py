@@ -20,6 +20,8 @@ from phasemap._kernels.orbits.harmonic_orbit import (
 )
 
 SAMPLES = 400  # of the mismatch, denser where the tip just touches
+HARDLY_MATTERS = 0.02  # of the way from the setpoint to the free amplitude, in the drive: a pull that is as small
+MOST_STEPS_OUT, STEP_OUT = 60, 1.5  # to where it is
 MOST_ORBITS = 32  # of one amplitude that are kept, from far to near; a material has a handful
 
 
@@ -28,12 +30,12 @@ def ratio_far_from_surface(oscillator: Oscillator, amplitude: float) -> float:
     """Ratio c = (z0 - A0)/A of a harmonic orbit so far out that the surface hardly matters at this setpoint."""
     p, lever = oscillator.p, oscillator.lever
     free = free_amplitude(lever)
-    allowed = 0.02 * abs(1.0 - amplitude / free) * lever[col.DRIVE]
+    allowed = HARDLY_MATTERS * abs(1.0 - amplitude / free) * lever[col.DRIVE]
     away = scale_of(oscillator) / free
-    for _ in range(60):
+    for _ in range(MOST_STEPS_OUT):
         if not has_longrange(p) or abs(harmonics(oscillator, free, 1.0 + away)[0]) < allowed:
             break
-        away *= 1.5
+        away *= STEP_OUT
     return 1.0 + away - p[col.FORMING] / free
 
 

@@ -33,6 +33,7 @@ class Angle(NamedTuple):
     rate: float  # d theta / d theta_1, over sin(theta_1)
 
 
+LAST_ANGLE, MOST_ANGLES = 1e-6, 40  # of the angle sought for, last step; steps
 _X, _W = gauss(16)
 _COS, _SIN, _WEIGHTS = np.cos(_X[::-1] * np.pi / 2), np.sin(_X[::-1] * np.pi / 2), _W[::-1] * np.pi / 2  # theta rises
 _FAR_X, _FAR_W = gauss_on_half_line(16)
@@ -67,7 +68,7 @@ def _angle_of_equal_edge(
     c, start = tap
     low, high, at = 0.0, most, back
     d, held, falls = 0.0, 1.0, 0.0
-    for _ in range(40):
+    for _ in range(MOST_ANGLES):
         cosine, sine = math.cos(at), math.sin(at)
         d, off, falls, held = cosine - c, cosine - c - q2, sine, 1.0
         for a in range(arms.count):
@@ -80,7 +81,7 @@ def _angle_of_equal_edge(
             arms.value[a], arms.slope[a] = dashpot_depth, kept
         before = at
         at, low, high = newton_in_bracket(at, off, -falls, low, high, False)
-        if abs(at - before) < 1e-6 * most:
+        if abs(at - before) < LAST_ANGLE * most:
             break
     return Angle(at, d, held / falls)
 

@@ -43,6 +43,9 @@ from phasemap._kernels.orbits.collocation.system import (
 from phasemap._kernels.quadrature import NODES, T_END1, T_UPTO
 from phasemap._kernels.records import column, record
 
+NO_JUMP_AT_EDGE = 1e-13  # of the drive's force: a difference of two forces as small is rounding
+LEAST_SLOPE_AT_EDGE = 1e-9  # of the amplitude, dd/dtheta with which a tip that grazes is taken to cross
+
 
 @kernel
 def _fill_drift_of_motion(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, by_m: np.ndarray) -> None:
@@ -206,9 +209,9 @@ def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: floa
     deeper, higher = (after, before) if slope > 0.0 else (before, after)
     jump = surface_force(law, p, inverse_k, deeper, border, v)[0]
     jump -= surface_force(law, p, inverse_k, higher, border, v)[0]
-    if abs(jump) < 1e-13 * lever[DRIVE]:
+    if abs(jump) < NO_JUMP_AT_EDGE * lever[DRIVE]:
         return 0.0
-    return jump / (omega * omega * max(abs(slope), 1e-9 * amplitude))
+    return jump / (omega * omega * max(abs(slope), LEAST_SLOPE_AT_EDGE * amplitude))
 
 
 @kernel

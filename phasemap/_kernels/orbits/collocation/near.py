@@ -35,6 +35,7 @@ from phasemap._kernels.quadrature import NODES
 
 LAST_CHANGE = 2e-14  # [m], last change of an orbit; the error left is its square over the depth of the contact
 LAST_CHANGE_RELATIVE = 1e-4  # of the free amplitude, the same for amplitudes of picometres
+LAST_CHANGE_OF_SCALE = 1e-3  # the same, over the length on which forces change
 FINEST_LEVEL = 2  # level of refinement
 FINE_CLOSURE = 1e-7  # largest energy closure accepted from a coarser level
 WORST_ORBIT_CLOSURE = 1e-5  # largest one of an orbit that is an answer
@@ -46,7 +47,7 @@ def tolerance_of(oscillator: Oscillator) -> float:
     """Largest last change [m] of a converged orbit."""
     lever = oscillator.lever
     free = free_amplitude(lever)
-    return min(min(LAST_CHANGE, LAST_CHANGE_RELATIVE * free), 1e-3 * scale_of(oscillator))
+    return min(min(LAST_CHANGE, LAST_CHANGE_RELATIVE * free), LAST_CHANGE_OF_SCALE * scale_of(oscillator))
 
 
 @kernel(shared=True)

@@ -45,6 +45,8 @@ MOST_HELD_STEPS = 15  # of Newton's method, where the amplitude that the detecto
 HELD_EXACTLY = 1e-12  # of that amplitude
 STILL_ON_THE_WAY = 1e-2  # of the last change allowed on the way: the tangent is off by as little of it
 TANGENT_ERROR = 1e-6  # of the contact; so much tangent and multipliers of an exact orbit may be off
+LARGEST_STEP = 0.5  # of the amplitude, or of the depth of contact all the time: a longer step is cut
+DIVERGES = 1e3  # of the amplitude: a change as large leads to no orbit
 NO_JUMP = 1e-9  # of the drive's force: a smaller step of the force at contact is none
 HARMLESS_DISPLACEMENT = 2e-6  # of the contact's depth, by which a root of the depth at its edge costs no digit
 DRIVE_TOLERANCE = 1e-5  # last change of P and S, over the base amplitude; the phase left is off by its square
@@ -149,12 +151,12 @@ def take_newton_step(lever: np.ndarray, orbit: Orbit, tolerance: float, coarse: 
     gain = abs(orbit.system[RA, RIGHT] - head.amplitude)
     change = abs(orbit.system[RZ, RIGHT] - head.tip_offset) + gain
     # Within a contact that lasts all the time a force changes with the depth, which may be many amplitudes.
-    limit = 0.5 * (max(head.amplitude, head.nearest_depth) if head.contacts == PERMANENT else head.amplitude)
+    limit = LARGEST_STEP * (max(head.amplitude, head.nearest_depth) if head.contacts == PERMANENT else head.amplitude)
     share = 1.0 if change <= limit else limit / change
     turned = abs(orbit.system[RP, RIGHT] - head.push) + abs(orbit.system[RS, RIGHT] - head.drag)
     change = max(apply_step(lever, orbit, share), gain)
     head.change, head.turn = change, turned
-    if not change < 1e3 * head.amplitude:
+    if not change < DIVERGES * head.amplitude:
         return col.NOT_CONVERGED, change
     if change < tolerance and turned < (COARSE_DRIVE if coarse else DRIVE_TOLERANCE) * lever[col.DRIVE]:
         return col.GOOD, change

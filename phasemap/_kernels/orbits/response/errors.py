@@ -21,6 +21,8 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.state import PassState, slope_by_tip_offset
 
 PASS_SAFETY = 8.0  # over the error that two changes tell
+LEAST_RATIO, MOST_RATIO = 0.04, 0.9  # of successive changes, that is counted on
+RATIO_FALLS = 0.4  # the same, over the ratio before
 PASS_FLOOR_PHASE = 1e-8  # [rad], least error to be expected
 PASS_FLOOR_HEIGHT = 2e-15  # [m], the same
 SHARE_WITHIN = 0.1  # of the nodes' estimate that is taken within a linewidth of the resonance
@@ -53,7 +55,7 @@ def quadrature_error(lever: np.ndarray, nodes: Nodes, state: PassState) -> float
 @kernel
 def remaining_change_ratio(ratio: float, ratio_before: float) -> float:
     """Cautious ratio of successive changes to come, from the last two ratios: theory, Eq. (errors-1)."""
-    return min(max(ratio, 0.4 * ratio_before, 0.04), 0.9)
+    return min(max(ratio, RATIO_FALLS * ratio_before, LEAST_RATIO), MOST_RATIO)
 
 
 @kernel

@@ -23,11 +23,13 @@ LEAST_SLOPE_ALONG = 0.05  # least dz0/dA of an exact attractive orbit near the j
 CLEAR_OF_FOLD = 0.4  # the same of an averaged one in a long contact, whose exact one has some 0.2 less
 FAR_OFF = 0.1  # of the amplitude: an exact orbit farther from the averaged one may lie on another branch
 SLOPE_STEP = 1e-3  # of the amplitude, for dz0/dA
+SLOPE_ERROR = 1e-2  # of that: error of the tip offset
 EXACTLY_SEEN = 1e-12  # of the amplitude seen
 MOST_AMPLITUDE_SECANTS = 20
 LEAST_SECANT = 1e-7  # of A: secants over less say nothing
 FIRST_SECANT = 1e-5  # of A, where the first orbit is seen with the amplitude wanted: for slopes alone
 FEW_PARTS = 2  # into which a contact is cut at most where Newton's method takes their cube: collocation is cheaper then
+JUST_OFF, JUST_IN = 1e-6, 0.05  # in reaches: starts beside touching
 GRAZING = 0.5  # in reaches: nearer than this to touching, both are tried
 
 
@@ -73,7 +75,7 @@ def exact_orbit_at_amplitude(
     if not (has_longrange(oscillator.p) and abs(gap) <= GRAZING * reach):
         return False
     # The averaged orbit just touches and the exact one just does not, or the other way round.
-    e = harmonic.amplitude + (1e-6 if gap < 0.0 else -0.05) * reach
+    e = harmonic.amplitude + (JUST_OFF if gap < 0.0 else -JUST_IN) * reach
     return _orbit_by_passes(oscillator, harmonic, e, limits, workspace)
 
 
@@ -167,7 +169,7 @@ def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: Respo
     move = SLOPE_STEP * here.amplitude
     there.amplitude += move
     there.centre += move
-    if converge_passes(oscillator, f, there, False, limits.phase, min(limits.tip_offset, 1e-2 * move)) != FOUND:
+    if converge_passes(oscillator, f, there, False, limits.phase, min(limits.tip_offset, SLOPE_ERROR * move)) != FOUND:
         return False
     if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False

@@ -55,6 +55,9 @@ UNRESOLVED = 2  # an orbit, but the nodes do not resolve it well enough
 GO_ON = 3
 MOST_PASSES = 24
 MOST_MOVES = 4  # of e within a pass
+SLOPE_CHANGES = 3.0  # times, by which a slope along a move may be another than the one known: else it says nothing
+NO_PHASE, NO_LENGTH = 1e-12, 1e-18  # [rad, m], changes that are rounding
+SAME_CLOSURE = 0.1  # of it: a change as small is none
 SLOW_RATIO = 0.7  # of the change by a pass over that before, above which passes contract slowly
 MOST_SLOW = 4  # such passes
 LIFT_LEFT = 0.05  # of the mismatch that the lift by a pass would make may be left: it is taken off to first order
@@ -126,7 +129,7 @@ def balance_drive(oscillator: Oscillator, nodes: Nodes, state: PassState, lift: 
 def update_slopes(state: PassState, move: float, h: float, before: tuple[float, float, float, float]) -> None:
     """Update the derivatives of mismatch, mean force, P and S by the centre e, from one move of e."""
     h_before, mean, push, drag = before
-    if 0.3 < (h - h_before) / move / state.slope < 3.0:
+    if 1.0 / SLOPE_CHANGES < (h - h_before) / move / state.slope < SLOPE_CHANGES:
         state.slope, state.mean_slope = (h - h_before) / move, (state.mean_force - mean) / move
         state.push_slope, state.drag_slope = (state.push - push) / move, (state.drag - drag) / move
 
@@ -163,11 +166,11 @@ def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: f
     height_change = max(abs(height - state.tip_offset), abs(w - state.last_w))
     state.phase, state.tip_offset, state.last_w = phase, height, w
     state.phase_change, state.tip_offset_change = phase_change, height_change
-    ratio = max(phase_change / max(phase_last, 1e-12), height_change / max(height_last, 1e-18))
+    ratio = max(phase_change / max(phase_last, NO_PHASE), height_change / max(height_last, NO_LENGTH))
     if ratio >= 0.0:
         rest = remaining_change_ratio(ratio, state.last_ratio)
         phase_left, height_left = max(phase_change, rest * phase_last), max(height_change, rest * height_last)
-        phase_left *= max(1.0, lacks / max(height_left, 1e-18))
+        phase_left *= max(1.0, lacks / max(height_left, NO_LENGTH))
         estimate_pass_errors(lever, state, rest, phase_left, height_left, nodes)
         state.phase_error += taken_off
         state.tip_offset_error += lacks + state.lacks
@@ -198,7 +201,7 @@ def outcome_of_pass(
     rough = rough or (newton and nodes * tip_offset_error_factor(lever, state) > limit_height)
     phase_left, height_left = PASS_SAFETY * state.phase_change, PASS_SAFETY * state.tip_offset_change
     done = phase_left < limit_phase and height_left < limit_height
-    if rough or (small and stays) or (newton and done and change < 0.1 * abs(closure)):
+    if rough or (small and stays) or (newton and done and change < SAME_CLOSURE * abs(closure)):
         return UNRESOLVED
     return NO_ORBIT if state.slow > MOST_SLOW else GO_ON
 

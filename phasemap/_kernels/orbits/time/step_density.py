@@ -20,6 +20,8 @@ APPROACH_WEIGHT = 0.4
 CONTACT_WEIGHT = 0.75
 HIGHER_WEIGHT = 0.4
 # Of the gap at which a neck of liquid breaks, or the free amplitude: at a gap of 0 its law has the slope in contact.
+BESIDE_ZERO = 0.01  # of the distance, times the slope: a force that passes 0 counts as no smaller
+FIRST_ROOT, ROOT_STEPS = 0.1, 5  # of the depth that is reached: first one over that of the pull alone
 LEAST_GAP_IN_NECK = 1e-9
 
 
@@ -50,7 +52,7 @@ def approach_square(contact: Any, beam: DrivenLever, d: float, v: float, in_neck
         return least
     # A force that passes zero would change infinitely fast relative to its size: its slope times a hundredth of the
     # distance bounds the rate, and times a hundredth of u0 where the distance is zero too.
-    beside = 0.01 * slope * (abs(d) + beam.drive)
+    beside = BESIDE_ZERO * slope * (abs(d) + beam.drive)
     changes = (APPROACH_WEIGHT * v * slope) ** 2 / (force**2 + beside**2)
     return abs(slope) * beam.share + max(changes, least)
 
@@ -76,8 +78,8 @@ def depth_reached(contact: Any, beam: DrivenLever, q: float, v: float, pull: flo
     There stiffness works as fast as speed and pull do: q^2 rate = v^2 + q^2 pull, with what q^2 rate is already.
     """
     goal = q * q * contact_rate(contact, beam, 0.0, q) + v * v
-    deep = 0.1 * math.sqrt(pull)
-    for _ in range(5):
+    deep = FIRST_ROOT * math.sqrt(pull)
+    for _ in range(ROOT_STEPS):
         deep *= ((goal / (deep * deep) + pull) / contact_rate(contact, beam, 0.0, deep)) ** 0.2
     return deep
 
