@@ -26,7 +26,7 @@ from phasemap.explorer.explanation import LAG, PHASE, PointMotion, lines_of, sho
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
 from phasemap.results.descriptions import FORCES, describe_failures, describe_validity
-from phasemap.results.quantities import CHANNELS, OF_SECOND, TipMotion
+from phasemap.results.quantities import CHANNELS, OF_SECOND, OF_SECOND_MODE, TipMotion
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
 from phasemap.scenes.scene import scene_from_tables
@@ -50,7 +50,6 @@ DEEPEST, HIGHEST = 0.15, 1.12  # tip offsets of a curve, over the free amplitude
 BEYOND = 6e-9  # m above the free amplitude from where the tip is attracted
 SETPOINTS = np.linspace(0.3, 0.96, 18)
 AMPLITUDES = np.geomspace(0.4, 2.5, 13)  # of the map, over the one in its middle
-BIMODAL = {"fm": ("mode2_frequency_shift",), "am": ("mode2_amplitude", "mode2_phase")}  # what the second mode shows
 INFINITE = (math.inf, -math.inf)
 SAME = 1.0  # degrees between the orbit that engaging finds and the same on a curve
 
@@ -259,7 +258,7 @@ def _second_shown(motion: TipMotion) -> str:
     second = motion.scope.drive.second
     if second is None or not math.isfinite(float(motion.orbit["mean_gradient"])):
         return ""
-    shown = {name: float(CHANNELS[name].value(motion)) for name in BIMODAL[second.detection]}
+    shown = {name: float(CHANNELS[name].value(motion)) for name in OF_SECOND_MODE[second.detection]}
     if "mode2_frequency_shift" in shown:
         shift = shown["mode2_frequency_shift"]
         return f"the second mode's resonance is {shown_number(abs(shift))} Hz {'higher' if shift > 0 else 'lower'}"

@@ -31,6 +31,7 @@ STYLES, MARKERS = ("-", "--", ":", "-."), ("o", "s", "^", "D", "v", "P")
 """Lines and symbols of free amplitudes."""
 SURE = 1.96  # standard errors, to either side, of an interval of 95 %
 BARS: dict[str, Any] = {"capsize": 2, "linewidth": 1}  # of errors
+NO_REGION, IN_NO_REGION = "0.85", "grey: in no region"
 FAILED = "#00e646"  # green is in none of them
 FAILED_TEXT = "#00803a"  # a darker one, of what is said about pixels and points that failed
 SHOWN = (0.5, 99.5)  # percentiles; a few outliers must not cost the contrast

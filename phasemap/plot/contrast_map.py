@@ -18,7 +18,7 @@ from phasemap._shared.units import Unit
 from phasemap.plot.colours import CHOSEN, FAILED, MAPS, Colours
 
 BISTABLE = 3
-HATCHES = ("////", "\\\\\\\\")  # where the first and the second are bistable
+HATCHES = ("//", "\\\\")  # where the first and the second are bistable
 REGIMES = {1: ("attractive", "#9ecae1"), 2: ("repulsive", "#fdae6b"), 3: ("bistable", "#bdbdbd"), 0: ("none", "white")}
 WIDEST = 4.0  # times the median: contrasts that differ more are shown on a scale that is compressed
 LETTER, LINE = 0.034, 0.09  # half of the width of a letter and of the height of a line [inch], for labels of regions
@@ -181,11 +181,11 @@ def _chains(joined: dict[int, set[int]]) -> list[list[int]]:
 def _label_regions(
     axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray, size: tuple[float, float], star: tuple[int, int] | None
 ) -> None:
-    """Say the regimes of both materials where each has one, in the widest part of each region, clear of the star."""
+    """Say in which regimes the tip engages both materials, in the widest part of each region, clear of the star."""
     from scipy.ndimage import distance_transform_edt, label
 
     names = [str(name) for name in ds["material"].values]
-    regime = ds["regime"].values
+    regime = np.where(ds["regime"].values == BISTABLE, ds["branch"].values + 1, ds["regime"].values)
     for first, second in ((1, 1), (1, 2), (2, 1), (2, 2)):
         regions, count = label((regime[0] == first) & (regime[1] == second))
         if star is not None:

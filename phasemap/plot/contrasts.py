@@ -36,7 +36,7 @@ from phasemap.results.descriptions import describe_failures, describe_irregular,
 
 COLOURS = PALETTE[:2]  # of the two materials
 MOST_PANELS = 4
-LONG = 20  # letters of both names that fill the legend
+LONG = 20  # letters of both names that have room beside the colour bar
 FEW = 60  # setpoints up to which they are marked
 ZERO: dict[str, Any] = {
     "marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "0.1", "markeredgewidth": 1.0,
@@ -63,7 +63,8 @@ def contrast(
     A map shows it in colours that are grey at 0, over setpoint and free amplitude (or drive frequency; a panel each for
     at most four frequencies where both were given). The solid line is the inversion, where the contrast passes 0;
     dashed lines are jumps of one material's phase, dotted ones where it passes 0 between the regimes, hatched areas
-    those in which a material is bistable, and words say the regimes elsewhere. Green points have no orbit. Where only
+    those in which a material is bistable, and words say in which regimes the tip engages. Green points have no orbit.
+    Where only
     the setpoint was given, lines show the phases of both materials, their regimes, and the contrast. The star is the
     point recommended; the sentences below say why, and by which rule.
 
@@ -215,9 +216,7 @@ def _draw_maps(ds: xr.Dataset, colours: Colours) -> Page:
     names = [str(name) for name in ds["material"].values]
     norm = colours_of(ds["contrast"].values, colours)
     keys = keys_of(ds, names)
-    split = 3 if sum(map(len, names)) > LONG else len(keys)
-    legend = [part for part in (keys[:split], keys[split:]) if part]
-    page = Page(WIDTH, rows * (high + titled) + AXIS, _head(ds), legend, _notes(ds), left=LEFT)
+    page = Page(WIDTH, rows * (high + titled) + AXIS, _head(ds), [keys], _notes(ds), left=LEFT)
     first: Axes | None = None
     for k, index in enumerate(shown):
         one = ds.isel(frequency=index) if titled else ds
@@ -233,6 +232,6 @@ def _draw_maps(ds: xr.Dataset, colours: Colours) -> Page:
             axes.set_xlabel("setpoint", fontsize=9)
         if column == 0:
             axes.set_ylabel(unit.label(str(ds[y_name].attrs["long_name"])), fontsize=9)
-    what = f"phase contrast, {names[1]} minus {names[0]}" if split == len(keys) else "phase contrast"
+    what = "phase contrast" + (f", {names[1]} minus {names[0]}" if sum(map(len, names)) <= LONG else "")
     page.bar(mesh, page.axes, f"{what} (degrees)", ticks=ticks_of(norm), format="{x:g}").minorticks_off()
     return page

@@ -15,12 +15,13 @@ from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
+from phasemap._shared.units import say
 from phasemap.io.measured import level_plane
 from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, given_colours, scale_of, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.curves import fit, force, is_force_curve, is_measured_curve
 from phasemap.plot.materials import inversion, is_inversion
-from phasemap.plot.page import Page, draw_scale_bar, own_axes, side_lengths
+from phasemap.plot.page import Page, beyond, draw_scale_bar, own_axes, side_lengths
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
@@ -31,6 +32,7 @@ from phasemap.results.descriptions import (
     describe_validity,
     microscope_in_words,
 )
+from phasemap.results.quantities import OF_SECOND_MODE
 from phasemap.results.variables import phase_lag
 
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
@@ -135,8 +137,8 @@ def plot(
     ds = _levelled(ds)
     if lag and "phase" in ds:
         ds = ds.assign(phase=phase_lag(ds["phase"]).assign_attrs(units="degree", called="phase lag", free=90.0))
-    if variables is None and "amplitude_error" in ds and ax is None:
-        names = (*names, "amplitude_error")
+    if variables is None and ax is None:
+        names += tuple(name for name in ("amplitude_error", *_of_second_mode(ds)) if name in ds)
     asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
     scales = {name: scale_of(ds[name], asked[name]) for name in names}
     if ax is not None:
@@ -160,7 +162,7 @@ def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes]) -> F
     for axes, (name, scale) in zip(own, scales.items(), strict=True):
         shown = _draw_image(axes, ds, name, scale)
         axes.set(xticks=[], yticks=[], aspect="equal")
-        axes.figure.colorbar(shown, ax=axes, label=scale.label)
+        axes.figure.colorbar(shown, ax=axes, label=scale.label, extend=beyond([shown]))
     figure: Figure = own[0].figure  # type: ignore[assignment]
     return figure
 
@@ -185,8 +187,8 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
             title = ", ".join([called[0].upper() + called[1:], *words])
             picture = page.picture(left, top, WIDE, tall, title)
             if not np.isfinite(one[name].values).any():
-                picture.text(0.5, 0.5, "nothing to show", ha="center", transform=picture.transAxes)
-                picture.set_facecolor(FAILED)
+                picture.text(0.5, 0.5, "no value in any pixel", ha="center", transform=picture.transAxes)
+                picture.set_facecolor("0.95")
                 continue
             label = scale.label if LETTER * len(scale.label) <= tall else ""  # the histogram has it too
             bar = page.bar(_draw_image(picture, one, name, scale), [picture], label)
@@ -198,6 +200,12 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
             below = page.panel(left, top + tall + GAP, WIDE, HISTOGRAM)
             _draw_histogram(below, scale.shown(one[name].values), scale)
     return page
+
+
+def _of_second_mode(ds: xr.Dataset) -> tuple[str, ...]:
+    """What a driven second mode shows."""
+    drive = json.loads(ds.attrs.get("configuration", "{}")).get("microscope", {}).get("drive", {})
+    return OF_SECOND_MODE[second["detection"]] if (second := drive.get("second")) else ()
 
 
 def _rows(ds: xr.Dataset) -> Iterator[tuple[list[str], xr.Dataset]]:
@@ -291,13 +299,28 @@ def _draw_histogram(axes: Axes, shown: np.ndarray, scale: Scale) -> None:
     axes.spines["left"].set_visible(False)
 
 
+def _as_recorded(attrs: Mapping[Any, Any]) -> dict[str, Any]:
+    """What a file recorded of lever, drive and scan, in the form of a ``configuration``."""
+    lever = {name: attrs.get(name) for name in ("stiffness", "resonance_frequency", "quality_factor")}
+    drive = {"free_amplitude": attrs.get("free_amplitude"), "frequency": attrs.get("drive_frequency")}
+    scan = {"control": {name: attrs[name] for name in ("line_rate",) if name in attrs}}
+    ratio = {name: attrs[name] for name in ("setpoint",) if name in attrs}
+    return {
+        **ratio,
+        **scan,
+        "microscope": {"cantilever": lever, "tip": {"radius": attrs.get("tip_radius")}, "drive": drive},
+    }
+
+
 def _titles(ds: xr.Dataset) -> list[str]:
-    """Setpoint, solvers and size, and the microscope, a line each, as far as the dataset says them."""
-    said = []
-    configuration = json.loads(ds.attrs.get("configuration", "{}"))
+    """File, setpoint, solvers and size, and the microscope, a line each, as far as the dataset says them."""
+    configuration = json.loads(ds.attrs.get("configuration", "{}")) or _as_recorded(ds.attrs)
+    said = [ds.attrs["source"]] if "vendor_metadata" in ds.attrs else []
     if "setpoint" in configuration:
         setpoints = configuration["setpoint"] if "setpoint" not in ds.dims else []
         said += [f"setpoint {one:g}" for one in np.atleast_1d(setpoints)]
+    elif volts := ds.attrs.get("setpoint_voltage"):
+        said.append(f"setpoint {say(volts, 'V')}")
     if "solver" in ds:
         said.append("solved by " + describe_solvers(ds["solver"]))
     if "line_rate" in (control := configuration.get("control", {})):

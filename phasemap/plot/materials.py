@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import BARS, FAILED, MAPS, MARKERS, PALETTE, STYLES, SURE
+from phasemap.plot.colours import BARS, FAILED, IN_NO_REGION, MAPS, MARKERS, NO_REGION, PALETTE, STYLES, SURE
 from phasemap.plot.page import Page, draw_scale_bar, round_numbers, side_lengths
 
 SHOWN = {"modulus": ("modulus (GPa)", 1e-9), "adhesion": ("adhesion (J/m²)", 1.0), "damping": ("damping α₁", 1.0)}
@@ -29,6 +29,7 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
     Open symbols are properties that the data do not determine, squares those that were given.
     """
     lines = [line for word in ("verdict", "advice") for line in str(ds.attrs.get(word, "")).splitlines()]
+    lines += [IN_NO_REGION] * bool((~np.isin(ds["label"].values, ds["region"].values)).any())
     curves = [name for name in ("phase", "height") if f"measured_{name}" in ds]
     title = f"{ds.sizes['region']} regions in {ds.sizes['image']} images   ·   95 % intervals (zeros uncertain)"
     page = Page(LEFT + 3 * SIDE + 2 * GAP + MARGIN, 2 * (TITLE + AXIS) + SIDE + SMALL, [title], notes=lines, left=LEFT)
@@ -56,7 +57,7 @@ def _draw_map(axes: Axes, ds: xr.Dataset) -> None:
         shown, cmap=ListedColormap(PALETTE), vmin=-0.5, vmax=len(PALETTE) - 0.5, extent=(0, wide, tall, 0),
         interpolation="nearest",
     )  # fmt: skip
-    axes.set_facecolor("0.85")
+    axes.set_facecolor(NO_REGION)
     if placed:
         draw_scale_bar(axes)
 
@@ -157,7 +158,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
         sure = sure if sure.size else values[np.isfinite(values)]
         low, high = np.percentile(sure, LIMITS) if sure.size else (1.0, 10.0)
         for row, (shown, norm, cmap, head) in enumerate((
-            (values, LogNorm(low / 1.05, high * 1.05), MAPS[name], label),
+            (np.where(hatched | lost, np.nan, values), LogNorm(low / 1.05, high * 1.05), MAPS[name], label),
             (ds[f"{name}_error"].values, Normalize(0, WORST), MAPS["error"], "standard error of its logarithm"),
         )):  # fmt: skip
             axes = page.picture(EDGE + i * STEP, TITLE + row * (TITLE + tall), WIDE, tall, head)
@@ -166,7 +167,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
             _mark(axes, hatched & ~lost & (row == 0), lost, extent)
             if measured and i == row == 0:
                 draw_scale_bar(axes)
-            bar = page.bar(image, [axes], extend="max" if row else "neither")
+            bar = page.bar(image, [axes])
             if row == 0:
                 round_numbers(bar.ax.yaxis, (1.0,) if high > 18 * low else (1.0, 2.0, 5.0))
                 bar.ax.minorticks_off()

@@ -7,7 +7,7 @@ import math
 import os
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -18,7 +18,9 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.patheffects import withStroke
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
@@ -83,6 +85,7 @@ def own_axes(ax: Any, names: Sequence[str], path: object) -> list[Axes]:
 
 
 LINE, KEYS, EDGE = 0.17, 0.23, 0.12  # heights of a line and of a row of the legend, and the page's edge [inch]
+LETTER, KEY, PAD, SPACE = 8.0, 2.2, 0.8, 1.4  # of the legend: size [points], and in letters: keys and what is between
 BAR_GAP, BAR = 0.07, 0.12  # beside a map, and width of its colour bar [inch]
 LETTERS = 15.5  # of a line of small print [1/inch]
 ON_SCREEN = 100  # of a picture in a notebook [dots per inch]
@@ -99,7 +102,7 @@ class Page(Figure):
 
     `body`: height of what is between legend and notes [inch].
     `head`: lines above, of which the first `titles` are the title.
-    `keys`: rows of the legend.
+    `keys`: rows of the legend; what is too wide for the page goes on in the next.
     `notes`: lines below, with their colour if it is not grey; they are wrapped.
     `left`: where titles and legend begin [inch].
     """
@@ -110,6 +113,7 @@ class Page(Figure):
     ) -> None:  # fmt: skip
         self._top = EDGE + LINE * len(head) + 0.06
         below = list(_wrapped(notes, int(LETTERS * (width - 2 * EDGE))))
+        keys = [part for row in keys for part in _that_fit(row, 72 * (width - left - EDGE))]
         tall = self._top + KEYS * len(keys) + body + LINE * (len(below) + 0.5 * bool(below))
         super().__init__(figsize=(width, tall))
         FigureCanvasAgg(self)
@@ -121,8 +125,8 @@ class Page(Figure):
         for row in keys:
             self.legend(
                 handles=list(row), loc="upper left", bbox_to_anchor=((left + 0.05) / width, 1 - self._top / tall),
-                ncols=len(row), fontsize=8, frameon=False, borderpad=0, borderaxespad=0, handlelength=2.2,
-                columnspacing=1.4,
+                ncols=len(row), fontsize=LETTER, frameon=False, borderpad=0, borderaxespad=0, handlelength=KEY,
+                handletextpad=PAD, columnspacing=SPACE,
             )  # fmt: skip
             self._top += KEYS
 
@@ -153,10 +157,11 @@ class Page(Figure):
         return axes
 
     def bar(self, shown: Any, beside: Sequence[Axes], label: str = "", **options: Any) -> Colorbar:
-        """Add the colour bar of what is shown, on the right of all its axes."""
+        """Add the colour bar of what is shown, on the right of all its axes; pointed where values lie beyond."""
         width, place = self.get_size_inches()[0], Bbox.union([axes.get_position() for axes in beside])
+        alike = [one for axes in self.axes for one in (*axes.images, *axes.collections) if one.norm is shown.norm]
         axes = self.add_axes((place.x1 + BAR_GAP / width, place.y0, BAR / width, place.height))
-        bar = Colorbar(axes, shown, **options)
+        bar = Colorbar(axes, shown, extend=beyond(alike), **options)
         bar.set_label(label, fontsize=9)
         axes.tick_params(labelsize=8)
         return bar
@@ -175,6 +180,32 @@ class Page(Figure):
         drawn = io.BytesIO()
         self.canvas.print_figure(drawn, format="png", dpi=ON_SCREEN)
         return drawn.getvalue()
+
+
+def beyond(shown: Iterable[Any]) -> Literal["neither", "min", "max", "both"]:
+    """At which ends of a colour bar values lie beyond its colours: "neither", "min", "max" or "both"."""
+    below = above = False
+    for one in shown:
+        values = np.ma.masked_invalid(one.get_array()).compressed()
+        spare = 1e-9 * abs(one.norm.vmax - one.norm.vmin)
+        below |= bool((values < one.norm.vmin - spare).any())
+        above |= bool((values > one.norm.vmax + spare).any())
+    return "both" if below and above else "min" if below else "max" if above else "neither"
+
+
+def _that_fit(row: Sequence[Artist], room: float) -> list[list[Artist]]:
+    """Keys of the legend in rows of such a width [points]."""
+    rows: list[list[Artist]] = []
+    spent = math.inf
+    for key in row:
+        text = text_to_path.get_text_width_height_descent(str(key.get_label()), FontProperties(size=LETTER), False)[0]
+        wide = text + LETTER * (KEY + PAD)
+        if spent + LETTER * SPACE + wide > room:
+            rows.append([])
+            spent = -LETTER * SPACE
+        rows[-1].append(key)
+        spent += LETTER * SPACE + wide
+    return rows
 
 
 def _wrapped(notes: Lines, most: int) -> Iterable[tuple[str, str]]:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
-from phasemap.plot.colours import BARS, MARKERS, PALETTE, STYLES, SURE
+from phasemap.plot.colours import BARS, IN_NO_REGION, MARKERS, NO_REGION, PALETTE, STYLES, SURE
 from phasemap.plot.page import Page, draw_scale_bar
 from phasemap.results.descriptions import of_file
 
@@ -49,22 +50,21 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
     wide = min((WIDTH - LEFT - MARGIN - BAR - 0.1 * columns) / columns, 2.2)
     tall = wide * max(_shape(ds, i) for i in shown)
     body = TITLE + TALL + AXIS + TITLES + 2 * tall + 0.1 + 0.1
-    page = Page(WIDTH, body, notes=str(ds.attrs["verdict"]).splitlines(), left=LEFT)
+    left_out = [IN_NO_REGION] * any((ds[f"labels_{i}"].values < 0).any() for i in shown)
+    page = Page(WIDTH, body, notes=[*str(ds.attrs["verdict"]).splitlines(), *left_out], left=LEFT)
     half = (WIDTH - LEFT - MARGIN - GAP) / 2
     _draw_contrasts(page.place(LEFT, TITLE, half, TALL), ds)
     _draw_branches(page.place(LEFT + half + GAP, TITLE, half, TALL), ds)
-    top, limits = TITLE + TALL + AXIS + TITLES, _colours(ds, shown)
+    top, norm = TITLE + TALL + AXIS + TITLES, Normalize(*_colours(ds, shown))
     for column, i in enumerate(shown):
         left = LEFT + column * (wide + 0.1)
         panels = [page.place(left, top + row * (tall + 0.1), wide, tall) for row in (0, 1)]
-        drawn = _draw_pair(panels, ds, i, limits)
+        drawn = _draw_pair(panels, ds, i, norm)
         panels[0].set_title(_title(ds, i, wide), fontsize=8, loc="left")
         if column == 0:
             for panel, said in zip(panels, ("measured", "simulated"), strict=True):
                 panel.set_ylabel(said, fontsize=9)
-    bar = page.colorbar(drawn, cax=page.place(left + wide + 0.1, top, 0.1, 2 * tall + 0.1))
-    bar.set_label("phase relative to region 0 (degrees)", fontsize=8)
-    bar.ax.tick_params(labelsize=7)
+    page.bar(drawn, panels, "phase relative to region 0 (degrees)")
     return page.finished(path, overwrite)
 
 
@@ -165,7 +165,7 @@ def _colours(ds: xr.Dataset, shown: list[int]) -> tuple[float, float]:
     return float(np.nanmin(every)), float(np.nanmax(every))
 
 
-def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int, limits: tuple[float, float]) -> Any:
+def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int, norm: Normalize) -> Any:
     """A file as recorded, rows aligned by their regions, and its regions with the fitted contrast."""
     image, labels = _recorded(ds, i), ds[f"labels_{i}"].values
     fitted = np.where(labels >= 0, ds["fitted_contrast"].values[np.maximum(labels, 0), i], np.nan)
@@ -175,11 +175,11 @@ def _draw_pair(panels: list[Axes], ds: xr.Dataset, i: int, limits: tuple[float, 
     width = float(np.ptp(ds[f"x_{i}"].values)) * image.shape[1] / (image.shape[1] - 1) if known else 1.0
     for panel, values in zip(panels, (image, fitted), strict=True):
         drawn = panel.imshow(
-            values, cmap="cividis", vmin=limits[0], vmax=limits[1], extent=(0, width, tall * width, 0),
+            values, cmap="cividis", norm=norm, extent=(0, width, tall * width, 0),
             interpolation="nearest", aspect="auto",
         )  # fmt: skip
         panel.set(xticks=[], yticks=[])
-        panel.set_facecolor("0.85")
+        panel.set_facecolor(NO_REGION)
     if known:
         draw_scale_bar(panels[0])
     return drawn

@@ -23,6 +23,7 @@ from phasemap.plot.colours import CHOSEN, FAILED, MAPS, PALETTE, Colours, given_
 from phasemap.plot.page import LINE, Page, draw_scale_bar, shortened, side_lengths
 
 COLOURS = ("0.15", PALETTE[1])  # of the two images
+LEGEND = {"left out": "left out (green)"}
 LEAST_SPAN = 0.1  # degrees
 DWARFS, MOST_SPIKES = 4.0, 6  # times as high as the other histogram; labelled at most
 FLAT, TALL = 0.25, 1.6  # height over width of the maps on the page, at least and at most
@@ -31,7 +32,7 @@ SHORT, LONG = 12, 50  # letters of a name that have room over a map, and of a fi
 # Sizes on the page [inch].
 ROOM = 1.2  # of the name of a colour bar
 MAP, GAP, BAR, MARGIN = 2.75, 0.14, 0.81, 0.25
-TITLE, PANEL, LABELS, AXIS, KEY = 0.3, 1.9, 0.45, 0.55, 1.1
+TITLE, PANEL, LABELS, AXIS, KEY = 0.3, 1.9, 0.45, 0.55, 1.2
 WIDTH = 2 * MARGIN + 3 * MAP + GAP + 2 * BAR
 
 
@@ -74,7 +75,7 @@ def comparison(
     row = whole("row", row, 0, ds.sizes["y"] - 1)
     asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
     wrapped = ((word, enumerate(textwrap.wrap(said, 128))) for word, said in lines_of(ds)[1:])
-    lines = [("" if i else word, line) for word, texts in wrapped for i, line in texts]
+    lines = [("" if i else LEGEND.get(word, word), line) for word, texts in wrapped for i, line in texts]
     verdict = textwrap.wrap(f"The images differ in {differences_of(ds)}. {verdict_of(ds)}", 105)
     width, height = side_lengths(ds)
     tall = MAP * min(max(height / width, FLAT), TALL)

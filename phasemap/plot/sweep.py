@@ -132,7 +132,6 @@ FEW = 60  # points of a sweep up to which they are not joined
 RINGS = 40  # at most, along a line of more points
 PHASES = ("phase", "curve_phase", "fold_phase", "jump_from_phase", "jump_to_phase")
 MARGIN = 0.05
-KEYS = 5  # of the legend, in a row
 
 # Sizes on the page [inch].
 WIDTH, PANEL, LEFT, RIGHT, GAP, AXIS = 6.6, 2.3, 0.75, 0.2, 0.14, 0.6
@@ -183,10 +182,7 @@ def curve(
             _label_axis(axes, sweep)
         own[0].legend(handles=keys, fontsize=8, frameon=False)
         return own[0].get_figure(root=True)  # type: ignore[return-value]
-    rows = -(-len(keys) // KEYS)
-    wide = -(-len(keys) // rows)
-    legend = [keys[i : i + wide] for i in range(0, len(keys), wide)]
-    page = Page(WIDTH, len(names) * (PANEL + GAP) - GAP + AXIS, titles(ds), legend, _notes(sweep), left=LEFT)
+    page = Page(WIDTH, len(names) * (PANEL + GAP) - GAP + AXIS, titles(ds), [keys], _notes(sweep), left=LEFT)
     first: Axes | None = None
     for row, name in enumerate(names):
         axes = page.place(LEFT, row * (PANEL + GAP), WIDTH - LEFT - RIGHT, PANEL, sharex=first)

@@ -303,3 +303,5 @@ CHANNELS: dict[str, Channel] = {
     )
 }  # fmt: skip
 """Channels by their names."""
+OF_SECOND_MODE = {"fm": ("mode2_frequency_shift",), "am": ("mode2_amplitude", "mode2_phase")}
+"""Channels that an instrument shows of a second mode, by its detection."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from itertools import pairwise
@@ -11,12 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+import phasemap as pm
 from phasemap._shared.errors import FileError, InputError
 from phasemap.cli import main
+from phasemap.experiment.described import describe
 from phasemap.plot import plot
 from phasemap.plot.colours import FAILED
+from phasemap.plot.page import Page
 from phasemap.results.descriptions import describe_failures, describe_flags, describe_irregular
 from phasemap.scenes.scene import load_scene
 
@@ -305,6 +311,58 @@ def test_the_title_says_under_which_microscope() -> None:
     said = words(plot(image().assign_attrs(configuration=f'{{"setpoint": 0.7, "microscope": {{{scope}}}}}')))
     parts = ("lever 40 N/m", "300 kHz", "Q 400", "tip radius 10 nm", "free amplitude 40 nm")
     assert "   ·   ".join(parts) in said and "setpoint 0.7" in said
+
+
+def test_the_title_of_a_measured_image_says_file_setpoint_and_what_was_recorded_of_the_lever() -> None:
+    recorded = {
+        "setpoint": 0.8,
+        "stiffness": 40.0,
+        "drive_frequency": 299.5e3,
+        "free_amplitude": 4e-8,
+        "line_rate": 1.5,
+    }
+    ds = image().drop_vars("solver").assign_attrs(source="at80.ibw", vendor_metadata="{}", **recorded)
+    del ds.attrs["configuration"]
+    said = words(plot(ds))
+    assert "at80.ibw   ·   setpoint 0.8   ·   line rate 1.5 Hz   ·   64 × 48 pixels" in said
+    assert "lever 40 N/m   ·   free amplitude 40 nm   ·   driven at 299.5 kHz" in said
+    del ds.attrs["setpoint"]
+    assert "at80.ibw   ·   setpoint 350 mV" in words(plot(ds.assign_attrs(setpoint_voltage=0.35)))
+
+
+@pytest.mark.parametrize(("detection", "shown"), [("fm", ["Frequency shift"]), ("am", ["Amplitude", "Phase"])])
+def test_an_image_of_two_modes_shows_the_second_as_it_is_detected(detection: str, shown: list[str]) -> None:
+    scope = pm.Microscope(
+        pm.Cantilever(40.0, 300e3, 400.0, modes=2), pm.Tip(1e-8), pm.Drive(4e-8, second=pm.Mode(detection=detection))
+    )
+    ds = image().assign_attrs(configuration=json.dumps({"microscope": describe(scope)}))
+    more = {f"mode2_{name}": ds.phase for name in ("frequency_shift", "amplitude", "phase")}
+    titles = [axes.get_title(loc="left") for axes in plot(ds.assign(more)).axes if axes.images]
+    assert titles == ["Height", "Phase", *(f"{word} of mode 2" for word in shown)]
+
+
+@pytest.mark.parametrize(
+    ("limits", "extend"),
+    [({}, "neither"), ({"vmin": 25}, "min"), ({"vmax": 30}, "max"), ({"vmin": 25, "vmax": 30}, "both")],
+)
+def test_a_colour_bar_is_pointed_where_values_are_beyond_it(limits: dict[str, float], extend: str) -> None:
+    bars = [axes.images[0].colorbar for axes in plot(image(), **limits).axes if axes.images]
+    assert [bar.extend for bar in bars] == ["neither", extend]
+
+
+def test_an_image_without_any_value_is_not_green() -> None:
+    figure = plot(image(failed=48 * 64))
+    assert "no value in any pixel" in words(figure)
+    assert to_hex(FAILED) not in {to_hex(axes.get_facecolor()) for axes in figure.axes}
+
+
+def test_a_legend_goes_on_in_another_row_where_the_page_ends() -> None:
+    keys = [Line2D([], [], label=f"a material with a long name {i}") for i in range(9)]
+    page = Page(6.6, 2.0, keys=[keys], left=0.75)
+    boxes = [one.get_window_extent(page.canvas.get_renderer()) for one in page.legends]
+    assert len(boxes) > 1 and sum(len(one.get_texts()) for one in page.legends) == 9
+    assert all(box.x1 < page.bbox.x1 for box in boxes)
+    assert all(low.y1 <= high.y0 + 1 for high, low in pairwise(boxes))
 
 
 def test_the_phase_can_be_drawn_as_the_lag_that_is_90_degrees_for_the_free_lever(tmp_path: Path) -> None:

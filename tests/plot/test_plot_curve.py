@@ -181,7 +181,7 @@ def test_gaps_are_marked_counted_and_given_advice(sweeps: dict[str, xr.Dataset])
     crosses = lines(figure.axes[0], "gap")
     np.testing.assert_allclose(crosses[0].get_xdata(), ds["tip_offset"].values[3:6] * 1e9)
     assert len(crosses[1].get_xdata()) == 0
-    assert "× 3 of 36 points (8.33 %): No stable orbit has the setpoint amplitude" in words(figure)
+    assert "× 3 of 36 points (8.33 %): No stable orbit was found at this tip offset" in words(figure)
 
 
 def test_a_jump_that_leads_nowhere_is_a_cross(sweeps: dict[str, xr.Dataset]) -> None:

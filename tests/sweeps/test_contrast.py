@@ -277,7 +277,8 @@ def test_the_map_is_drawn_with_its_jumps_regimes_and_star(tmp_path: Path, jumpin
     assert len(parts(figure, "bistable")) == 1 and len(parts(figure, "best")) == 1
     drawn = np.concatenate([line for lines in parts(figure, "jump") for line in lines.get_segments()])
     assert np.isin(jumping.jump_setpoint, drawn[:, 0]).all()
-    assert [text.get_text() for text in parts(figure, "regime")] == ["both repulsive"]
+    said = [text.get_text() for text in parts(figure, "regime")]
+    assert said == ["matrix repulsive\nparticle attractive", "both repulsive"]
     said = " ".join(text.get_text().strip() for text in figure.texts)
     assert jumping.attrs["recommendation"] in said and jumping.attrs["recommendation_rule"] in said
 
