@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from phasemap._shared.checks import whole
 from phasemap._shared.fields import Number, Shown, known_as
 
 MOST_PERIODS = 100_000
+# Of periodic motion integrated in time, with steps of the default size; found against independent orbits [rad, m].
+ERROR_PHASE, ERROR_HEIGHT = math.radians(5e-5), 1e-14
 
 
 @known_as()

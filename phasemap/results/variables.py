@@ -16,6 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ADHESION_LOSS, ADHESION_VIRIAL, DRAG, GRADIENT, LOSSES, SIDEBANDS, STORAGE, WAVES
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
+from phasemap.experiment.accuracy import ERROR_HEIGHT, ERROR_PHASE
 from phasemap.experiment.control import Control
 from phasemap.experiment.lever import DETECTED, beat_of_second
 from phasemap.results.status import Status
@@ -26,6 +27,7 @@ T = TypeVar("T", float, Array, "xr.DataArray")
 CONVENTIONS = "CF-1.11"
 SOLVER_NAMES = ("averaging", "orbit", "march", "interpolated", "corrected")  # in the order of their codes
 STABILITY = ("unstable", "stable")  # likewise
+ERRORS = 3.0  # of motion in time: what is spread by less may be periodic
 BEATS = 2.0  # what two drives spread, over the beat of the second alone: mostly 0.5 to 2, far more where they resonate
 
 
@@ -230,12 +232,12 @@ def branch_of(rows: Array) -> Array:
 def motion_of(rows: Array, lever: Array | None = None) -> Array:
     """Motion codes: 0 periodic, 1 irregular, -1 where there is none.
 
-    What is spread by no more than its stated error cannot be told from a periodic orbit. Two drives have no common
-    period: their motion on a `lever` (of `lever_of`) is irregular where it beats more than they do by themselves.
+    What is spread by no more than integration in time is wrong by may be periodic. Two drives have no common period:
+    their motion on a `lever` (of `lever_of`) is irregular where it beats more than they do by themselves.
     """
     amplitude, beat = rows[..., col.AMPLITUDE], 0.0 if lever is None else BEATS * beat_of_second(lever)
-    irregular = rows[..., col.SPREAD_AMPLITUDE] > np.fmax(rows[..., col.ERROR_HEIGHT], beat)
-    irregular |= rows[..., col.SPREAD_PHASE] > np.fmax(rows[..., col.ERROR_PHASE], beat / amplitude)
+    irregular = rows[..., col.SPREAD_AMPLITUDE] > np.fmax(ERRORS * ERROR_HEIGHT, beat)
+    irregular |= rows[..., col.SPREAD_PHASE] > np.fmax(ERRORS * ERROR_PHASE, beat / amplitude)
     return np.where(np.isnan(amplitude), -1, irregular).astype(np.int8)
 
 

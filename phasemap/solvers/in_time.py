@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,13 +9,12 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.interrupts import check_stopped
-from phasemap.experiment.accuracy import MOST_PERIODS
+from phasemap.experiment.accuracy import ERROR_HEIGHT, ERROR_PHASE, MOST_PERIODS
 from phasemap.solvers.problem import Work
 
 ENOUGH = 500.0  # quality factor up to which the steps need not be shorter
 ETA = 0.25  # size of the steps, of which the following are the errors
 MARGIN = 2.0  # of the errors that missing energy stands for, over the least: 1.3 in draws of lasting dents
-ERROR_PHASE, ERROR_HEIGHT = math.radians(5e-5), 1e-14  # [rad, m], found against independent orbits
 
 
 class InTime:

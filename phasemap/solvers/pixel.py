@@ -48,7 +48,7 @@ class Pixel:
     branch : str
         "attractive", "repulsive" or "none".
     motion : str
-        "periodic", "irregular" (spread by more than the stated errors and than a second drive spreads it) or "none".
+        "periodic", "irregular" (spread by more than time integration errs, and a second drive spreads) or "none".
     solver : str
         "averaging", "corrected" (exact, by the lever's response), "orbit" (exact, by collocation), "march", or "none"
         where there was nothing to solve.

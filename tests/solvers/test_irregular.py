@@ -146,10 +146,10 @@ def test_a_sweep_goes_on_where_there_is_no_orbit() -> None:
     assert float(np.diff(curve.amplitude.sel(direction="approach"))[1]) == pytest.approx(-6e-9, rel=1e-2)
 
 
-def test_a_spread_within_the_stated_error_is_not_irregular() -> None:
-    rows = np.full((4, col.COLUMNS), np.nan)
-    rows[:3, col.AMPLITUDE], rows[:3, col.ERROR_HEIGHT], rows[:3, col.ERROR_PHASE] = 20e-9, 3e-14, 1e-5
-    rows[:3, col.SPREAD_AMPLITUDE], rows[:3, col.SPREAD_PHASE] = [2.1e-14, 4e-14, 2.1e-14], [5e-6, 5e-6, 2e-5]
+def test_a_spread_within_the_error_of_integration_is_not_irregular() -> None:
+    rows = np.full((4, col.COLUMNS), np.nan)  # errors are 0.01 pm and 9e-7
+    rows[:3, col.AMPLITUDE], rows[:, col.ERROR_HEIGHT] = 20e-9, 1e-12  # of a mean, which says nothing of its spread
+    rows[:3, col.SPREAD_AMPLITUDE], rows[:3, col.SPREAD_PHASE] = [2.1e-14, 4e-14, 2.1e-14], [2e-6, 2e-6, 4e-6]
     assert motion_of(rows).tolist() == [0, 1, 1, -1]
 
 

@@ -13,11 +13,10 @@ from phasemap._kernels.quadrature import TABLES
 from phasemap._kernels.rows.by_collocation import nearby_rows
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
-from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.accuracy import ERROR_HEIGHT, ERROR_PHASE, Accuracy
 from phasemap.experiment.lever import of_tip, seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import OF_ORBITS
-from phasemap.solvers.in_time import ERROR_HEIGHT, ERROR_PHASE
 from phasemap.solvers.integrals import bare_rows, widened
 from phasemap.solvers.problem import Work, work_of
 from phasemap.solvers.run import run
