@@ -163,7 +163,7 @@ def test_a_session_on_a_page_prints_what_it_shows(page: str) -> None:
     assert doctest.DocTestRunner(verbose=False).run(session, out=said.append).failed == 0, "".join(said)
 
 
-SMALLER = {"docs/howto/scans.md": ["surface.shape=[64,64]"]}
+SMALLER = {"docs/howto/scans.md": ["surface.shape=[64,64]"], "docs/howto/ensembles.md": ["ensemble.count=4"]}
 """Put behind a page's `phasemap run`, where images take seconds; `--thorough` runs it as it is."""
 
 
