@@ -10,6 +10,7 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap.cli import main
+from phasemap.cli.invert import _labels
 from phasemap.scenes.scene import load_setup
 
 SCENE = """
@@ -87,6 +88,13 @@ def test_maps_are_what_python_gives_and_are_drawn(
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["plot", str(output), "-o", str(tmp_path / "again.png")]) == 0
     assert (tmp_path / "again.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_regions_that_are_found_are_numbered_by_area_as_those_of_a_series() -> None:
+    phase = np.full((8, 8), 40.0)
+    phase[:, :2] = 10.0
+    image = xr.Dataset({"phase": (("y", "x"), phase)})
+    np.testing.assert_array_equal(_labels("2", image), phase < 20)
 
 
 @pytest.mark.parametrize("where", ["2", "maps.nc"])

@@ -209,7 +209,7 @@ def _matched(own: Labels, reference: Labels) -> Labels:
     count = 1 + int(max(own.max(), reference.max()))
     shares = [np.bincount(one[one >= 0], minlength=count) / max((one >= 0).sum(), 1) for one in (own, reference)]
     best = min(permutations(range(count)), key=lambda order: float(np.abs(shares[0] - shares[1][list(order)]).sum()))
-    return np.argsort(best)[own]
+    return np.array(best)[own]
 
 
 def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, Array]:
