@@ -56,7 +56,7 @@ OPTIONS = (
     ("--setpoints", "LIST", "setpoints of the images; default: as recorded"),
     ("--free-amplitudes", "LIST", "free amplitudes at resonance [m]; default: as recorded, else the scene's"),
     ("--regions", "N or LABELS.nc",
-     "fit one material per region: N regions found by the first phase, or those of a map"),
+     "fit one material per region: N regions found by the first phase, 0 the largest, or those of a map"),
     ("--zeros-from", "N or LABELS.nc", "fit every pixel, with the zeros that a fit by such regions finds first"),
     ("--known", "LABEL=NAME", "region whose material is known, one of the scene's, such as 0=ps"),
     ("--phase-zero", "LIST", "zero of the recorded phase [degree]; by regions also shared or free"),
@@ -216,14 +216,15 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
     """Regions of a file, or populations of the phase."""
     import numpy as np
 
-    from phasemap.io.measured import segment_phase
+    from phasemap.io.measured import largest_first, segment_phase
 
     if not text.isdecimal():
         return labels_in(text)
     if text == "0":
         raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
     phase = image["phase"].values
-    return np.zeros(phase.shape, int) if text == "1" else segment_phase(phase, int(text))
+    labels = np.zeros(phase.shape, np.int64) if text == "1" else segment_phase(phase, int(text)).astype(np.int64)
+    return largest_first([labels], 0)[0]
 
 
 def _material(setup: SceneSetup, option: str, name: str) -> Material:

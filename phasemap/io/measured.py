@@ -121,6 +121,16 @@ def segment_phase(phase: np.ndarray, n: int) -> np.ndarray:
     return align_and_segment(phase, n)[1]
 
 
+def largest_first(labels: list[np.ndarray], of: int) -> list[np.ndarray]:
+    """Labels of files with numbers from 0 on by the area in one file: setpoint, sign and zero of a phase leave it.
+
+    `of`: which file; what is below 0 stays as it is.
+    """
+    order = np.argsort(-np.bincount(labels[of][labels[of] >= 0]), kind="stable")
+    rank = np.argsort(order)
+    return [np.where(one >= 0, rank[one], one) for one in labels]
+
+
 def segment_height(height: np.ndarray, n: int) -> np.ndarray:
     """Label each pixel with one of 2 to 4 materials by its height [m]: 0 where it is lowest, up to n - 1.
 

@@ -18,7 +18,7 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.pixels import coordinate_step
 from phasemap.comparison.registration import register
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
-from phasemap.io.measured import level_height, on_one_turn, segment_height, segment_phase, separation_of
+from phasemap.io.measured import largest_first, level_height, on_one_turn, segment_height, segment_phase, separation_of
 
 Labels = NDArray[np.int64]
 
@@ -59,14 +59,14 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     laid = _laid(images, best, found[way][best])
     if laid is not None:
         told.append(f"All files are of one place: the regions of {names[best]} serve all.")
-        return Regions(_largest_first(laid, best), told)
+        return Regions(largest_first(laid, best), told)
     if min(sharp[way]) == 0.0:
         plain = names[int(np.argmin(sharp[way]))]
         raise InputError("regions", f"one in {plain}", f"{count} in every file", "Give labels, or another way (by).")
     if way == "height":
-        matched = _largest_first(found[way], best)
+        matched = largest_first(found[way], best)
     else:
-        ordered = _largest_first([found[way][best]], 0)[0]
+        ordered = largest_first([found[way][best]], 0)[0]
         matched = [ordered if i == best else _matched(one, ordered) for i, one in enumerate(found[way])]
     how = "their order in height" if way == "height" else "their share of the area"
     told.append(f"Heights do not match, so files are taken to be of different places: regions are matched by {how}.")
@@ -196,12 +196,6 @@ def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Label
         pixels = [-round(s / p) for s, p in zip(shift, pitch, strict=True)]
         laid.append(moved_by(labels, pixels, order=0, cval=LEFT_OUT))
     return laid
-
-
-def _largest_first(labels: list[Labels], best: int) -> list[Labels]:
-    order = np.argsort(-np.bincount(labels[best][labels[best] >= 0]), kind="stable")
-    rank = np.argsort(order)
-    return [np.where(one >= 0, rank[one], LEFT_OUT) for one in labels]
 
 
 def _matched(own: Labels, reference: Labels) -> Labels:
