@@ -239,6 +239,18 @@ def test_regions_are_found_at_different_places_and_named_alike():
         assert "different places" in found.told[1]
 
 
+@pytest.mark.parametrize("shares", [(0.2, 0.5, 0.3), (0.3, 0.2, 0.5), (0.2, 0.3, 0.5), (0.1, 0.4, 0.2, 0.3)])
+def test_three_and_four_regions_at_different_places_are_named_by_their_share(shares):
+    rng, true = np.random.default_rng(3), np.repeat(np.arange(len(shares)), np.round(80 * np.array(shares)).astype(int))
+    named = np.argsort(np.argsort(-np.array(shares)))  # 0 is the largest
+    places = [np.tile(np.roll(true, 9 * i), (32, 1)) for i in range(3)]
+    files = [xr.Dataset({"phase": (("y", "x"), 10.0 * where + rng.normal(0, 0.5, where.shape))}) for where in places]
+    found = regions_of(files, ["a", "b", "c"], None, "phase", len(shares))
+    assert "different places" in found.told[1]
+    for i, (labels, where) in enumerate(zip(found.labels, places, strict=True)):
+        assert (labels == named[where]).mean() > 0.97, i
+
+
 def test_dirt_that_stands_out_does_not_make_regions():
     files = measure(phases())
     for one in files:
