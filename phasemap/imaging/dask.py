@@ -25,7 +25,7 @@ from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging.canvas import Canvas, image_of, joined_notes
 from phasemap.imaging.job import Job, LineRun, fill_part, plan_image, simulator_of
-from phasemap.imaging.materials import Survey, Window, survey
+from phasemap.imaging.materials import Survey, Window, films_alike, survey
 from phasemap.results.variables import FLAGS
 
 Key = tuple[str, int] | str
@@ -102,11 +102,12 @@ def _delayed(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> An
 
 
 def _placeholder(surface: Surface) -> Surface:
-    """Surface of one pixel of the same kind."""
-    more = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
-    more |= {} if surface.thickness is None else {"thickness": 1e-8}
+    """Surface of two pixels of the same kind, with films that differ unless they are known to be alike."""
+    more: dict[str, Any] = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
+    thickness = 1e-8 if films_alike(surface) else [[1e-8, 2e-8]]
+    more |= {} if surface.thickness is None else {"thickness": thickness}
     more |= {"relaxed_modulus": 1e9, "relaxation_time": 1e-7} if surface.relaxes else {}
-    return Surface(1e9, **more, pixel_size=surface.pixel_size, shape=(1, 1), allow_nan=surface.allow_nan)
+    return Surface(1e9, **more, pixel_size=surface.pixel_size, shape=(1, 2), allow_nan=surface.allow_nan)
 
 
 def _planned(job: Job, tiny: Any, maps: BlockMaps) -> Any:

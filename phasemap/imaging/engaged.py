@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ADHESION_LOSS, DRAG, GRADIENT, SIDEBANDS, WIDE
-from phasemap._shared.arrays import Array, is_uniform
+from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import lever_of, of_tip
@@ -22,7 +22,7 @@ from phasemap.imaging.canvas import PENDING, Canvas, Values, values_of
 from phasemap.imaging.interpolation.atlas import Atlas, build
 from phasemap.imaging.interpolation.exact_orbits import FUNCTIONS, PHASE, Axes, ExactOrbits, functions_of
 from phasemap.imaging.job import Job, Simulator
-from phasemap.imaging.materials import BLOCK, Distinct, Survey
+from phasemap.imaging.materials import BLOCK, Distinct, Survey, films_alike
 from phasemap.results.quantities import OF_SECOND, motion_seen
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.seen_by_detector import fill_energy_closure
@@ -92,12 +92,9 @@ class PixelPlan:
 def interpolates(job: Job) -> bool:
     """An atlas knows folds and grazing as borders, not ends of necks or memories.
 
-    Materials differ in three properties in it: films have one thickness.
+    Materials differ in three properties in it: films are alike.
     """
-    surface = job.surface
-    plain = not job.scope.interaction.law.hysteretic
-    if surface.thickness is not None:
-        plain &= not surface.lazy and is_uniform(surface.thickness) and is_uniform(surface.poisson_ratio)
+    plain = films_alike(job.surface) and not job.scope.interaction.law.hysteretic
     return job.solver.name == "auto" and plain and not job.only_in_time
 
 

@@ -14,13 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phasemap._kernels.materials.distinct import gather, look_up
-from phasemap._shared.arrays import Array
+from phasemap._shared.arrays import Array, is_lazy, is_uniform
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.threads import bounds_of, found_in
 from phasemap.experiment.material_rows import PLAIN
 from phasemap.experiment.surface import Surface
 
 BLOCK = 1 << 15  # pixels that are worked on together
+
+
+def films_alike(surface: Surface) -> bool:
+    """True if no pixel is a film, or all are of one thickness and Poisson's ratio; of Dask arrays that is not known."""
+    films = () if surface.thickness is None else (surface.thickness, surface.poisson_ratio)
+    return all(not is_lazy(one) and is_uniform(one) for one in films)
 
 
 class Distinct:

@@ -7,7 +7,6 @@ import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -237,11 +236,7 @@ def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked)
     values = [check_setpoint(one) for one in setpoints]
     if len(set(values)) < len(values) or not values:
         raise InputError("setpoint", str(setpoints), "one number, or several different ones")
-    folder = asked.checkpoint
-    images = [
-        _at_one(surface, scope, value, replace(asked, checkpoint=folder and Path(folder, repr(value))))
-        for value in values
-    ]
+    images = [_at_one(surface, scope, value, asked) for value in values]
     about = {"long_name": "setpoint amplitude over free amplitude", "units": "1"}
     image = xr.concat(images, xr.Variable("setpoint", values, about), combine_attrs="drop_conflicts")
     first = json.loads(images[0].attrs["configuration"])

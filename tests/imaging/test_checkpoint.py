@@ -102,6 +102,16 @@ def test_an_image_that_was_killed_twice_is_the_same_to_the_last_bit(
     assert not folder.exists()
 
 
+@pytest.mark.usefixtures("eager")
+def test_images_at_several_setpoints_are_kept_in_the_folder_and_deleted_with_it(tmp_path: Path) -> None:
+    expected, folder = pm.simulate(FEW, SCOPE, [0.7, 0.6]), tmp_path / "parts"
+    for _ in range(2):
+        assert same_data(pm.simulate(FEW, SCOPE, [0.7, 0.6], checkpoint=folder), expected)
+    assert len({file.name.split("-")[0] for file in folder.glob("*-lines-*")}) == 2
+    discard(folder)
+    assert not folder.exists()
+
+
 def test_surfaces_that_are_equal_give_equal_images_whatever_was_known_of_one() -> None:
     soft_above_stiff = {0: pm.Material(0.3e9, 0.05, 0.01), 1: pm.Material(9e9, 0.05)}
     labelled = pm.Surface.from_labels(np.repeat([[0], [1]], 4, axis=1), soft_above_stiff, pixel_size=4e-9)

@@ -23,8 +23,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phasemap as pm
+from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging import dask as blocks
 from phasemap.imaging import engaged, raster
+from phasemap.imaging.interpolation import atlas
 from phasemap.imaging.materials import Window, survey
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
@@ -63,12 +65,18 @@ def lazily(surface: pm.Surface, chunks: Any) -> pm.Surface:
         value = getattr(surface, name)
         return value if value is None or not any(value.strides) else da.from_array(value, chunks=chunks)
 
-    maps = {name: lazy(name) for name in ("modulus", "adhesion", "damping", "poisson_ratio", "topography")}
+    maps = {name: lazy(name) for name in QUANTITIES}
     return pm.Surface(**maps, pixel_size=surface.pixel_size, allow_nan=surface.allow_nan)
 
 
 def simulate(surface: pm.Surface, control: Any = ENGAGE, realism: Any = None, **more: Any) -> xr.Dataset:
     return pm.simulate(surface, SCOPE, 0.7, control=control, realism=realism, **more)
+
+
+def said(image: xr.Dataset) -> str:
+    """By what the pixels of an image were solved, in words."""
+    meanings, numbers = image.solver.flag_meanings.split(), image.solver.flag_values
+    return " ".join(meanings[list(numbers).index(number)] for number in np.unique(image.solver))
 
 
 def assert_same(lazy: xr.Dataset, whole: xr.Dataset) -> None:
@@ -147,6 +155,25 @@ def test_atlas_of_a_lazy_surface_is_that_in_memory() -> None:
     whole = simulate(surface)
     assert "interpolated" in str(whole.solver.attrs) and (whole.solver == whole.solver.max()).mean() > 0.5
     assert_same(simulate(lazily(surface, (40, 73))), whole)
+
+
+@pytest.mark.parametrize("varies", [(), ("thickness",), ("poisson_ratio",)], ids=["alike", "thickness", "poisson"])
+def test_lazy_films_are_interpolated_only_where_they_are_alike(
+    varies: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engaged, "FEW", 4)
+    monkeypatch.setattr(engaged, "MOST", 4)
+    monkeypatch.setattr(atlas, "LEAST", 1)
+    monkeypatch.setattr(atlas, "WORTH", 1e3)  # an atlas pays, however small the image
+    rng = np.random.default_rng(0)
+    maps = {"poisson_ratio": rng.uniform(0.2, 0.4, (4, 6)), "thickness": rng.uniform(5e-9, 50e-9, (4, 6))}
+    films = {name: one if name in varies else one[0, 0] for name, one in maps.items()}
+    surface = pm.Surface(rng.uniform(1e8, 3e8, (4, 6)), 0.02, 0.01, **films, pixel_size=4e-9)
+    interaction = pm.Interaction("film", decay_length=None)
+    scope = pm.Microscope(pm.Cantilever(2.0, 70e3, 100.0), pm.Tip(10e-9), pm.Drive(20e-9), interaction)
+    whole, lazy = (pm.simulate(one, scope, 0.7) for one in (surface, lazily(surface, (2, 3))))
+    assert ("interpolated" in said(whole)) == (not varies)
+    assert_same(lazy, whole)
 
 
 def test_lazy_materials_that_relax_are_those_in_memory() -> None:
