@@ -131,7 +131,7 @@ def solve_pixel(
     rows, status, used = run(method, work, accuracy or Accuracy(), threads=1)
     state = Status.of(int(status[0]))
     if strict and state is not Status.good:
-        raise SolveError(state.value)
+        raise SolveError(state.advice(contact=scope.interaction.law.name))
     numbers = {name: float(FLOATS[name].value(rows)[0]) for name in Pixel.__annotations__ if name in FLOATS}
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
     motion = FLAGS["motion"][2][int(motion_of(rows, work.lever)[0]) + 1]

@@ -14,7 +14,7 @@ import xarray as xr
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.in_time import free_state
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.path import fixed_path as fixed_path_of
@@ -196,18 +196,17 @@ def parameter(
         return height if ratio is None else ratio * changed.driven_amplitude
 
     scale, of_amplitude = Spacing.over(axis), ratio is not None
-    for value in (scale.low, scale.high):
-        question.with_parameter(name, value)
+    every = [question.with_parameter(name, float(value)) for value in np.sort(axis)]
     directions, words = ("up", "down"), name.replace("_", " ")
     about = Axis(name, axis, UNITS[name], words, directions, col.PARAMETER, of_amplitude, value=scale.value)
     held: dict[str, float | None] = {"setpoint": ratio} if of_amplitude else {"tip_offset": height}
-    if question.only_in_time:
+    if any(one.only_in_time for one in every):
         _check_no_samples(samples)
-        every = [question.with_parameter(name, float(value)) for value in np.sort(axis)]
         works, n = [one.work(marched=True) for one in every], len(axis)
+        most = max((work.law for work in works), key=lambda law: (law.memory != 0, law.arms))
         visits = [  # each direction is begun far above the surface
             _visit_in_time(
-                _far_state(works[order[0]].oscillator(0), height), order,
+                _far_state(works[order[0]].oscillator(0), height, most), order,
                 lambda k: (works[k], held_under(every[k].scope)), of_amplitude, n,
             )
             for order in (range(n), range(n - 1, -1, -1))
@@ -231,10 +230,11 @@ def _hold(
         if place is None:
             continue
         held = feedback.seek(place, k, direction)
+        status[k] = held.status
         if held.jump is not None:
             jumps.append(held.jump)
         if held.place is not None and held.row is not None:
-            place, rows[k], status[k] = held.place, held.row, Status.good.code
+            place, rows[k] = held.place, held.row
             traces[k] = np.nan if held.trace is None else held.trace
     return Visit(rows, traces, status, jumps), place
 
@@ -295,9 +295,12 @@ def there_and_back(work: Work, rising: np.ndarray) -> list[Visit]:
     return [_visit_in_time(state, order, lambda k: (work, rising[k]), False, n) for order in orders]
 
 
-def _far_state(oscillator: Oscillator, farthest: float) -> np.ndarray:
-    """Motion far above a surface, at a tip offset of `farthest` [m] at least."""
-    law, lever, free = oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
+def _far_state(oscillator: Oscillator, farthest: float, remembers: Law | None = None) -> np.ndarray:
+    """Motion far above a surface, at a tip offset of `farthest` [m] at least.
+
+    `remembers`: the law of those that follow with the longest memory, for which there is room.
+    """
+    law, lever, free = remembers or oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
     law = law._replace(arms=col.MOST_ARMS) if law.arms > 1 else law  # others may follow
     return free_state(law, lever, max(free * ratio_far_from_surface(oscillator, 0.5 * free), farthest))
 

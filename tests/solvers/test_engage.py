@@ -142,6 +142,16 @@ def test_curves_that_get_stuck_or_lead_nowhere_are_not_complete(monkeypatch: pyt
         assert pm.orbits(PINCHED, scope, setpoint=0.6).attrs["complete"] == 0
 
 
+def test_an_orbit_that_is_lost_on_the_way_is_not_one_that_is_not_there() -> None:
+    curves = curves_to_amplitude(fixed_path(work_of_material(PINCHED, pinched(15e-9), 9e-9).oscillator(0)), 9e-9)
+    assert curves.all_followed
+    (most,) = [i for i, piece in enumerate(curves.pieces) if (piece.rows[:, col.KIND] == col.WANTED).sum() > 1]
+    piece = curves.pieces[most]
+    lost = np.flatnonzero(piece.rows[:, col.KIND] == col.WANTED)[1]
+    curves.pieces[most] = replace(piece, rows=np.delete(piece.rows, lost, axis=0))
+    assert not curves.all_followed
+
+
 def _end_last(curves: Curves, ended: int) -> None:
     curves.pieces[-1] = replace(curves.pieces[-1], ended=ended)
 

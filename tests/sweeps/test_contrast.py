@@ -13,10 +13,13 @@ import xarray as xr
 from documented import check
 
 import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap._kernels.rows.answers import Answers
 from phasemap.cli import main
 from phasemap.io.netcdf import load
 from phasemap.plot import plot
 from phasemap.scenes.scene import load_setup
+from phasemap.sweeps.contrasts.result import choose
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -180,6 +183,20 @@ def test_bistable_points_are_recommended_only_with_a_warning() -> None:
     found = pm.contrast(MATRIX, PARTICLE, SCOPE, [0.8, 0.9], 18e-9)
     assert (found.regime[1] == BISTABLE).all()
     assert "not safe" in found.attrs["recommendation"]
+
+
+@pytest.mark.parametrize("spread", [1e-12, 0.0])
+def test_an_irregular_point_is_recommended_only_with_a_warning(spread: float) -> None:
+    rows = np.zeros((2, 1, 1, 2, col.COLUMNS))
+    rows[..., col.AMPLITUDE], rows[..., col.STIFFENING], rows[1, ..., col.PHASE] = 2e-8, 1e-3, [0.5, 0.4]
+    rows[1, ..., 0, col.SPREAD_AMPLITUDE] = spread  # where the contrast is larger, and contact no deeper
+    engaged = Answers(rows, np.zeros(rows.shape[:-1], np.int8), np.zeros(rows.shape[:-1], np.int8))
+    axes = np.array([3e5]), np.array([2e-8]), np.array([0.6, 0.8])
+    for places, best, safe in ((slice(None), 1 if spread else 0, True), (slice(1), 0, not spread)):
+        here = engaged._replace(rows=rows[..., places, :])
+        regime = np.full(here.rows.shape[:-1], REPULSIVE, np.int8)
+        found = choose((*axes[:2], axes[2][places]), ("a", "b"), here, regime, [])
+        assert found.place == (0, 0, best) and ("not safe" not in found.sentence) == safe
 
 
 def test_points_without_an_orbit_are_marked_and_do_not_count() -> None:

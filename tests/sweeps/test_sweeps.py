@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import phasemap as pm
+from phasemap._kernels import columns as col
+from phasemap.solvers.continuation.visit import OffOrbit, SlowFeedback, TipPlace
 
 DATA = pathlib.Path(__file__).parents[1] / "data"
 FOLDS = json.loads((DATA / "folds.json").read_text())
@@ -318,3 +320,25 @@ def test_a_frequency_far_below_a_second_mode_in_liquid_finds_the_lever_swinging(
     np.testing.assert_allclose(found.amplitude, [free, free], rtol=2e-6)  # as march states of itself
     below = pm.sweep_frequency(material, scope, frequencies[:2], tip_offset=200e-9)  # where there is no curve at all
     np.testing.assert_allclose(below.amplitude, [free[:2], free[:2]], rtol=2e-6)
+
+
+@pytest.mark.parametrize("viscosity", [None, 5.0])
+def test_a_sweep_that_begins_without_memory_goes_on_with_it(viscosity):
+    lever = pm.Cantilever(40.0, 300e3, 400.0)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(20e-9), pm.Interaction(withdrawal="ting"))
+    material = pm.Material(1e9, 0.05, viscosity=viscosity)
+    found = pm.sweep_parameter(material, scope, "viscosity", [0.0, 5.0, 10.0], setpoint=0.7)
+    assert (found.status == 0).all()
+    for value in found.viscosity.values:
+        pixel = pm.solve_pixel(replace(material, viscosity=float(value)), scope, 0.7)
+        # Both are good to 5e-5 degree.
+        np.testing.assert_allclose(found.phase.sel(viscosity=value), pixel.phase, atol=1e-4)
+
+
+def test_a_sweep_of_the_setpoint_says_that_time_was_spent_where_it_was(monkeypatch):
+    row = np.full(col.FULL, np.nan)
+    monkeypatch.setattr(OffOrbit, "go", lambda *_: (col.NOT_SETTLED, row))
+    monkeypatch.setattr(SlowFeedback, "far", lambda _: TipPlace(OffOrbit(row), 0.0))
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
+    found = pm.sweep_setpoint(pm.Material(1e9, 0.05), scope, [0.5, 0.7])
+    assert (found.status == pm.Status.not_settled.code).all()

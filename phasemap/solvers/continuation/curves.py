@@ -122,8 +122,19 @@ class Curves:
 
     @property
     def all_followed(self) -> bool:
-        """True if there is a piece, and each was followed to where it closes, leaves the box, or the force jumps."""
-        return bool(self.pieces) and all(piece.ended <= PIECE_AT_JUMP for piece in self.pieces)
+        """True if there is a piece, and each was followed to where it closes, leaves the box, or the force jumps.
+
+        And if an orbit was found wherever it passes a value wanted.
+        """
+        whole = all(piece.ended <= PIECE_AT_JUMP and self._passed(piece) for piece in self.pieces)
+        return bool(self.pieces) and whole
+
+    def _passed(self, piece: Piece) -> bool:
+        """True if a piece has as many orbits at each value wanted as its other rows pass it."""
+        wanted = piece.rows[:, col.KIND] == col.WANTED
+        number, x = piece.rows[wanted, col.INDEX], piece.rows[~wanted, COLUMN_OF[self.index]]
+        crossings = [np.count_nonzero((x[1:] > value) != (x[:-1] > value)) for value in self.wanted]
+        return all(np.count_nonzero(number == k) >= count for k, count in enumerate(crossings))
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""

@@ -282,6 +282,7 @@ class Held(NamedTuple):
     trace: np.ndarray | None  # shape (2, samples), or None; none too where the motion is not periodic
     # If the feedback lost its orbit on the way: from where it was last held, to where it is held again
     jump: Jump | None
+    status: int  # code of `phasemap._kernels.columns`
 
 
 class SlowFeedback:
@@ -336,7 +337,7 @@ class SlowFeedback:
             if wanted.any():
                 best = int(ahead[first])
                 jump = None if lost is None else Jump(direction, lost, rows[best])
-                return Held(TipPlace(place.on, float(x[best])), rows[best], place.on.traces[best], jump)
+                return Held(TipPlace(place.on, float(x[best])), rows[best], place.on.traces[best], jump, col.GOOD)
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
@@ -346,19 +347,20 @@ class SlowFeedback:
             if following is None:
                 break
             place = following
-        return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
+        return Held(None, None, None, None if lost is None else Jump(direction, lost, None), col.NO_STABLE_ORBIT)
 
     def _in_time(self, tip: OffOrbit, index: int, direction: int, lost: np.ndarray | None) -> Held:
         """Orbit on which the feedback of an instrument holds a tip that it moves on no periodic orbit."""
         status, row = tip.go(self.curves, col.AMPLITUDE, float(self.curves.wanted[index]))
         if status != col.GOOD:
-            return Held(None, None, None, None if lost is None else Jump(direction, lost, None))
+            return Held(None, None, None, None if lost is None else Jump(direction, lost, None), status)
         jump, z0 = None if lost is None else Jump(direction, lost, row), float(row[col.TIP_OFFSET])
         segment = like(self.parts, z0, row) if is_periodic(row) else None
         if segment is None:
-            return Held(TipPlace(tip, z0), row, None, jump)
+            return Held(TipPlace(tip, z0), row, None, jump, col.GOOD)
         known = (segment.rows[:, col.KIND] == col.WANTED) & (segment.rows[:, col.INDEX] == index)
         near = int(np.argmin(np.where(known, np.abs(segment.x - z0), np.inf)))
         if not known.any():
-            return Held(TipPlace(segment, z0), row, None, jump)
-        return Held(TipPlace(segment, float(segment.x[near])), segment.rows[near], segment.traces[near], jump)
+            return Held(TipPlace(segment, z0), row, None, jump, col.GOOD)
+        found, trace = segment.rows[near], segment.traces[near]
+        return Held(TipPlace(segment, float(segment.x[near])), found, trace, jump, col.GOOD)

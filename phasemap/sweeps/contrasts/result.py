@@ -99,7 +99,7 @@ def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, ju
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
     found, size = np.isfinite(contrast), np.abs(contrast)
-    single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0)
+    single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0) & (motion_of(engaged.rows) == 0).all(0)
     distance = _distances(axes, single, jumps)
     safe = single & (distance >= MARGIN) & ~_near_jump(axes, single, jumps)
     for grade, allowed in enumerate((safe, single, found)):
@@ -175,7 +175,7 @@ def _regimes(names: Sequence[str], regime: Array) -> str:
 def _caution(grade: int, distance: float) -> str:
     """Sentence on the distance of the point from a jump or second regime, and what to beware of."""
     if grade == 2:
-        return "but not safe: where a material is bistable, its phase depends on what the tip met before."
+        return "but not safe: bistable or irregular, where the phase depends on what the tip met before, or wanders."
     if np.isinf(distance):
         said = "with no jump or second regime at this free amplitude"
     else:
