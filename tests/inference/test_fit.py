@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import evidence, residuals
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
-from phasemap.inference.curves.recorded import EVERY, compared, of_curve, under
+from phasemap.inference.curves.recorded import EVERY, compared, of_curve, under, with_law
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.continuation.visit import Visit
 
@@ -334,6 +334,7 @@ def test_laws_are_ranked_by_how_likely_they_make_the_data() -> None:
     assert fit.scope.interaction.law.name == "dmt" and fit.good
     assert fit.rivals[0].scope.interaction.law.name == "hertz" and fit.evidence > fit.rivals[0].evidence + 5
     assert fit.discrepancy < 1.3 < 3 < fit.rivals[0].discrepancy
+    assert set(fit.values) == {"modulus", "adhesion", "damping", "decay_length"}, "the law's own numbers too"
     assert "law hertz" in str(fit)
     slipping = pm.Interaction(pm.interaction.Film("slipping"))
     assert replace(fit, scope=replace(fit.scope, interaction=slipping)).law == "slipping film"
@@ -419,6 +420,54 @@ def test_of_all_laws_those_are_compared_that_may_have_the_material() -> None:
     assert said == "Not compared, because they know no relaxation: jkr, maugis, punch, cone, neck, lossy dmt."
 
 
+@pytest.mark.parametrize(
+    ("asked", "fitted"),
+    [
+        (None, {"modulus": None, "adhesion": None, "damping": None, "thickness": None, "decay_length": 2.0}),
+        (("modulus", "decay_length"), {"modulus": None, "decay_length": 2.0, "thickness": None}),
+        ({"modulus": 3.0, "thickness": 1.1, "decay_length": None},
+         {"modulus": 3.0, "thickness": 1.1, "decay_length": 2.0}),
+    ],
+)  # fmt: skip
+def test_the_numbers_of_a_law_are_fitted_whatever_is_asked_and_known_as_well_as_is_said(
+    asked: Any, fitted: dict[str, float | None]
+) -> None:
+    _, start, more = under("film", SCOPE, FILM)
+    assert with_law(asked, start, more) == fitted
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"amplitude": np.ones(3)}, "amplitude is given; allowed: nothing beside a curve that was read"),
+        ({"amplitude_error": 1e-9}, "amplitude_error is given"),
+        ({"phase": np.ones(3)}, "phase is given"),
+        ({"phase_error": 1.0}, "phase_error is given"),
+        ({"offset": 3e-9}, "offset is given"),
+        ({"direction": "approach"}, r"direction is given; .* One direction is curve.sel\(direction="),
+        ({"parameters": "modulus"}, "parameters is 'modulus'; allowed: a sequence of names"),
+        ({"parameters": [["modulus"]]}, "a sequence of names"),
+        ({"parameters": ("modulus", "hardness")}, "parameters is 'hardness'; allowed: names out of modulus"),
+        ({"parameters": ("modulus", "modulus")}, "every name once"),
+    ],
+)
+def test_what_contradicts_a_curve_that_was_read_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(pm.InputError, match=message):
+        pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, **changes)
+
+
+def test_of_a_curve_that_was_read_one_direction_or_some_parameters_are_fitted() -> None:
+    scope = replace(SCOPE, interaction=pm.Interaction("hertz"))
+    one = recorded(SCOPE, 24).sel(direction="approach")
+    fit = pm.fit_distance(one, scope=scope, start=FILM, parameters=("modulus", "sensitivity"), starts=1)
+    assert set(fit.values) == {"modulus", "sensitivity"}
+    assert np.isnan(fit.curve.measured_phase.sel(direction="retract")).all()
+    asked = of_curve(one, scope, FILM, ("modulus", "sensitivity", "liquid_film"))
+    assert asked.directions == ("approach",)
+    assert asked.parameters == {"modulus": None, "sensitivity": 1.15, "liquid_film": None}
+    assert of_curve(one, scope, FILM, {"radius": 1.1}).parameters["radius"] == 1.1
+
+
 def test_a_law_that_is_not_there_is_refused() -> None:
     with pytest.raises(pm.InputError, match="law is 'wet'; allowed: one of dmt, hertz"):
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws="wet")
@@ -426,6 +475,8 @@ def test_a_law_that_is_not_there_is_refused() -> None:
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws=[])
     with pytest.raises(pm.InputError, match=r"the curve is 'height'; allowed: one of phasemap.read_curve"):
         pm.fit_distance(xr.Dataset({"height": ("x", [1.0])}), scope=SCOPE)
+    with pytest.raises(pm.InputError, match=r"the curve is .*; allowed: one of phasemap.read_curve"):
+        pm.fit_distance(recorded(SCOPE, 22).drop_vars("direction"), scope=SCOPE)
 
 
 @pytest.mark.parametrize("axis", ["frequency", "tip_offset"])

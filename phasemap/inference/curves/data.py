@@ -217,28 +217,35 @@ class Parameter:
 
 
 def check_parameters(names: object, setup: CurveSetting, axis: str) -> tuple[Parameter, ...]:
-    """The parameters of these names, from their values in `setup`; None for modulus, adhesion and damping.
-
-    `names`: a sequence, or a mapping to how well each is known: a factor above 1, a standard error, or None.
-    """
-    losses = losses_of(setup.material)
-    if names is None:
-        names = ("modulus", "adhesion", *losses)
+    """The parameters of these names, as of `spreads_of`, from their values in `setup`."""
+    losses, spreads = losses_of(setup.material), spreads_of(names, setup.material)
     known = (*OF_SAMPLE, *numbers_of_law(setup.scope.interaction), *OF_SCOPE, OFFSETS[axis], *READING)
     known = (*known, "free_phase") if axis == "tip_offset" else known
-    if not isinstance(names, Sequence | Mapping) or isinstance(names, str) or not names:
-        raise InputError("parameters", names, "a sequence of names out of " + ", ".join(known))
     found = []
-    for i, name in enumerate(names):
+    for name, spread in spreads.items():
         if name not in known:
             raise InputError("parameters", name, "names out of " + ", ".join(known))
         if name in ("damping", "viscosity") and name not in losses:
             has = losses[0] if losses else "modulus, adhesion or relaxation_time"
             raise InputError("parameters", name, f"{has}, because that is what the start material has")
-        if name in list(names)[:i]:
-            raise InputError("parameters", name, "every name once")
-        found.append(_parameter(name, setup, names[name] if isinstance(names, Mapping) else None))
+        found.append(_parameter(name, setup, spread))
     return tuple(sorted(found, key=lambda one: one.name == "free_phase"))  # last: of the lever as it then is
+
+
+def spreads_of(names: Any, material: Material) -> dict[str, float | None]:
+    """How well parameters of these names are known: a factor above 1, a standard error, or None, as is usual.
+
+    `names`: a sequence, a mapping to these, or None for modulus, adhesion and what describes the material's losses.
+    """
+    if names is None:
+        return dict.fromkeys(("modulus", "adhesion", *losses_of(material)))
+    is_list = isinstance(names, Sequence | Mapping) and not isinstance(names, str)
+    if not (is_list and names and all(isinstance(name, str) for name in names)):
+        raise InputError("parameters", names, "a sequence of names, such as modulus and adhesion, or a mapping of them")
+    spreads = dict(names) if isinstance(names, Mapping) else dict.fromkeys(names)
+    if len(spreads) < len(names):
+        raise InputError("parameters", names, "every name once")
+    return spreads
 
 
 def losses_of(material: Material) -> tuple[str, ...]:

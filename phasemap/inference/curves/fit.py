@@ -16,7 +16,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
-from phasemap.inference.curves.recorded import EVERY, begun, compared, of_curve, under
+from phasemap.inference.curves.recorded import EVERY, begun, check_unsaid, compared, of_curve, under, with_law
 from phasemap.inference.curves.residuals import Problem
 from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.determined import PRIOR
@@ -106,7 +106,7 @@ def fit_distance(
     amplitude_error: Any = None,
     phase: Any = None,
     phase_error: Any = None,
-    direction: Any = "approach",
+    direction: Any = None,
     parameters: Any = None,
     starts: int = 5,
 ) -> Fit:
@@ -125,21 +125,22 @@ def fit_distance(
         Of one that relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
     laws : sequence of str or Interaction, optional
         Contact laws to compare, or "all", for a material that relaxes all that know it; by default that of `scope`.
-        Each starts, too, from what the best before it found, so name simple ones first. Of "neck", "lossy dmt" and
-        films the law's own numbers are fitted, of "capillary" the film of tip and sample together. "lossy dmt" and
-        "capillary" are marched in time, which takes minutes.
+        Each starts, too, from what the best before it found, so name simple ones first. Besides `parameters`, decay
+        lengths are fitted and the own numbers of "neck", "lossy dmt" and films, of "capillary" the film of tip and
+        sample together. "lossy dmt" and "capillary" are marched in time, which takes minutes.
     offset : float
         That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
     amplitude, amplitude_error, phase, phase_error : array_like
-        As in `fit_frequency`.
+        As in `fit_frequency`; not beside a curve that was read.
     direction : str or tuple
-        "approach", "retract", or ("approach", "retract") for data of shape (2, n).
+        "approach" (the default), "retract", or ("approach", "retract") for data of shape (2, n). A curve that was read
+        has its own; one of two is ``curve.sel(direction="approach")``.
     parameters : sequence of str or mapping, optional
         As in `fit_frequency`, with "offset" in place of "tip_offset", and "sensitivity" (of the amplitude, over the
         supposed one; the free amplitude follows it), "free_phase" [degree], "thickness" of a film, "liquid_film",
         "relaxation_time", and the numbers of the contact law by their names ("adhesion_ratio", "outer_loss"; that of a
-        `Neck` is "neck_length"), known within a factor of 10. Of a curve that was read, a mapping changes how well
-        these are known.
+        `Neck` is "neck_length"), known within a factor of 10. Of a curve that was read, a sequence says what is
+        fitted in place of the above, and a mapping adds to it, or changes how well it is known.
     starts : int
         As in `fit_frequency`.
 
@@ -163,21 +164,25 @@ def fit_distance(
     """
     height = number("offset", offset, "m")
     given = {"amplitude": (amplitude, amplitude_error), "phase": (phase, phase_error)}
-    own, read = parameters, hasattr(tip_offsets, "data_vars")
+    read = hasattr(tip_offsets, "data_vars")
+    as_asked = laws is None and (not read or isinstance(parameters, Sequence))
     if read:
+        check_unsaid(
+            height, amplitude=amplitude, amplitude_error=amplitude_error, phase=phase, phase_error=phase_error,
+            direction=direction,
+        )  # fmt: skip
         start = begun(start)
-        found = of_curve(tip_offsets, scope, start)
-        tip_offsets, given, direction, scope, height, own = found
-        own |= parameters or {}
-    if laws is None and not read:
-        return _fit("tip_offset", tip_offsets, given, direction, (start, scope, height), own, starts)
+        tip_offsets, given, direction, scope, height, parameters = of_curve(tip_offsets, scope, start, parameters)
+    direction = "approach" if direction is None else direction
+    if as_asked:
+        return _fit("tip_offset", tip_offsets, given, direction, (start, scope, height), parameters, starts)
     named, left_out = compared(laws, scope, start)
     if not named:
         raise InputError("laws", laws, f"one at least of {', '.join(EVERY)}, or all")
     fits: list[Fit] = []
     for law in named:
         beneath, first, more = under(law, scope, start)
-        asked = {**(own if isinstance(own, Mapping) else dict.fromkeys(own)), **more} if own else own
+        asked = with_law(parameters, first, more)
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
         fits.append(_fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known))
     best, *others = sorted(fits, key=lambda one: -one.evidence)

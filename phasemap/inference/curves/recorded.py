@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -9,13 +10,13 @@ import numpy as np
 import xarray as xr
 
 from phasemap._shared.arrays import within_half_a_turn
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import number_of
 from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Neck, may_remember
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.curves.data import losses_of, numbers_of_law
+from phasemap.inference.curves.data import numbers_of_law, spreads_of
 from phasemap.inference.determined import PRIOR
 
 BINS, FLAT = 30, 5  # of the distances at which something acts on the tip, and of those beyond
@@ -46,10 +47,14 @@ class FitArguments(NamedTuple):
     parameters: dict[str, float | None]  # what is to be fitted, and how well it is known beforehand
 
 
-def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> FitArguments:
-    """Arguments of a fit to a curve of `phasemap.read_curve`, for a material like `start`."""
-    if not {"distance", "amplitude"} <= set(curve.data_vars):
-        raise InputError("the curve", ", ".join(map(str, curve.data_vars)), "one of phasemap.read_curve")
+def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any = None) -> FitArguments:
+    """Arguments of a fit to a curve of `phasemap.read_curve`, for a material like `start`.
+
+    `asked`: parameters to be fitted in place of the usual ones, or a mapping of what is known otherwise, or more.
+    """
+    if not {"distance", "amplitude", "direction"} <= set(curve.variables):
+        raise InputError("the curve", ", ".join(map(str, curve.variables)), "one of phasemap.read_curve")
+    curve = curve if curve["direction"].ndim else curve.expand_dims("direction")
     attrs, volts = curve.attrs, curve["amplitude"].attrs.get("units") == "V"
     sensitivity = float(attrs.get("amplitude_sensitivity", np.nan)) if volts else 1.0
     free = sensitivity * float(attrs.get("free_amplitude_voltage" if volts else "free_amplitude", np.nan))
@@ -81,16 +86,33 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material) -> FitArgume
         raise InputError("the curve", f"{len(middles)} distances at which something acts", "5 at least, each way")
     drive = scope.drive
     scope = replace(scope, drive=replace(drive, free_amplitude=free * drive.free_amplitude / scope.driven_amplitude))
-    named = ("modulus", "adhesion", *losses_of(start), "offset", "radius")
-    parameters: dict[str, float | None] = dict.fromkeys(named)
+    parameters: dict[str, float | None] = {**spreads_of(None, start), "offset": None, "radius": None}
     parameters["sensitivity"] = GUESSED if volts else CALIBRATED
     if "phase" in values:
         parameters |= {"phase_offset": ZERO, "free_phase": None}
+    if isinstance(asked, Mapping):
+        parameters |= asked
+    elif asked is not None:
+        parameters = {name: parameters.get(name) for name in spreads_of(asked, start)}
     given = {name: (means[name][:, seen], errors[name][:, seen]) for name in means}
     return FitArguments(
         middles, given, tuple(map(str, curve["direction"].values)), scope,
         float(means["amplitude"][:, seen][:, 0].mean() - middles[0]), parameters,
     )  # fmt: skip
+
+
+def check_unsaid(offset: float, **given: Any) -> None:
+    """Refuse what is given beside a curve that was read, which has its own."""
+    for name, value in {"offset": offset or None, **given}.items():
+        if value is not None:
+            one = 'One direction is curve.sel(direction="approach").' if name == "direction" else ""
+            raise InputError(name, Word("given"), "nothing beside a curve that was read, which has its own", one)
+
+
+def with_law(parameters: Any, start: Material, more: dict[str, float | None]) -> dict[str, float | None]:
+    """What is fitted with what a law adds; what is said of how well that is known is kept."""
+    own = spreads_of(parameters, start)
+    return {**own, **more, **{name: spread for name, spread in own.items() if spread is not None}}
 
 
 def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
