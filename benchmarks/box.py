@@ -110,7 +110,7 @@ def solve(batch: Batch, solver: str = "auto") -> Solved:
         started = time.process_time()
         rows, codes, _ = run(method, one, accuracy, threads=1)
         seconds[i], status[i] = time.process_time() - started, codes[0]
-        irregular[i] = col.irregular(rows[0])
+        irregular[i] = col.is_mean(rows[0])
     return Solved(batch, seconds, status, irregular)
 
 

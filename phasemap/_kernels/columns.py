@@ -148,10 +148,16 @@ NOWHERE = -1  # of a tip that has not been engaged
 UNKNOWN_ORBIT = -1  # whether a material has an orbit: neither 0 nor 1
 
 
-def irregular(rows: np.ndarray) -> np.ndarray:
-    """True if motion is not periodic, for result rows, shape (..., COLUMNS); what is not known is not irregular."""
+def is_mean(rows: np.ndarray) -> np.ndarray:
+    """True if a result row, shape (..., COLUMNS), is the mean of motion that came to no periodic orbit."""
     spreads: np.ndarray = rows[..., SPREAD_AMPLITUDE] > 0
     return spreads
+
+
+def is_repulsive(rows: np.ndarray) -> np.ndarray:
+    """True if a result row, shape (..., COLUMNS), is on the repulsive branch; False also where there is none."""
+    repelled: np.ndarray = rows[..., STIFFENING] > 0
+    return repelled
 
 
 class StableOrbits(NamedTuple):

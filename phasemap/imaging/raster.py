@@ -161,7 +161,7 @@ def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branc
     spread(interpolate, bounds_of(count, chunk_of(count, job.workers, BLOCK)), job.workers, None)
     held = ~np.isnan(engaged[:, col.AMPLITUDE])
     rows = np.full((SLOTS, count, col.COLUMNS), np.nan)
-    side = (engaged[:, col.STIFFENING] > 0).astype(np.intp)
+    side = col.is_repulsive(engaged).astype(np.intp)
     rows[side, np.arange(count)], rows[ENGAGED] = engaged, engaged
     status, solver = np.full((SLOTS, count), col.GOOD, np.int8), np.full((SLOTS, count), col.INTERPOLATED, np.int8)
     branches = Branches(rows, status, solver, np.full((ENGAGED, count), np.inf))

@@ -62,7 +62,7 @@ class Branches(NamedTuple):
     @property
     def engaged(self) -> Codes:
         """Branch that engagement finds: ATTRACTING, REPELLING, or NOWHERE; shape (n,)."""
-        side = self.rows[ENGAGED, :, col.STIFFENING] > 0
+        side = col.is_repulsive(self.rows[ENGAGED])
         return np.where(self.status[ENGAGED] == col.GOOD, side, NOWHERE).astype(np.int8)
 
     def put(self, at: NDArray[np.intp] | slice, found: Branches) -> None:
@@ -119,7 +119,7 @@ def _fill_both_branches(work: Work, solver: Solver, accuracy: Accuracy, answers:
     allowed = {"auto": limits, "averaging": ErrorLimits(math.inf, math.inf)}.get(solver.name, ErrorLimits(0.0, 0.0))
     known, engaged = answers.of(ENGAGED), answers.status[ENGAGED] == col.GOOD
     for slot, side in SIDES.items():
-        here = np.flatnonzero(engaged & ((known.rows[:, col.STIFFENING] > 0) == (slot == REPELLING)))
+        here = np.flatnonzero(engaged & (col.is_repulsive(known.rows) == (slot == REPELLING)))
         own = answers.of(slot)
         own.status[:] = col.PENDING
         own.put(here, known.of(here))
@@ -141,8 +141,8 @@ def _limit_repulsive_branch(work: Work, most: int, found: Branches) -> None:
     A tip that comes on that branch, but higher, from a stiffer material, falls off it.
     """
     rows = found.rows
-    attractive = ~(rows[ENGAGED, :, col.STIFFENING] > 0)
-    chosen = np.flatnonzero(col.irregular(rows[ENGAGED]) & attractive & (found.status[REPELLING] == col.GOOD))
+    attractive = ~col.is_repulsive(rows[ENGAGED])
+    chosen = np.flatnonzero(col.is_mean(rows[ENGAGED]) & attractive & (found.status[REPELLING] == col.GOOD))
     if len(chosen):
         from phasemap._kernels.scanning.quasi_static import reach_rows
 
@@ -162,7 +162,7 @@ def _search(work: Work, side: int, answers: Answers) -> None:
         curves = curves_to_amplitude(fixed_path(work.oscillator(int(i))), work.amplitudes[i])
         found = curves.wanted_rows[:, : col.COLUMNS]
         stable = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
-        on = found[stable & ((found[:, col.STIFFENING] > 0) == (side > 0))]
+        on = found[stable & (col.is_repulsive(found) == (side > 0))]
         status[i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT if curves.all_followed else col.NOT_CONVERGED
         if len(on):
             rows[i], used[i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
@@ -181,11 +181,11 @@ def _march(work: Work, solver: March, periods: int, answers: Answers) -> None:
     """March exact orbits in time, in place; an orbit that time leads to the other branch is none."""
     rows, status, _ = answers
     for slot in SIDES:
-        known = (status[ENGAGED] == col.GOOD) & ((rows[ENGAGED, :, col.STIFFENING] > 0) == (slot == REPELLING))
+        known = (status[ENGAGED] == col.GOOD) & (col.is_repulsive(rows[ENGAGED]) == (slot == REPELLING))
         other = np.flatnonzero((status[slot] == col.GOOD) & ~known)
         found = answers.of(slot).of(other)
         some, done, _ = found
         solver.settle(work.part(other), np.arange(len(other)), found, periods)
-        gone = (done == col.GOOD) & ((some[:, col.STIFFENING] > 0) != (slot == REPELLING))
+        gone = (done == col.GOOD) & (col.is_repulsive(some) != (slot == REPELLING))
         some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
         answers.of(slot).put(other, found)

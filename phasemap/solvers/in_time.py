@@ -60,7 +60,7 @@ class InTime:
             check_stopped()
             one = slice(i, i + 1)
             rows_of(work.part(chosen[one]).pixels, eta, periods, some[one], codes[one])
-        periodic = (codes == col.GOOD) & ~col.irregular(some)
+        periodic = (codes == col.GOOD) & ~col.is_mean(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
         some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors

@@ -134,7 +134,7 @@ class Averaging:
         if not engage_averaged(work, accuracy.periods, answers):
             return
         # What is not periodic has no averaged orbit: the march's mean stands.
-        kept = np.flatnonzero(col.irregular(answers.rows))
+        kept = np.flatnonzero(col.is_mean(answers.rows))
         means = answers.rows[kept]
         averaged_near_rows(work.pixels, answers)
         answers.rows[kept], answers.status[kept], answers.solver[kept] = means, col.GOOD, col.MARCH

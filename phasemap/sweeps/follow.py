@@ -17,7 +17,7 @@ from phasemap._kernels.engagement.in_time import free_state
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.lever import free_amplitude
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
-from phasemap._kernels.orbits.collocation.path import fixed_path as fixed_path_of
+from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
 from phasemap.experiment.microscope import Microscope
@@ -29,7 +29,7 @@ from phasemap.solvers.continuation.curves import (
     held_curves,
     swept_curves,
 )
-from phasemap.solvers.continuation.path import UNITS, Question, Spacing, fixed_path, swept_path
+from phasemap.solvers.continuation.path import UNITS, Question, Spacing, path_of, path_over
 from phasemap.solvers.continuation.visit import (
     Jump,
     OffOrbit,
@@ -162,7 +162,7 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         _check_no_samples(samples)
         work = question.work(marched=True)
         return _dataset_in_time(question, work, about, there_and_back(work, wanted))
-    curves = distance_curves(fixed_path(question), wanted, samples)
+    curves = distance_curves(path_of(question), wanted, samples)
     parts = segments(curves)
     first = next((part for part in parts if part.row_at(wanted[-1]) is not None), None)  # on the curve from far
     approach = walk(curves, first, parts, True, 0)
@@ -181,7 +181,7 @@ def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         state = _far_state(work.oscillator(0), 0.0)
         visits = [_visit_in_time(state, order, lambda k: (work, wanted[k]), True, n) for order in (falling, range(n))]
         return _dataset_in_time(question, work, about, visits)
-    feedback = SlowFeedback(held_curves(fixed_path(question), wanted, samples))
+    feedback = SlowFeedback(held_curves(path_of(question), wanted, samples))
     down, place = _hold(feedback, feedback.far(), falling, 0)
     up, _ = _hold(feedback, place, range(n), 1)
     return dataset(feedback.curves, about, [down, up], question)
@@ -212,7 +212,7 @@ def parameter(
             for order in (range(n), range(n - 1, -1, -1))
         ]  # fmt: skip
         return _dataset_in_time(question, works[0], about, visits, held)
-    wanted, path = np.sort(scale.m(axis)), swept_path(question, name, scale, held_under, of_amplitude)
+    wanted, path = np.sort(scale.m(axis)), path_over(question, name, scale, held_under, of_amplitude)
     curves = swept_curves(path, wanted, samples)
     visits = _sweep_at_offset(curves, height) if ratio is None else _sweep_held(curves, question, name, scale, ratio)
     return dataset(curves, about, visits, question, held)
@@ -272,7 +272,7 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, r
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
         """Orbit on which the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.with_parameter(name, float(scale.value(m)))
-        feedback = SlowFeedback(held_curves(fixed_path(here), np.array([ratio * here.scope.driven_amplitude]), 0))
+        feedback = SlowFeedback(held_curves(path_of(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
         if place is None:
             return None
@@ -324,5 +324,5 @@ def _dataset_in_time(
     question: Question, work: Work, about: Axis, visits: list[Visit], held: dict[str, float | None] | None = None
 ) -> xr.Dataset:
     """Dataset of a sweep in time, which has no curve."""
-    curves = Curves(fixed_path_of(work.oscillator(0)), col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
+    curves = Curves(fixed_path(work.oscillator(0)), col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
     return dataset(curves, about, visits, question, held)

@@ -23,7 +23,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import STABILITY, coded, of_rows, provenance
 from phasemap.solvers.continuation.curves import curves_to_amplitude, curves_to_offset
-from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, Question, fixed_path
+from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, Question, path_of
 from phasemap.solvers.problem import check_marched, check_setpoint, work_of_material
 from phasemap.sweeps.follow import distance, parameter, setpoint
 
@@ -245,7 +245,7 @@ def orbits(
     """
     if (setpoint is None) == (tip_offset is None):
         raise InputError("setpoint, tip_offset", (setpoint, tip_offset), "exactly one of the two")
-    path = fixed_path(Question(material, scope))
+    path = path_of(Question(material, scope))
     if setpoint is not None:
         setpoint = check_setpoint(setpoint)
         curves = curves_to_amplitude(path, setpoint * scope.driven_amplitude)

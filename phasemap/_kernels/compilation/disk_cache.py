@@ -55,7 +55,7 @@ class DiskCache:
 
     @property
     def cache_path(self) -> str:
-        """Folder of the files."""
+        """Folder of the files, for numba, which shows it; their names begin with `_name`."""
         return str(folder() or "")
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:

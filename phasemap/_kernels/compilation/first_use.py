@@ -37,6 +37,7 @@ class FirstUse:
         self._bar = bool(getattr(sys.stderr, "isatty", bool)())
 
     def __enter__(self) -> FirstUse:
+        """Print progress, from a thread of its own, unless PHASEMAP_QUIET is set."""
         if not os.environ.get("PHASEMAP_QUIET"):
             threading.Thread(target=self._print, daemon=True).start()
         return self

@@ -203,7 +203,7 @@ class _Lowering(NativeLowering):
         return _Lower
 
     def run_pass(self, state: Any) -> bool:
-        """Lower, with references counted where there are some."""
+        """Lower; numba counts references only in functions that own arrays, for others need no code for that."""
         state.targetctx.enable_nrt = self._owns(state)
         return bool(super().run_pass(state))
 

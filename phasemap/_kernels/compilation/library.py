@@ -98,6 +98,7 @@ class _Version:
     """A function for one kind of arguments: numbers by value, arrays and records by address, as numba passes them."""
 
     def __init__(self, code: ctypes.CDLL, symbol: str, arguments: list[Any], answer: Any) -> None:
+        """Numba's signature: the place of the answer, that of an error, then the arguments."""
         self._kinds, self._symbol = arguments, symbol
         self._pack = [_packer(kind) for kind in arguments]
         self._answer = type("Answer", (ctypes.Structure,), {"_fields_": [("value", _layout(answer))]})

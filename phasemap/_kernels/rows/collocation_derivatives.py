@@ -128,7 +128,8 @@ def collocation_block(
 ) -> None:
     """Fill in phase and tip offset of exact orbits near known ones, as `averaged_block` does of averaged ones.
 
-    They may be on either branch. With `search` those that curves lead to are tried where places lead nowhere.
+    They may be on either branch. Of each material and setpoint `places` keep the orbit to start from, which the orbit
+    found replaces; with `search` those that curves lead to are tried where that leads nowhere.
     """
     levers, amplitudes, sides, places = setpoints
     values, slopes, good = found

@@ -86,7 +86,7 @@ def _engine_of(job: Job, work: Work) -> int:
     if name == "averaging" and hysteretic:
         some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
         rows, _, _ = run(by_name("auto"), some, ENGAGED, threads=job.workers)
-        if irregular := int(col.irregular(rows).sum()):
+        if irregular := int(col.is_mean(rows).sum()):
             allowed = (
                 f"'march' or 'auto': on {irregular} of {len(some)} materials tried the tip does not touch in every "
             )

@@ -168,6 +168,7 @@ class _Builder:
 
     def _few_above(self, box: Box, materials: Array) -> float:
         """Adhesion above which so few materials lie that it does not pay to locate borders; -inf if it is so of all."""
+        # What locating takes, in exact orbits, over what a material is worth.
         taken = LOCATE / 4.0 ** sum(box[side] == box[side + 1] for side in (0, 2))
         few = max(1, int(taken / (WORTH * self.weight)))
         return float(np.partition(materials[:, 2], -few)[-few]) if few <= len(materials) else -np.inf

@@ -61,10 +61,10 @@ class Cell:
         lower: End,
         upper: End,
         thickness: float,
-        least: float,
+        least_margin: float,
         grazes: bool,
     ) -> Cell:
-        """A layer without margins at its borders, as wide as their error: at a jump at least `least` of the layer.
+        """A layer less a margin at each border: as wide as its error, at a jump at least `least_margin` of the layer.
 
         There orbits change with the root of the distance, and where the tip grazes integrals over contacts do, which
         are among the functions if `grazes`.
@@ -72,7 +72,7 @@ class Cell:
         margins, roots = [0.0, 0.0], [False, False]
         for i, end in enumerate((lower, upper)):
             if isinstance(end, Border) and (end.sudden or grazes):
-                roots[i], margins[i] = True, max(least if end.sudden else 0.0, 4 * end.error / thickness)
+                roots[i], margins[i] = True, max(least_margin if end.sudden else 0.0, 4 * end.error / thickness)
         form = ((EVEN_PLACE, ROOT_HIGH), (ROOT_LOW, ROOT_BOTH))[roots[0]][roots[1]]
         low, high = (float(_place(np.array(share), form)) for share in (margins[0], 1 - margins[1]))
         return cls((*box, low, high), lower, upper, form)

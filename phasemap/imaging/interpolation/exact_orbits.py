@@ -151,7 +151,7 @@ class ExactOrbits:
             return bare_rows(self.axes.materials(points.T)[0], self.scope, _repeated(self.film, len(points)))
 
         values: Array = widened(rows, work, used, self.scope, bare, self._names)[:, self.functions]
-        values[(status != col.GOOD) | col.irregular(rows)] = np.nan
+        values[(status != col.GOOD) | col.is_mean(rows)] = np.nan
         return values
 
 

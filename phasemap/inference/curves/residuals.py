@@ -19,7 +19,7 @@ from phasemap._shared.threads import workers_of
 from phasemap.experiment.lever import seen
 from phasemap.inference.curves.data import CurveSetting, Data, Parameter
 from phasemap.solvers.continuation.curves import Curves, distance_curves, swept_curves
-from phasemap.solvers.continuation.path import Question, Spacing, fixed_path, swept_path
+from phasemap.solvers.continuation.path import Question, Spacing, path_of, path_over
 from phasemap.solvers.continuation.visit import segments
 from phasemap.sweeps.follow import there_and_back
 
@@ -57,9 +57,9 @@ class Course(NamedTuple):
         """The course of a sweep over these values [Hz or m]."""
         question = Question(setup.material, setup.scope)
         if axis != "frequency":
-            return cls(fixed_path(question), values + setup.height, np.zeros(len(values)))
+            return cls(path_of(question), values + setup.height, np.zeros(len(values)))
         scale = Spacing.over(values)
-        path = swept_path(question, "frequency", scale, lambda _: setup.height, False)
+        path = path_over(question, "frequency", scale, lambda _: setup.height, False)
         return cls(path, np.full(len(values), setup.height), scale.m(values))
 
 
@@ -102,7 +102,7 @@ def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> Branches:
     x, work, found = np.concatenate([nearer, np.sort(tip_offsets)]), question.work(marched=True), []
     for visit in there_and_back(work, x):
         rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
-        repelled = rows[:, col.STIFFENING] > 0
+        repelled = col.is_repulsive(rows)
         for side in (repelled, ~repelled):
             there = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
             for part in np.split(there, 1 + np.flatnonzero(np.diff(there) > 1)) if len(there) else ():

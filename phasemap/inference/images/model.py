@@ -150,7 +150,7 @@ class Model:
             some = np.flatnonzero(~good[:, j] & (sides[:, j] != 0))
             work = Work(self.law, rows[some], self.levers[j], np.full(len(some), self.amplitudes[j]))
             found, status, _ = run(Orbit(in_time=not self.averages), work, Accuracy(), threads=1)
-            here = (found[:, col.STIFFENING] > 0) == (sides[some, j] > 0)
+            here = col.is_repulsive(found) == (sides[some, j] > 0)
             good[some, j] = (status == col.GOOD) & (here | (not self.averages))
             values[some, j] = found[:, [col.PHASE, col.TIP_OFFSET]]
         return values, good

@@ -112,7 +112,7 @@ def _on_branch(work: Work, repelled: np.ndarray) -> np.ndarray:
     """Exact phase [rad] and tip offset [m] on the repulsive branch or the other, shape (n, 2); NaN without an orbit."""
     rows, status, _ = run(by_name("orbit"), work, FINE, threads=1)
     found = rows[:, [col.PHASE, col.TIP_OFFSET]]
-    other = np.flatnonzero((status != col.GOOD) | ((rows[:, col.STIFFENING] > 0) != repelled))
+    other = np.flatnonzero((status != col.GOOD) | (col.is_repulsive(rows) != repelled))
     if len(other):  # the tip engages on the other branch
         both = stable_branches(work.part(other), by_name("orbit"), FINE)
         here = repelled[other].astype(int), np.arange(len(other))

@@ -75,7 +75,7 @@ class Question:
         return relaxes(self.material) or ting or interaction.law.in_time
 
 
-def fixed_path(question: Question) -> Path:
+def path_of(question: Question) -> Path:
     """The path of a sweep in tip offset or setpoint: nothing else moves."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
 
@@ -110,7 +110,7 @@ class Spacing:
         return np.asarray(2 * (np.asarray(value) - self.low) / (self.high - self.low) - 1)
 
 
-def swept_path(
+def path_over(
     question: Question, name: str, scale: Spacing, held: Callable[[Microscope], float], of_amplitude: bool
 ) -> Path:
     """The path of a sweep in a parameter, with z0 or A held.

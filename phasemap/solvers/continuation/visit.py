@@ -226,7 +226,7 @@ def _after(curves: Curves, here: Segment | OffOrbit | None, x: float) -> np.ndar
 
 def is_periodic(row: np.ndarray) -> bool:
     """True if a row is that of a periodic orbit."""
-    return bool(np.isfinite(row[col.AMPLITUDE]) and not col.irregular(row))
+    return bool(np.isfinite(row[col.AMPLITUDE]) and not col.is_mean(row))
 
 
 def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:

@@ -131,11 +131,11 @@ def _add_motion(
 
 @kernel(fastmath=ANY_ORDER)
 def _unresolved(nodes: Nodes, again: float) -> float:
-    """Integral of g exp(-i nu theta) that the nodes may miss, from what their highest polynomials find in it.
+    """Integral of the force g exp(-i nu theta) that the nodes may miss, from what their highest polynomials find in it.
 
     Where a share x of it is found there, some x^4/20 or x^4/30 is missed, for a mode turns by many radians in an
     element. Running integrals miss more of it in between, which the force at the nodes averages out. What is missed
-    after contact is felt in the next one, as `again` of it at angle 0.
+    after contact (element 2) comes back a period later, as the share `again` of what it is at angle 0.
     """
     rest = 0.0
     for element in range(2 + parts_of(nodes)):

@@ -251,6 +251,7 @@ def end_growth(m: np.ndarray, xi: float, t: float, kelvin: bool, arms: Arms) -> 
 def resume_growth(m: np.ndarray, xi: float, t: float, arms: Arms) -> None:
     """Let a contact that shrank grow again from its edge xi, at time t: what lay outside is kept in new nodes."""
     fill_creep_inside(m, xi, t, arms)
+    # The topmost node becomes the edge, with the peak that it had.
     top = int(m[INNER_COUNT]) - 1
     peak = m[node_at(m, False, top) + NODE_PEAK]
     m[INNER_COUNT] = top
