@@ -155,7 +155,7 @@ def _limit_repulsive_branch(work: Work, most: int, found: Branches) -> None:
 def _search(work: Work, side: int, answers: Answers) -> None:
     """Decide materials still PENDING on a side of the resonance by all the exact orbits that there are."""
     from phasemap._kernels.orbits.collocation.path import fixed_path
-    from phasemap.solvers.continuation.curves import curves_to_amplitude
+    from phasemap.solvers.continuation.whole_curves import curves_to_amplitude
 
     rows, status, used = answers
     for i in np.flatnonzero(status == col.PENDING):

@@ -23,12 +23,7 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import STABILITY, coded, flag_attributes, of_rows, provenance
-from phasemap.solvers.continuation.curves import (
-    Curves,
-    distance_curves,
-    held_curves,
-    swept_curves,
-)
+from phasemap.solvers.continuation.curves import Curves
 from phasemap.solvers.continuation.path import UNITS, Question, Spacing, path_of, path_over
 from phasemap.solvers.continuation.visit import (
     Jump,
@@ -45,6 +40,7 @@ from phasemap.solvers.continuation.visit import (
     stable,
     walk,
 )
+from phasemap.solvers.continuation.whole_curves import distance_curves, held_curves, swept_curves
 from phasemap.solvers.problem import Work
 
 NAMES = (

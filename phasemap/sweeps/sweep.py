@@ -22,8 +22,8 @@ from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import STABILITY, coded, of_rows, provenance
-from phasemap.solvers.continuation.curves import curves_to_amplitude, curves_to_offset
 from phasemap.solvers.continuation.path import MOST_SAMPLES, NUMBERS, Question, path_of
+from phasemap.solvers.continuation.whole_curves import curves_to_amplitude, curves_to_offset
 from phasemap.solvers.problem import check_marched, check_setpoint, work_of_material
 from phasemap.sweeps.follow import distance, parameter, setpoint
 

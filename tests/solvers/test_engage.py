@@ -12,7 +12,8 @@ import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import PIECE_AT_JUMP, PIECE_FULL, PIECE_STUCK
 from phasemap._kernels.orbits.collocation.path import fixed_path
-from phasemap.solvers.continuation.curves import Curves, curves_to_amplitude
+from phasemap.solvers.continuation.curves import Curves
+from phasemap.solvers.continuation.whole_curves import curves_to_amplitude
 from phasemap.solvers.problem import make_work, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Orbit

@@ -21,7 +21,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.lever import detected_signal, lever_of, of_tip, offset_and_factor, sees_tip
 from phasemap.scenes.scene import load_scene
 from phasemap.solvers.both_branches import stable_branches
-from phasemap.solvers.continuation.curves import held_curves
+from phasemap.solvers.continuation.whole_curves import held_curves
 from phasemap.solvers.problem import work_of_material
 from phasemap.solvers.solver import by_name
 

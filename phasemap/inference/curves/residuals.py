@@ -18,9 +18,10 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
 from phasemap.experiment.lever import seen
 from phasemap.inference.curves.data import CurveSetting, Data, Parameter
-from phasemap.solvers.continuation.curves import Curves, distance_curves, swept_curves
+from phasemap.solvers.continuation.curves import Curves
 from phasemap.solvers.continuation.path import Question, Spacing, path_of, path_over
 from phasemap.solvers.continuation.visit import segments
+from phasemap.solvers.continuation.whole_curves import distance_curves, swept_curves
 from phasemap.sweeps.follow import there_and_back
 
 NEARER = 4  # tip offsets between the nearest datum and half of the free amplitude
