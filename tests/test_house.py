@@ -1,4 +1,4 @@
-"""The sizes that a reader can expect: of a function's list of arguments, and of a file."""
+"""The sizes that a reader can expect, of a list of arguments and of a file, and how errors say values."""
 
 from __future__ import annotations
 
@@ -36,3 +36,16 @@ def test_no_function_takes_more_than_nine_arguments_by_place() -> None:
 
 def test_no_file_is_longer_than_four_hundred_lines() -> None:
     assert not [place for place, text in files() if len(text.splitlines()) > MOST_LINES]
+
+
+def test_a_value_that_an_error_describes_has_no_quotes() -> None:
+    # "not increasing" would make of it: coordinate x is 'not increasing'. Word("not increasing") does not.
+    quoted = {
+        f"{place}: {said.value}"
+        for place, text in files()
+        for call in ast.walk(ast.parse(text))
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "InputError"
+        for said in call.args[1:2]
+        if isinstance(said, ast.Constant) and isinstance(said.value, str) and " " in said.value
+    }
+    assert not quoted

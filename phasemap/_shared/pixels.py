@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasemap._shared.arrays import Array
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.quantities import NotThatUnit, scaled
 
 if TYPE_CHECKING:
@@ -51,7 +51,8 @@ def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
     steps = np.diff(values)
     if steps.size and not (steps > 0).all():
         way = "falls or rises from the top of the image" if dim == "y" else "rises from the left of the image"
-        raise InputError(f"coordinate {dim}", "not monotonic" if dim == "y" else "not increasing", f"one that {way}")
+        found = Word("not monotonic" if dim == "y" else "not increasing")
+        raise InputError(f"coordinate {dim}", found, f"one that {way}")
     step = 2 * values[0]
     if steps.size and not np.allclose(values, centres(values.size, step), rtol=1e-9, atol=0):
         step = (values[-1] - values[0]) / steps.size

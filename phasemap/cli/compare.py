@@ -74,7 +74,7 @@ def compare(arguments: argparse.Namespace) -> None:
 
     check_files(arguments)
     if arguments.row is not None and arguments.plot is None:
-        raise InputError("--row", arguments.row, "with --plot only")
+        raise InputError("--row", arguments.row, "none without --plot")
     direction = _split_names("--direction", arguments.direction)
     options: dict[str, Any] = {
         "offset": _offset(arguments.offset),

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import convolve1d
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import downwards
 from phasemap._shared.units import readable
 from phasemap.io.measured import on_one_turn
@@ -87,7 +87,7 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
         if set(image[channel].dims) != {"y", "x"}:
             raise InputError(f"dims of {channel} of {name}", ds[channel].dims, "('y', 'x') or ('direction', 'y', 'x')")
         if not np.isfinite(image[channel].values).any():
-            raise InputError(f"{channel} of {name}", "NaN everywhere", "an image with finite values")
+            raise InputError(f"{channel} of {name}", Word("NaN everywhere"), "a map with finite values")
     if "phase" in image:
         image["phase"] = image["phase"].copy(data=on_one_turn(image["phase"].values))
     return image.transpose("y", "x").reset_coords(drop=True)
@@ -101,7 +101,7 @@ def _check_places(name: str, ds: xr.Dataset, dim: str) -> None:
         raise InputError(f"number of pixels along {dim} of {name}", ds[dim].size, f"{FEWEST} or more")
     steps = np.diff(downwards(ds[dim].values, dim))
     if steps.min() <= 0 or np.ptp(steps) > UNEVEN * steps.mean():
-        raise InputError(f"coordinate {dim} of {name}", "uneven or falling", "rising in equal steps")
+        raise InputError(f"coordinate {dim} of {name}", Word("uneven or falling"), "one that rises in equal steps")
 
 
 def pitch_of(ds: xr.Dataset, dim: str) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from phasemap._shared.arrays import as_array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import is_sign, number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates
 from phasemap.comparison.pair import Directions, common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
@@ -162,7 +162,8 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
         return None
     if "phase_zero" not in zeros[0]:
         hint = "Give the phase recorded in free air as a number, or leave the offset free."
-        raise InputError("phase_zero of measured", "not recorded", "an attribute in degrees for offset='fixed'", hint)
+        allowed = "an attribute in degrees for offset='fixed'"
+        raise InputError("phase_zero of measured", Word("not recorded"), allowed, hint)
     return (
         number("phase_zero of measured", zeros[0]["phase_zero"], "degree"),
         number("phase_zero of simulated", zeros[1].get("phase_zero", 0.0), "degree"),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array, IntArray, as_array, lazy_map, read_only
 from phasemap._shared.checks import whole
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number, Shown, known_as
 from phasemap.experiment.generate.waves import roughness
 from phasemap.experiment.material import Material
@@ -62,7 +62,7 @@ def _whole_numbers(labels: Any) -> NDArray[Any]:
     if np.ma.is_masked(labels):
         count = int(np.ma.getmaskarray(labels).sum())
         hint = "labels.filled(N) gives them one."
-        raise InputError("labels", f"masked in {count} pixels", "a label in every pixel", hint)
+        raise InputError("map of labels", Word(f"masked in {count} pixels"), "a label in every pixel", hint)
     label_map = as_array("labels", labels, "a 2-D map of whole numbers")
     if label_map.ndim != 2 or not label_map.size:
         raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")

@@ -93,8 +93,9 @@ class Material(Shown):
         -------
         Material
             Modulus and Poisson's ratio are those of the bulk. Adhesion and viscosity are estimates, for they depend on
-            the tip, the humidity and the frequency: begin with them, and fit. The loss is a `viscosity`, which is the
-            same under every lever, as a `damping` is not; a `damping` among the changes takes its place.
+            the tip, the humidity and the frequency: begin with them, and fit. The adhesion is for dry air; in a liquid
+            it is mostly far smaller. The loss is a `viscosity`, which is the same under every lever, as a `damping` is
+            not; a `damping` among the changes takes its place.
         """
         from phasemap.experiment.presets import combined, preset_of
 
@@ -121,11 +122,11 @@ class Material(Shown):
             raise InputError("relaxation", self.relaxation, "a Prony, or its arguments")
         first = self.relaxation.instantaneous
         if self.modulus is not None and not math.isclose(self.modulus, first, rel_tol=1e-9):
-            raise InputError("modulus", self.modulus, f"left out beside relaxation, whose modulus is {first:g} Pa")
+            raise InputError("modulus", self.modulus, f"none beside a relaxation, whose modulus is {first:g} Pa")
         object.__setattr__(self, "modulus", first)
         given = [name for name in ("damping", "viscosity", "relaxed_modulus", "relaxation_time") if getattr(self, name)]
         if given:
-            raise InputError(given[0], getattr(self, given[0]), "left out beside relaxation, which is the loss")
+            raise InputError(given[0], getattr(self, given[0]), "none beside a relaxation, which is the loss")
 
 
 def with_modulus(material: Material, modulus: float) -> Material:

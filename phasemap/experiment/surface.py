@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from phasemap._shared.arrays import is_lazy
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import known_as
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.quantities import Scalar
@@ -120,7 +120,7 @@ class Surface(Maps):
         if damping is None and viscosity is None:
             damping = 0.0
         elif damping is not None and viscosity is not None:
-            raise InputError("viscosity", "given beside damping", "damping or viscosity, not both")
+            raise InputError("viscosity", Word("given beside damping"), "one of the two")
         given = {
             "modulus": modulus, "adhesion": adhesion, "damping": damping, "viscosity": viscosity,
             "poisson_ratio": poisson_ratio, "topography": topography, "thickness": thickness,

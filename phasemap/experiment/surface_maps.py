@@ -245,7 +245,7 @@ def check_relaxing(maps: dict[str, Any]) -> None:
         return
     if len(given) < 2:
         missing = "relaxation_time" if given[0] == "relaxed_modulus" else "relaxed_modulus"
-        raise InputError(missing, None, f"given together with {given[0]}")
+        raise InputError(missing, None, f"a number or a map, given together with {given[0]}")
     if any(is_lazy(one) for one in maps.values()):
         return
     above = np.atleast_2d(maps["relaxed_modulus"] > maps["modulus"])

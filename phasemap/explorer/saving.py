@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import xarray as xr
 
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates
 from phasemap.experiment.control import Engage
 from phasemap.experiment.microscope import PARTS, Mode
@@ -92,7 +92,7 @@ def python_of(setting: Setting) -> str:
         return _python_of_surface(setting) + drawn
     source = None if subject.scene is None else subject.scene.source
     if subject.scene is None or source is None:
-        raise InputError("the scene", "of no file", "one that was read from a file", "Save the scene instead.")
+        raise InputError("the scene", Word("of no file"), "one that was read from a file", "Save the scene instead.")
     before = without_none(scene_from_tables(read_tables(source), source.parent, subject.scene.surface).config)
     changed = _differences(before, {**setting.tables(), "files": before["files"]})
     lines = [f"scene = pm.load_scene({str(source)!r}"]

@@ -131,7 +131,7 @@ def subject_of(
     if not isinstance(explored, Surface):
         raise InputError("what is explored", type(explored).__name__, "a Surface, a Scene or the file of a scene")
     if not isinstance(scope, Microscope):
-        raise InputError("scope", scope, "a Microscope, which a surface has none of")
+        raise InputError("scope", scope, "a Microscope, for a surface has none")
     options = {"setpoint": 0.7 if setpoint is None else check_setpoint(setpoint), "solver": "auto"}
     return _of_surface(explored, scope, options)
 

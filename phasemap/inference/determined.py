@@ -12,7 +12,7 @@ from scipy.special import chdtrc
 
 from phasemap._shared.arrays import Array
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.units import listed
 from phasemap.experiment.material import Material
 
@@ -52,13 +52,13 @@ def check_known(known: Mapping[int, Material] | None, names: Collection[int], pr
             raise InputError(f"known material of region {name}", one, "a Material")
         for field in ("relaxation_time", "relaxation"):
             if (value := getattr(one, field)) is not None:
-                raise InputError(f"{field} of region {name}", value, "None of a region that is known")
+                raise InputError(f"{field} of region {name}", value, "None where the region is known")
         if (one.thickness is None) != (prior.thickness is None):
             allowed = "None, as of the prior" if prior.thickness is None else "a number in m, as of the prior"
             hint = "" if prior.thickness is None else "Of a bare one say a thickness far above the tip radius."
             raise InputError(f"thickness of region {name}", one.thickness, allowed, hint)
     if len(known) == len(names):
-        raise InputError("known", "every region", "fewer: one that is to be found, at least")
+        raise InputError("known", Word("every region"), "fewer of them: one at least is to be found")
     return known
 
 

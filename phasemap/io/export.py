@@ -15,7 +15,7 @@ import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.files import replacing
 from phasemap._shared.pixels import coordinate_step, downwards
 from phasemap.io.gwyddion import MASKED, extra
@@ -133,7 +133,9 @@ def _fields(ds: xr.Dataset) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]
     """Name, title, values and bad pixels of each real variable and direction."""
     found = _real(ds)
     if not found:
-        raise InputError("variables of the image", ", ".join(map(str, ds.data_vars)), "a real one over ('y', 'x')")
+        raise InputError(
+            "the image", Word("one of " + ", ".join(map(str, ds.data_vars))), "one with a real map over ('y', 'x')"
+        )
     for name in found:
         directions = ds["direction"].values.tolist() if "direction" in ds[name].dims else [None]
         for direction in directions:

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import numbers
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.quantities import Scalar
 from phasemap._shared.units import readable, say
 from phasemap.plot.colours import PALETTE
@@ -41,7 +41,7 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
         As in `phasemap.plot.plot`.
     """
     if not is_sweep(ds) or "trace_force" not in ds:
-        raise InputError("the dataset", "without traces", "a sweep with samples=256 (--samples 256)")
+        raise InputError("the dataset", Word("without traces"), "a sweep with samples=256 (--samples 256)")
     axis = str(ds["status"].dims[1])
     values, units = ds[axis].values, ds[axis].attrs["units"]
     at = float(numbers("at", at, units))

@@ -158,7 +158,8 @@ def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes]) -> F
     """Draw one image on axes of the user's, whose figure is left to them."""
     if several := [dim for dim in LEADING if dim in ds.dims]:
         hint = f"Take one: image.isel({several[0]}=0)."
-        raise InputError("the dataset", f"several images, along {several[0]}", "one image where ax is given", hint)
+        found = Word(f"several images, along {several[0]}")
+        raise InputError("the dataset", found, "one image where ax is given", hint)
     for axes, (name, scale) in zip(own, scales.items(), strict=True):
         shown = _draw_image(axes, ds, name, scale)
         axes.set(xticks=[], yticks=[], aspect="equal")
@@ -236,19 +237,20 @@ def _check(ds: xr.Dataset, names: tuple[str, ...], mark_irregular: bool) -> None
         if name not in ds:
             raise InputError("the dataset", held, f"an image with {' and '.join(names)}")
         if name not in held:
-            raise InputError("variables", f"{name}, whose values are codes", f"maps of numbers: {', '.join(held)}")
+            raise InputError("variables", Word(f"{name}, a map of codes"), f"maps of numbers: {', '.join(held)}")
         dims = ds[name].dims
         if "sample" in dims:
-            raise InputError("the dataset", f"an ensemble of {ds.sizes['sample']} images", "one of them (--sample N)")
+            found = Word(f"an ensemble of {ds.sizes['sample']} images")
+            raise InputError("the dataset", found, "one of them (--sample N)")
         if dims[-2:] != ("y", "x") or not set(dims[:-2]) <= set(LEADING):
             raise InputError(f"dims of {name}", dims, "('y', 'x'), alone or after 'direction' or 'setpoint'")
     for dim in ("y", "x"):
         if dim not in ds.coords:
-            raise InputError("the dataset", "without coordinates", f"an image with a coordinate {dim} [m]")
+            raise InputError("the dataset", Word("without coordinates"), f"an image with a coordinate {dim} [m]")
         if not ds.sizes[dim]:
             raise InputError(f"number of pixels along {dim}", 0, "at least 1")
     if mark_irregular and "motion" not in ds:
-        raise InputError("the dataset", "without motion", "an image that has this variable, to mark irregular pixels")
+        raise InputError("the dataset", Word("without motion"), "an image with it, to mark irregular pixels")
 
 
 def _draw_image(axes: Axes, ds: xr.Dataset, name: str, scale: Scale) -> Any:

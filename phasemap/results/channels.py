@@ -14,7 +14,7 @@ import xarray as xr
 from phasemap._shared.arrays import Array
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import is_sign, number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.control import Control
@@ -152,7 +152,7 @@ def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Mi
     missing = [name for name in SETTINGS if name not in said]
     if missing:
         hint = "Give scope=pm.Microscope(...)."
-        raise InputError("what the image says of the scan", "without " + " and ".join(missing), "all of it", hint)
+        raise InputError("what the image says of the scan", Word("without " + " and ".join(missing)), "all of it", hint)
     stiffness, resonance, quality, free = (number(name, said[name], "", above=0) for name in SETTINGS)
     excitation = "base" if said.get("detected") == DETECTED["base"] else "direct"
     drive = Drive(free, said.get("drive_frequency", resonance), excitation)
@@ -195,7 +195,7 @@ def _spread(image: xr.Dataset, uncertainty: Mapping[str, Scalar] | None) -> dict
     spread: dict[str, Any] = {}
     for name, value in (uncertainty or {}).items():
         if name not in UNCERTAIN:
-            raise InputError("uncertainty", name, "of " + ", ".join(UNCERTAIN))
+            raise InputError("uncertainty", name, "that of " + " or ".join(UNCERTAIN))
         spread[name] = number(f"uncertainty of {name}", value, UNCERTAIN[name], minimum=0)
     if "phase" not in spread and "error_phase" in image:
         spread["phase"] = image["error_phase"]

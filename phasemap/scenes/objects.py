@@ -60,6 +60,11 @@ def microscope_of(tables: Table) -> Microscope:
             f"Q is {lever.quality_factor:g} and [drive] does not say excitation: set it to 'base' for a shaker under "
             "the lever, by which phases change by degrees, or to 'direct' for a force on the tip."
         )
+    if lever.quality_factor < LOW_Q and (names := _dry_presets(tables)):
+        advise(
+            f"Q is {lever.quality_factor:g}, as in a liquid, and the adhesion of {', '.join(names)} is that of a preset "
+            f"for dry air: in a liquid it is mostly far smaller. Set materials.{names[0]}.adhesion."
+        )
     try:
         scope = Microscope(lever, tip, drive, interaction, detector["sees"])
     except InputError as error:
@@ -168,6 +173,12 @@ def control_of(table: Table) -> Control:
             belongs = f"It belongs to kind = {' or '.join(map(repr, others))}."
             raise InputError(f"[control] {key}", value, f"nothing where kind is {kind!r}", belongs)
     return _from_table("[control]", table, CONTROLS[kind])
+
+
+def _dry_presets(tables: Table) -> list[str]:
+    """Names of the materials that have their adhesion from a preset."""
+    materials = {name: table for name, table in table_of(tables, "materials").items() if isinstance(table, dict)}
+    return [name for name, table in materials.items() if "preset" in table and "adhesion" not in table]
 
 
 def materials_of(tables: Table) -> dict[str, Material]:

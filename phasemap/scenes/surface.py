@@ -83,7 +83,7 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     if switch("[surface]", table, "dilate"):
         return construct("[surface]", {"half_angle": table.get("half_angle")}, surface.dilated, tip=tip)
     if "half_angle" in table:
-        raise InputError("[surface] half_angle", table["half_angle"], "given only with dilate = true")
+        raise InputError("[surface] half_angle", table["half_angle"], "none without dilate = true")
     return surface
 
 

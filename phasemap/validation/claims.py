@@ -12,7 +12,7 @@ from typing import Any
 import xarray as xr
 
 from phasemap._shared.checks import pixel_pair, shape_pair
-from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.errors import FileError, InputError, PhasemapError, Word
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
 from phasemap.experiment.described import describe, made
@@ -49,12 +49,13 @@ def claims_of(image: xr.Dataset, scope: Microscope | None = None) -> Claims:
     """Read what an image of `phasemap.simulate` says it is; `scope` is needed where its contact law is a user's own."""
     if "sample" in image.dims:
         raise InputError(
-            "image", "an ensemble", "one image", "Simulate a sample of it as a scene of its own, and check that."
+            "image", Word("an ensemble"), "one image", "Simulate a sample of it as a scene of its own, and check that."
         )
     stored = _table(image.attrs.get("configuration"))
     if missing := [name for name in NEEDED if name not in stored]:
         hint = "Is it an image that phasemap simulated?"
-        raise InputError("configuration of the image", "without " + ", ".join(missing), "that of a simulation", hint)
+        found = Word("without " + ", ".join(missing))
+        raise InputError("configuration of the image", found, "that of a simulation", hint)
     if scope is None:
         scope = microscope_from(stored["microscope"])
     elif describe(scope) != stored["microscope"]:

@@ -494,7 +494,7 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "what measured holds is 'height'; allowed: an image with height and phase": lambda: pm.compare(
             one[["height"]], one
         ),
-        "phase of simulated is 'NaN everywhere'": lambda: pm.compare(one, nothing),
+        "phase of simulated is NaN everywhere": lambda: pm.compare(one, nothing),
         "pixels with a phase in both images is 0": lambda: pm.compare(
             elsewhere, one.assign(phase=one["phase"].where(one["x"] > 21 * PITCH)), limit=0
         ),
@@ -671,6 +671,10 @@ def test_the_command_compares_writes_draws_and_says(tmp_path: Path, capsys: pyte
     assert main(["compare", *files, "--plot", str(page)]) == 2 and "exists already" in capsys.readouterr().err
     both = ["-o", str(tmp_path / "one.png"), "--plot", str(tmp_path / "one.png")]
     assert main(["compare", *files, *both]) == 2 and "another file than that of -o" in capsys.readouterr().err
-    for bad, why in {"--offset=none": "fixed, or a number", "--names=a": "two names", "--row=3": "--plot only"}.items():
+    for bad, why in {
+        "--offset=none": "fixed, or a number",
+        "--names=a": "two names",
+        "--row=3": "none without --plot",
+    }.items():
         assert main(["compare", *files, bad]) == 2
         assert why in capsys.readouterr().err

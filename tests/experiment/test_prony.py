@@ -49,7 +49,7 @@ def test_a_surface_of_spectra_survives_a_dataset() -> None:
         (lambda: pm.Prony([1e9], [1e-6]), "equilibrium is 0.0; allowed: a modulus above 0 Pa"),
         (lambda: pm.Prony([1e9], [1e-6, 1e-5], 1.0), "times is 2 numbers"),
         (lambda: pm.Prony([-1.0], [1e-6], 1.0), "moduli is -1.0"),
-        (lambda: pm.Material(relaxation=RUBBER, damping=0.1), "damping is 0.1; allowed: left out beside relaxation"),
+        (lambda: pm.Material(relaxation=RUBBER, damping=0.1), "damping is 0.1; allowed: none beside a relaxation"),
         (lambda: pm.Material(3e9, relaxation=RUBBER), "modulus is 3000000000.0"),
         (lambda: pm.Material(relaxation={"moduli": [1.0]}), "moduli or shear_moduli, and times"),
         (lambda: pm.Surface(1e9, relaxation=RUBBER, pixel_size=1e-9, shape=(1, 1)), "that of the spectrum"),

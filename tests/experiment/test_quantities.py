@@ -165,7 +165,7 @@ def test_a_surface_believes_the_units_and_dims_of_a_data_array() -> None:
     assert surface == pm.Surface(1e9 * modulus.values, pixel_size=4e-9)
     with pytest.raises(pm.InputError, match="units of modulus is 'nm'; allowed: Pa, or another unit of the same kind"):
         pm.Surface(modulus.assign_attrs(units="nm"), pixel_size="4 nm")
-    with pytest.raises(pm.InputError, match="coordinate y is 'not monotonic'"):
+    with pytest.raises(pm.InputError, match="coordinate y is not monotonic"):
         pm.Surface(modulus.assign_coords(y=[1.0, 1.0]), pixel_size="4 nm")
 
 

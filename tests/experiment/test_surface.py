@@ -163,7 +163,7 @@ REFUSED = {
     "poisson_ratio is -1.0; allowed: a finite number above -1 and at most 0.5. It is at row 0, column 0.": {
         "poisson_ratio": [[-1.0, 0.0]]
     },
-    "viscosity is 'given beside damping'; allowed: damping or viscosity, not both.": {"damping": 0.1, "viscosity": 1.0},
+    "viscosity is given beside damping; allowed: one of the two.": {"damping": 0.1, "viscosity": 1.0},
     "shape of adhesion is (2, 1); allowed: (1, 2), that of modulus.": {
         "modulus": [[1.0, 2.0]],
         "adhesion": [[1.0], [2.0]],
@@ -257,7 +257,7 @@ def test_a_data_array_whose_pixels_have_another_size_is_refused() -> None:
 
 def test_a_label_under_a_mask_is_none() -> None:
     labels = np.ma.array([[0, 1, 1]], mask=[[False, True, False]])
-    with pytest.raises(InputError, match="labels is 'masked in 1 pixels'; allowed: a label in every pixel"):
+    with pytest.raises(InputError, match="map of labels is masked in 1 pixels; allowed: a label in every pixel"):
         Surface.from_labels(labels, {0: SOFT, 1: HARD}, pixel_size=1e-9)
     assert Surface.from_labels(labels.filled(0), {0: SOFT, 1: HARD}, pixel_size=1e-9).shape == (1, 3)
 
@@ -462,17 +462,15 @@ DATASETS_REFUSED = {
     "units of coordinate x is 'pixel'; allowed: m, or another unit of the same kind.": dataset(
         x=(np.arange(3.0), "pixel")
     ),
-    "coordinate x is 'not increasing'; allowed: one that rises from the left of the image.": dataset().isel(
-        x=[1, 0, 2]
-    ),
-    "coordinate y is 'not monotonic'; allowed: one that falls or rises from the top of the image.": dataset(
+    "coordinate x is not increasing; allowed: one that rises from the left of the image.": dataset().isel(x=[1, 0, 2]),
+    "coordinate y is not monotonic; allowed: one that falls or rises from the top of the image.": dataset(
         y=(np.array([1e-9, 1e-9]), "m")
     ),
     "spacing of x is '1e-09 to 3e-09'; allowed: the same between all pixels.": dataset(
         x=(np.array([0, 1e-9, 4e-9]), "m")
     ),
     "dims of modulus is ('time', 'y', 'x'); allowed: ('y', 'x') or none.": dataset().expand_dims("time"),
-    "viscosity is 'given beside damping'; allowed: damping or viscosity, not both.": dataset(viscosity=(1.0, "Pa s")),
+    "viscosity is given beside damping; allowed: one of the two.": dataset(viscosity=(1.0, "Pa s")),
 }
 
 

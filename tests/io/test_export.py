@@ -116,7 +116,7 @@ def test_the_suffix_chooses_the_format(tmp_path: Path) -> None:
         export(image, tmp_path / "image.gwy")
     with pytest.raises(InputError, match="spacing of x is '5e-09 to 1e-08'; allowed: the same between all pixels"):
         export(image.isel(x=[0, 1, 3]), tmp_path / "uneven.gwy")
-    with pytest.raises(InputError, match=r"variables of the image is 'status'; allowed: a real one"):
+    with pytest.raises(InputError, match=r"the image is one of status; allowed: one with a real map"):
         export(image[["status"]], tmp_path / "flags.gwy")
 
 

@@ -192,7 +192,7 @@ def test_a_single_irregular_pixel_has_its_dot(place: tuple[int, int]) -> None:
 
 
 def test_marking_needs_to_know_the_motion() -> None:
-    with pytest.raises(InputError, match="the dataset is 'without motion'; allowed: an image that has this variable"):
+    with pytest.raises(InputError, match="the dataset is without motion; allowed: an image with it"):
         plot(image(), mark_irregular=True)
     assert describe_irregular(image()) == []
 
@@ -208,7 +208,7 @@ def test_odd_shapes_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
 
 
 def test_codes_are_refused_with_the_maps_that_can_be_drawn() -> None:
-    with pytest.raises(InputError, match=r"status, whose values are codes.*maps of numbers: .*phase"):
+    with pytest.raises(InputError, match=r"status, a map of codes.*maps of numbers: .*phase"):
         plot(image(), variables=["status"])
 
 

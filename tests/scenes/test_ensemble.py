@@ -484,7 +484,7 @@ def test_the_command_runs_checks_and_draws_an_ensemble(tmp_path: Path, capsys: p
     assert "samples     3\n" in said and "failed      none\n" in said and f"written to  {out}\n" in said
     assert not (tmp_path / "out.nc.parts").exists()
     assert main(["plot", out]) == 2
-    assert "an ensemble of 3 images'; allowed: one of them (--sample N)" in capsys.readouterr().err
+    assert "an ensemble of 3 images; allowed: one of them (--sample N)" in capsys.readouterr().err
     assert main(["plot", out, "--sample", "3"]) == 2
     assert "sample is 3; allowed: a whole number from 0 to 2" in capsys.readouterr().err
     assert main(["plot", out, "--sample", "2"]) == 0

@@ -407,6 +407,14 @@ def test_what_is_not_allowed_is_one_sentence() -> None:
         pm.Drive(10e-9, excitation="shaker")
 
 
+def test_a_scene_in_a_liquid_questions_the_adhesion_of_a_preset() -> None:
+    path = Path(__file__).parents[2] / "samples" / "step.toml"
+    wet = ["cantilever.quality_factor=3", "cantilever.modes=[{frequency_ratio=7.3, quality_factor=6}]"]
+    wet += ["drive.excitation=base", "materials.stiff.preset=PS"]
+    with pytest.warns(UserWarning, match=r"the adhesion of stiff is that of a preset for dry air"):
+        load_scene(path, wet)
+
+
 def test_a_scene_says_what_shakes_the_lever() -> None:
     path = Path(__file__).parents[2] / "samples" / "step.toml"
     wet = ["cantilever.quality_factor=3", "cantilever.modes=[{frequency_ratio=7.3, quality_factor=6}]"]

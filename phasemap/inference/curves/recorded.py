@@ -59,7 +59,9 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any =
     sensitivity = float(attrs.get("amplitude_sensitivity", np.nan)) if volts else 1.0
     free = sensitivity * float(attrs.get("free_amplitude_voltage" if volts else "free_amplitude", np.nan))
     if not free > 0:
-        raise InputError("free amplitude of the curve", None, "a curve whose far end shows the free lever")
+        raise InputError(
+            "free amplitude of the curve", None, "a number: the curve's far end has to show the free lever"
+        )
     z = curve["distance"].values
     values = {"amplitude": sensitivity * curve["amplitude"].values}
     if "phase" in curve and "phase_zero" in attrs:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array, within_half_a_turn
 from phasemap._shared.asked import asked_as
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
@@ -91,8 +91,8 @@ def fit(problem: Problem, q: Array, places: Array) -> Fitted:
     """Solve from all these materials, with orbits at these places, and draw around the best and what is as good."""
     found = refine(problem, descend(problem, q, places, np.zeros_like(problem.data)))
     if not np.isfinite(found.cost).any():
-        allowed = "those on which some material of the range searched has orbits in every image"
-        raise InputError("branches", "what was given or what the phases tell", allowed)
+        allowed = "branches on which some material of the range searched has orbits in every image"
+        raise InputError("choice of branches", Word("what was given or what the phases tell"), allowed)
     best = int(np.argmin(found.cost))
     matrix = information(problem, problem.weigh(found.slopes))
     modes = _modes(found, matrix[best])

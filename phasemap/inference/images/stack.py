@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array, as_array, as_list, within_half_a_turn
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.problem import check_setpoint
 
@@ -75,7 +75,7 @@ def regions_of(labels: object, shape: tuple[int, ...]) -> tuple[list[int], NDArr
     names, numbers = np.unique(labels_of(labels, shape), return_inverse=True)
     skipped = int((names < 0).sum())
     if skipped == len(names):
-        raise InputError("labels", "all below 0", "one region at least")
+        raise InputError("every label", Word("below 0"), "one region at least, from 0 on")
     return names[skipped:].tolist(), np.maximum(numbers.reshape(-1) - skipped, -1)
 
 
@@ -126,7 +126,7 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
     if any(
         (one.cantilever, one.tip, one.interaction) != (first.cantilever, first.tip, first.interaction) for one in scopes
     ):
-        raise InputError("scope", "several", "microscopes that differ in their drive only")
+        raise InputError("scope", Word("several microscopes"), "those that differ in their drive only")
     if first.interaction.law.hysteretic or first.interaction.law.in_time:
         raise InputError(
             "contact", first.interaction.law.name,

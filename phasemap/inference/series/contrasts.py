@@ -62,7 +62,8 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
         return Regions(largest_first(laid, best), told)
     if min(sharp[way]) == 0.0:
         plain = names[int(np.argmin(sharp[way]))]
-        raise InputError("regions", f"one in {plain}", f"{count} in every file", "Give labels, or another way (by).")
+        hint = "Give labels, or another way (by)."
+        raise InputError(f"number of regions in {plain}", 1, f"{count} in every file", hint)
     if way == "height":
         matched = largest_first(found[way], best)
     else:

@@ -268,7 +268,7 @@ def _setpoints(
     if given is not None:
         ratios = numbers_of("setpoints", given, "1", len(known), above=0)
         if ratios.max() >= 1:
-            raise InputError("setpoints", given, "below 1, of the free amplitude")
+            raise InputError("setpoints", given, "numbers below 1, of the free amplitude")
         return HELD, False, ratios
     recorded = _all_of(known, "setpoint")
     if recorded is not None and recorded.max() < 1:
