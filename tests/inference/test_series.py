@@ -151,6 +151,22 @@ def test_what_repeats_at_one_setting_differ_by_is_an_error_of_all():
     assert (found.contrast_error[1] > 2.0).all()
 
 
+@pytest.mark.parametrize("zeros_count", [True, False])
+def test_a_region_that_a_repeat_lacks_says_nothing_of_what_repeats_differ_by(zeros_count):
+    seen, same = np.array([[10.0, 13.0], [30.0, 36.0]]), np.ones((2, 2), bool)
+    whole = drift_of(seen, same, zeros_count)[0]
+    for lone in ([-20.0, np.nan], [np.nan, -20.0]):
+        assert drift_of(np.vstack([seen, lone]), same, zeros_count)[0] == pytest.approx(whole)
+    rng, squares = np.random.default_rng(5), []
+    for _ in range(1000):
+        zeros = 0.0 if zeros_count else rng.uniform(-180, 180, 3)
+        seen = np.array([[0.0], [20.0], [-30.0]]) + zeros + rng.normal(0, 2.0, (3, 3))
+        seen[0, 0] = seen[2, 1] = np.nan
+        squares.append(drift_of(seen, np.ones((3, 3), bool), zeros_count)[0] ** 2)
+    # Of 4 degrees of freedom, or 2: 1,000 squares are 2**2 within 2.2 or 3.2 %.
+    assert np.mean(squares) == pytest.approx(4.0, rel=0.1)
+
+
 @pytest.mark.parametrize("wrong", [pytest.param(0.0, marks=pytest.mark.slow), 4.0])
 def test_what_no_material_explains_is_found_as_a_discrepancy_and_said_with_its_number(wrong):
     levels, rng = (0.5, 0.6, 0.7, 0.8, 0.9), np.random.default_rng(1)

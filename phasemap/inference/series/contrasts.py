@@ -100,12 +100,19 @@ def drift_of(values: Array, same: NDArray[np.bool_], zeros_count: bool) -> tuple
     `values` (shape (r, m)): medians; `same` (shape (m, m)): which files have the same settings.
     `zeros_count`: whether phases are compared, or only contrasts, where a zero may be another in each file.
     """
-    values = values if zeros_count else values - values.mean(axis=0)
+    known = np.isfinite(values)
+    if not zeros_count:
+        values = values - np.nansum(values, axis=0) / np.maximum(known.sum(axis=0), 1)
     groups = [np.flatnonzero(row) for row in np.unique(same, axis=0) if row.sum() > 1]
-    apart = [within_half_a_turn(values[:, some] - values[:, some[:1]]) for some in groups]
-    rest = [one - one.mean(axis=1, keepdims=True) for one in apart]
-    count = sum((len(values) - (not zeros_count)) * (len(some) - 1) for some in groups)
-    size = float(np.sqrt(np.nansum([np.nansum(one**2) for one in rest]) / max(count, 1)))
+    squares, count = 0.0, 0
+    for some in groups:  # a level of each region, and a zero of each file, by least squares over what is known
+        region, file = np.nonzero(known[:, some])
+        first = values[np.arange(len(values)), some[known[:, some].argmax(axis=1)]]
+        apart = within_half_a_turn(values[region, some[file]] - first[region])
+        design = np.hstack([np.eye(len(values))[region], np.eye(len(some))[file] * (not zeros_count)])
+        found, _, rank, _ = np.linalg.lstsq(design, apart)
+        squares, count = squares + float(((apart - design @ found) ** 2).sum()), count + len(apart) - rank
+    size = float(np.sqrt(squares / max(count, 1)))
     return size, [int(i) for some in groups for i in some]
 
 
