@@ -62,7 +62,7 @@ def microscope_of(tables: Table) -> Microscope:
         )
     if lever.quality_factor < LOW_Q and (names := _dry_presets(tables)):
         advise(
-            f"Q is {lever.quality_factor:g}, as in a liquid, and the adhesion of {', '.join(names)} is that of a preset "
+            f"Q is {lever.quality_factor:g}, as in liquid, and the adhesion of {', '.join(names)} is that of a preset "
             f"for dry air: in a liquid it is mostly far smaller. Set materials.{names[0]}.adhesion."
         )
     try:

@@ -501,7 +501,7 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "direction of measured is 'retrace'; allowed: trace": lambda: pm.compare(both, one, direction="retrace"),
         "direction is 'trace'; allowed: None, for neither": lambda: pm.compare(one, one, direction="trace"),
         "direction of simulated is 'trace'; allowed: None": lambda: pm.compare(both, one, direction=("trace", "trace")),
-        "phase_zero of measured is 'not recorded'": lambda: pm.compare(one, one, offset="fixed"),
+        "phase_zero of measured is not recorded": lambda: pm.compare(one, one, offset="fixed"),
         "offset is 'none'; allowed: 'recorded', 'free', 'fixed' or a number": lambda: pm.compare(
             one, one, offset="none"
         ),
