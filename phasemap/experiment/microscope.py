@@ -86,7 +86,7 @@ class Drive(Shown):
     second : Mode, optional
         Drives the lever's second mode at its own frequency too, by a force on the tip. It is taken to move by much less
         than the indentation, so that the orbit is as without: `phasemap.channels` says what it shows. The solver
-        "march" integrates both drives at once, whatever the amplitudes.
+        "march" with the control `Engage` integrates both drives at once, whatever the amplitudes.
     """
 
     free_amplitude: Number[float] = Number("m", above=0, maximum=1.0, usual=AMPLITUDE, asks=False)

@@ -15,6 +15,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import ENGAGED, NOWHERE, SLOTS, UNKNOWN_ORBIT, StableOrbits
 from phasemap._kernels.scanning.quasi_static import walk_line
 from phasemap._shared.arrays import Array
+from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, Values, values_of
@@ -42,6 +43,13 @@ class TipState(NamedTuple):
 
     branch: int = NOWHERE
     z0: float = 0.0
+
+
+def _check(job: Job) -> None:
+    """Refuse a march under two drives: it knows motion that engagement finds, and no orbit on the other branch."""
+    if job.solver.name == "march" and job.scope.drive.second is not None:
+        allowed = "'auto', 'orbit' or 'averaging' with control=Raster() where the drive has a second mode"
+        raise InputError("solver", "march", allowed, "Engage marches both drives.")
 
 
 def _interpolates(job: Job) -> bool:
@@ -196,6 +204,7 @@ SIMULATOR = Simulator(
     lambda job: FEW if _interpolates(job) else MOST,
     _plan,
     _fill,
+    _check,
     freeze=lambda tip: {"branch": np.array(tip.branch), "tip_offset": np.array(tip.z0)},
     thaw=lambda arrays: TipState(int(arrays["branch"]), float(arrays["tip_offset"])),
 )

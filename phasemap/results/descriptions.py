@@ -255,15 +255,16 @@ def _of_second_drive(ds: xr.Dataset, configuration: dict[str, Any], what: str) -
     if shown and second.quality_factor < 2 * second.frequency_ratio:
         yield (
             f"the second mode has a Q of {second.quality_factor:.3g}, so that all sidebands of the two drives swing in "
-            "it: what its drive shows may be off by any factor. Take the solver 'march', which integrates both drives."
+            "it: what its drive shows may be off by any factor. Take the solver 'march' and the control Engage, which "
+            "integrate both drives."
         )
     elif "bimodal_modulus_bound" in ds and (ds["bimodal_modulus_bound"] > SMALL_SECOND).any():
         bound = ds["bimodal_modulus_bound"].values
         yield (
             f"{_of(bound > SMALL_SECOND, what)}: the second mode moves too much, or the tap is too hard, to know the "
             f"bimodal modulus to 5 % (bimodal_modulus_bound is up to {np.nanmax(bound):.2g}). Lower the second mode's "
-            "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march', "
-            "which integrates both drives."
+            "free_amplitude to a twentieth of the indentation, raise the setpoint, or take the solver 'march' "
+            "and the control Engage, which integrate both drives."
         )
 
 

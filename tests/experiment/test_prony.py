@@ -43,6 +43,14 @@ def test_a_surface_of_spectra_survives_a_dataset() -> None:
     assert pm.Surface.from_dataset(surface.to_dataset()) == surface
 
 
+def test_a_surface_of_spectra_may_have_pixels_without_a_material() -> None:
+    first = RUBBER.instantaneous
+    holed = pm.Surface([[np.nan, first]], relaxation=RUBBER, pixel_size=1e-9, allow_nan=True)
+    assert np.isnan(holed.modulus[0, 0])
+    with pytest.raises(pm.InputError, match=r"modulus is 3000000000.0; allowed: .* 2e\+09 Pa"):
+        pm.Surface([[np.nan, first, 3e9]], relaxation=RUBBER, pixel_size=1e-9, allow_nan=True)
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [

@@ -467,6 +467,14 @@ def test_feedback_of_the_wrong_strength_is_a_status_and_loses_no_other_line() ->
     assert (wall.status[9:] == pm.Status.diverged.code).all() and np.isnan(wall.phase[9:]).all()
 
 
+def test_material_that_would_create_energy_is_flagged_as_without_time() -> None:
+    scope = replace(SCOPE, interaction=pm.Interaction("jkr", 0.3e-9))
+    surface = pm.Surface([[1e9, 1e9, 3e9]], [[0.02, 0.1, 0.02]], 0.01, pixel_size=4e-9)
+    engaged, scanned = (pm.simulate(surface, scope, SETPOINT, control=one).status for one in (pm.Engage(), QUICK))
+    assert pm.Status.creates_energy.code in engaged
+    assert (scanned == engaged).all()
+
+
 def test_pixel_without_material_is_flagged_and_the_tip_goes_on() -> None:
     surface = pm.Surface([[1e9, 1e9, np.nan, 1e9, 1e9]], 0.05, 0.01, pixel_size=4e-9, allow_nan=True)
     image = scan(surface).isel(y=0)

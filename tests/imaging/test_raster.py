@@ -156,6 +156,12 @@ def test_a_pixel_without_material_is_flagged_and_changes_nothing() -> None:
     assert np.isnan(image.phase.values[:, 0, 1]).all() and np.isfinite(image.phase.values[:, 0, ::2]).all()
 
 
+def test_a_march_under_two_drives_is_refused_for_it_is_engaged_from_far() -> None:
+    lever, drive = pm.Cantilever(40.0, 300e3, 400.0, modes=2), pm.Drive(16e-9, second=pm.Mode())
+    with pytest.raises(pm.InputError, match=r"solver is 'march'; allowed: .* the drive has a second mode"):
+        pm.simulate(surface_of([[0]]), replace(SCOPE, cantilever=lever, drive=drive), SETPOINT, "march", pm.Raster())
+
+
 def test_a_tip_is_engaged_at_the_first_pixel_where_it_can_be() -> None:
     modulus = np.array([[np.nan, BOTH.modulus, PUSHED.modulus]])
     surface = pm.Surface(modulus, adhesion=[[0.1, 0.1, 0.02]], pixel_size=2e-9, allow_nan=True)

@@ -237,7 +237,8 @@ class ScanLines:
         self, job: Job, control: Feedback, work: Work, numbers: Array, engine: int, lifts: Lifts | None, canvas: Canvas
     ) -> None:
         self.job, self.control, self.work, self.canvas, self.engine = job, control, work, canvas, engine
-        self.numbers = np.where(work.refused() == col.GOOD, np.arange(len(work)), -1)[numbers]
+        self.refused = work.refused()[numbers]
+        self.numbers = np.where(self.refused == col.GOOD, numbers, -1)
         realism = job.realism
         noise = realism.temperature or 0.0, realism.detector_noise or 0.0
         self.loop = loop_of(control, job.scope, job.amplitude, *noise, job.accuracy.periods)
@@ -287,7 +288,8 @@ class ScanLines:
     def _put_line(self, row: int, made: Recorded, engine: int) -> None:
         """Put the rows recorded along a line into the canvas, as variables of its pixels."""
         (out, status), ground, job = made, self._ground(row), self.job
-        nx = len(ground)
+        nx, refused = len(ground), np.tile(self.refused[row], 2)
+        status = np.where(refused == col.GOOD, status, refused)
         out[:, col.STIFFENING] = stiffening(job.scope, out[:, col.AMPLITUDE], out[:, col.PHASE])
         place = out[:, col.TIP_OFFSET].copy()
         out[:, col.TIP_OFFSET] -= np.tile(mean_ground(ground), 2)
