@@ -511,9 +511,7 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
         "height is 'rowwise'; allowed: one of rows, plane": lambda: pm.level(one, height="rowwise"),
         "shape of mask is ": lambda: pm.level(one, mask=np.zeros((3, 3), bool)),
         "number of pixels to level by is 0": lambda: pm.level(one, mask=np.ones((40, 48), bool)),
-        "coordinate x of measured is 'uneven or falling'": lambda: pm.compare(
-            one.assign_coords(x=one["x"] ** 1.5), one
-        ),
+        "coordinate x of measured is uneven or falling": lambda: pm.compare(one.assign_coords(x=one["x"] ** 1.5), one),
         "coordinate y of measured is None; allowed: places of": lambda: pm.compare(one.drop_vars("y"), one),
         "number of pixels along x of simulated is 7; allowed: 8": lambda: pm.compare(one, one.isel(x=slice(7))),
         "units of phase of simulated is 'rad'; allowed: degree": lambda: pm.compare(
