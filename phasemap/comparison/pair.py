@@ -34,7 +34,7 @@ def pair_of(
     sizes = [[ds.sizes[dim] * pitch_of(ds, dim) for dim in ("x", "y")] for ds in both]
     if not np.allclose(sizes[1], sizes[0], rtol=SAME_SIZE):
         raise InputError(
-            f"size of {names[1]}", _in_words(sizes[1]), f"that of {names[0]}, {_in_words(sizes[0])}, within 5 %",
+            f"size of {names[1]}", Word(_in_words(sizes[1])), f"that of {names[0]}, {_in_words(sizes[0])}, within 5 %",
             "Cut the larger one with .sel(y=slice(top, bottom), x=slice(left, right)).",
         )  # fmt: skip
     return both[0], both[1]

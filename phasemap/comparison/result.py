@@ -200,7 +200,9 @@ def _labels(regions: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Given labels, checked."""
     labels = as_array("regions", regions, f"2 to 4, or whole numbers, {shape}")
     if labels.dtype.kind not in "iu" or labels.shape != shape:
-        raise InputError("regions", f"{labels.dtype} of shape {labels.shape}", f"2 to 4, or whole numbers, {shape}")
+        raise InputError(
+            "regions", Word(f"{labels.dtype} of shape {labels.shape}"), f"2 to 4, or whole numbers, {shape}"
+        )
     return labels
 
 

@@ -15,7 +15,7 @@ from phasemap._kernels.columns import FORMING, RELEASE
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import check_choice, whole
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number
 from phasemap._shared.quantities import Scalar
 from phasemap.experiment.described import describe
@@ -201,7 +201,7 @@ def check_axis(name: str, values: Any, number: Number[Any]) -> np.ndarray:
     """Return the values of a sweep of a number as an array, in its unit, and warn of what is not usual."""
     axis, one = real_numbers(name, values, number.unit), number.called(name)
     if axis.ndim != 1 or len(axis) < 2:
-        raise InputError(name, f"an array of shape {axis.shape}", "at least two values in one dimension")
+        raise InputError(name, Word(f"an array of shape {axis.shape}"), "at least two values in one dimension")
     for value in axis.tolist():
         one.check(value)
     steps = np.diff(axis)

@@ -488,7 +488,7 @@ def test_bad_inputs_are_refused_in_one_sentence() -> None:
     nothing = one.assign(phase=np.nan * one["phase"])
     elsewhere = one.assign(phase=one["phase"].where(one["x"] < 20 * PITCH))
     for word, call in {
-        "size of simulated is '80 x 160 nm'; allowed: that of measured, 192 x 160 nm, within 5 %": lambda: pm.compare(
+        "size of simulated is 80 x 160 nm; allowed: that of measured, 192 x 160 nm, within 5 %": lambda: pm.compare(
             one, one.isel(x=slice(20))
         ),
         "what measured holds is 'height'; allowed: an image with height and phase": lambda: pm.compare(

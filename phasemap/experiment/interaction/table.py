@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels.columns import BIAS, DAMPING, EXPONENT
 from phasemap._shared.arrays import Array
-from phasemap._shared.errors import FileError, InputError
+from phasemap._shared.errors import FileError, InputError, Word
 from phasemap._shared.quantities import NotThatUnit, scaled
 from phasemap.experiment.interaction.base import ContactLaw
 from phasemap.experiment.interaction.longrange import LongRange
@@ -77,13 +77,13 @@ class Table(ContactLaw):
         for field in ("forces", "dampings", "withdrawal_forces"):
             values = getattr(self, field)
             if values is not None and not (len(values) == len(d) and np.isfinite(values).all()):
-                raise InputError(field, f"{len(values)} numbers", f"{len(d)} finite ones, for as many depths")
+                raise InputError(field, Word(f"{len(values)} numbers"), f"{len(d)} finite ones, for as many depths")
         if self.dampings is not None and min(self.dampings) < 0:
             raise InputError("dampings", min(self.dampings), "numbers of at least 0 N s/m")
         if self.withdrawal_forces is not None and min(inner := self._pulled) < 0:
             at = self.depths[-len(inner) :][inner.index(min(inner))]
             hint = "A loop of contact would create energy."
-            raise InputError("withdrawal_forces", f"above forces at {at:g} m", "forces at most, in contact", hint)
+            raise InputError("withdrawal_forces", Word(f"above forces at {at:g} m"), "forces at most, in contact", hint)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Table:

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.checks import number
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number, number_of
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.units import UDUNITS
@@ -79,10 +79,12 @@ def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[An
             continue
         found = _finite(quantity, numbers, QUANTITIES[quantity])
         if found.shape != shape:
-            raise InputError(quantity, f"an array of shape {found.shape}", f"one of shape {shape}, as of {name}")
+            raise InputError(quantity, Word(f"an array of shape {found.shape}"), f"one of shape {shape}, as of {name}")
         spread = _finite(f"{quantity}_error", error, QUANTITIES[quantity])
         if spread.shape not in ((), shape):
-            raise InputError(f"{quantity}_error", f"an array of shape {spread.shape}", f"a number or shape {shape}")
+            raise InputError(
+                f"{quantity}_error", Word(f"an array of shape {spread.shape}"), f"a number or shape {shape}"
+            )
         if not (spread > 0).all():
             raise InputError(f"{quantity}_error", float(spread.min()), f"numbers above 0 {QUANTITIES[quantity]}")
         measured[quantity], errors[quantity] = found.reshape(full), np.broadcast_to(spread, shape).reshape(full)

@@ -85,7 +85,7 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any =
     seen = np.isfinite(sum(means.values()) + sum(errors.values())).all(axis=0)
     middles = 0.5 * (edges[1:] + edges[:-1])[seen]
     if len(middles) < 5:
-        raise InputError("the curve", f"{len(middles)} distances at which something acts", "5 at least, each way")
+        raise InputError("the curve", Word(f"{len(middles)} distances at which something acts"), "5 at least, each way")
     drive = scope.drive
     scope = replace(scope, drive=replace(drive, free_amplitude=free * drive.free_amplitude / scope.driven_amplitude))
     parameters: dict[str, float | None] = {**spreads_of(None, start), "offset": None, "radius": None}

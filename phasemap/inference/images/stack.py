@@ -66,7 +66,7 @@ def labels_of(labels: object, shape: tuple[int, ...]) -> NDArray[Any]:
     """Check a map of labels."""
     given = as_array("labels", labels, f"whole numbers of shape {shape}")
     if given.shape != shape or given.dtype.kind not in "iub":
-        raise InputError("labels", f"{given.dtype} of shape {given.shape}", f"whole numbers of shape {shape}")
+        raise InputError("labels", Word(f"{given.dtype} of shape {given.shape}"), f"whole numbers of shape {shape}")
     return given
 
 

@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter
 
 from phasemap._shared.arrays import Array, as_array, within_half_a_turn
 from phasemap._shared.checks import check_choice
-from phasemap._shared.errors import InputError
+from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinate_step
 from phasemap.comparison.registration import register
 from phasemap.inference.images.stack import MEDIAN, SPREAD, labels_of
@@ -125,7 +125,7 @@ def each_of(labels: Any, count: int) -> list[Any]:
         return [labels] * count
     each = list(labels if listed else first)
     if len(each) != count:
-        raise InputError("labels", f"{len(each)} maps", allowed)
+        raise InputError("labels", Word(f"{len(each)} maps"), allowed)
     return each
 
 
