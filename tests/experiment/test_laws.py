@@ -472,6 +472,25 @@ def test_a_damping_that_is_no_number_is_refused_where_there_is_damping() -> None
     assert np.isfinite(row_of(Interaction(Undamped(), None))).all()
 
 
+class Saturating(ContactLaw):
+    """A law that is not defined above 2 GPa."""
+
+    def columns(self, contact_stiffness: Any, adhesion: Any, radius: float) -> tuple[Any, ...]:
+        return np.sqrt(2e9 - contact_stiffness), adhesion, radius
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return p[0] * max(d, 0.0)
+
+
+@pytest.mark.parametrize(("law", "modulus"), [(Saturating(), 5e9), ("maugis", 1e-300)])
+def test_numbers_of_a_law_that_are_not_finite_are_not_blamed_on_a_modulus_of_0(law: Any, modulus: float) -> None:
+    said = r"^contact is '\w+'; allowed: a law with finite numbers for the material\. With .* p = \[.*(nan|inf)"
+    with pytest.raises(pm.InputError, match=said) as error:
+        Interaction(law).check(modulus, ADHESION, RADIUS)
+    assert "neck" not in str(error.value)
+
+
 def test_a_law_that_cannot_work_is_refused_before_work_starts() -> None:
     soft = (np.array([1e9]), np.array([0.05]), np.array([0.0]), RADIUS)
     with pytest.raises(

@@ -205,6 +205,10 @@ class Interaction(Shown):
         rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film, liquid)
         name, depth, energy = self.law.name, float(rows[0, col.RELEASE]), float(self._loop_energies(rows)[0])
         if not np.isfinite(rows).all():
+            if contact_stiffness > 0 or self._is_own:
+                given = f"K = {contact_stiffness:.3g} Pa, an adhesion of {adhesion:.3g} J/m² and R = {radius:.3g} m"
+                said = f"With {given} it makes p = {rows[0].tolist()}."
+                raise InputError("contact", name, "a law with finite numbers for the material", said)
             allowed = f"a number above 0 Pa where {name} contact has adhesion"
             raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
         if rows[0, col.FORMING] < depth:
