@@ -23,6 +23,7 @@ PLOT_EXAMPLES = """examples:
   phasemap plot flake.nid
   phasemap plot curve.txt --columns "z [nm],amplitude [V],lag [degree]"
   phasemap plot blend.nc -o blend.pdf
+  phasemap plot at50.nc at65.nc at80.nc
   phasemap plot blend.nc --vmin -30 --vmax 60 --cmap height=gray
   phasemap plot rubber.nc --mark-irregular
   phasemap plot ensemble.nc --sample 3
@@ -34,7 +35,7 @@ PLOT_EXAMPLES = """examples:
 def add_plot(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     about = "file that a command wrote, or a measured image or curve: a microscope's file, or columns of text"
-    parser.add_argument("file", metavar="FILE", type=Path, help=about)
+    parser.add_argument("files", metavar="FILE", type=Path, nargs="+", help=f"{about}; images share their colours")
     add_columns(parser)
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--quantities", metavar="A,B", help="variables to draw, such as phase,dissipation")
@@ -47,36 +48,46 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
 
 
 def plot(arguments: argparse.Namespace) -> None:
-    """Draw an image or a sweep into a file."""
+    """Draw images, sweeps and more into files, images with the same colours for the same values."""
     from phasemap.io.netcdf import load
     from phasemap.plot import plot as draw
     from phasemap.plot import trace
+    from phasemap.plot.images import limits_for_all
 
-    if arguments.file.suffix == ".toml":
-        file, image = arguments.file, arguments.file.with_suffix(".nc").name
-        raise PhasemapError(f"{file} is a scene: phasemap run {file} -o {image}, then plot {image}.")
-    output = arguments.output or arguments.file.with_suffix(".png")
-    check_target(output, arguments.overwrite)
-    ds = _load(arguments) if arguments.sample is None else load(arguments.file, arguments.sample)
-    with _as_written_by_phasemap(arguments.file):
-        if arguments.trace is not None:
-            trace(ds, arguments.trace, output, arguments.overwrite)
-        else:
-            wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
-            if wanted is None and "vendor_metadata" in ds.attrs:  # a measured image may lack one of them
-                wanted = [name for name in ("height", "phase") if name in ds]
-            options = {"variables": wanted, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}
-            draw(ds, output, arguments.overwrite, **options, **colours_of(arguments))
-    print(f"written to  {output}")
+    files = arguments.files
+    for file in files:
+        if file.suffix == ".toml":
+            image = file.with_suffix(".nc").name
+            raise PhasemapError(f"{file} is a scene: phasemap run {file} -o {image}, then plot {image}.")
+    if arguments.output and len(files) > 1:
+        raise PhasemapError("-o is for one FILE: of several, each is drawn into FILE.png.")
+    outputs = [arguments.output or file.with_suffix(".png") for file in files]
+    for output in outputs:
+        check_target(output, arguments.overwrite)
+    each = [_load(arguments, one) if arguments.sample is None else load(one, arguments.sample) for one in files]
+    wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
+    colours = {name: one for name, one in colours_of(arguments).items() if one is not None}
+    if len(each) > 1 and all({"y", "x"} <= set(ds.dims) and "flag" not in ds and "residual" not in ds for ds in each):
+        colours = {**limits_for_all(each, wanted, arguments.lag), **colours}
+    for file, ds, output in zip(files, each, outputs, strict=True):
+        with _as_written_by_phasemap(file):
+            if arguments.trace is not None:
+                trace(ds, arguments.trace, output, arguments.overwrite)
+            else:
+                names = wanted
+                if wanted is None and "vendor_metadata" in ds.attrs:  # a measured image may lack one of them
+                    names = [name for name in ("height", "phase") if name in ds]
+                options = {"variables": names, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}
+                draw(ds, output, arguments.overwrite, **options, **colours)
+        print(f"written to  {output}")
 
 
-def _load(arguments: argparse.Namespace) -> xr.Dataset:
+def _load(arguments: argparse.Namespace, path: Path) -> xr.Dataset:
     """Dataset in a file: an image, a curve, or what a command wrote; doubts about it are printed."""
     from phasemap.io.curves import is_curve, read_curve
     from phasemap.io.netcdf import load
     from phasemap.io.read import NETCDF, read_image
 
-    path = arguments.file
     if path.suffix.lower() in NETCDF:
         return load(path)
     with untold():

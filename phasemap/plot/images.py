@@ -134,16 +134,38 @@ def plot(
     usual = ("phase",) if ax is not None and np.size(np.asarray(ax, object)) == 1 else ("height", "phase")
     names = usual if variables is None else tuple(variables)
     _check(ds, names, mark_irregular)
-    ds = _levelled(ds)
-    if lag and "phase" in ds:
-        ds = ds.assign(phase=phase_lag(ds["phase"]).assign_attrs(units="degree", called="phase lag", free=90.0))
+    ds = _as_shown(ds, lag)
     if variables is None and ax is None:
-        names += tuple(name for name in ("amplitude_error", *_of_second_mode(ds)) if name in ds)
+        names = _usual(ds)
     asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
     scales = {name: scale_of(ds[name], asked[name]) for name in names}
     if ax is not None:
         return _on_axes(ds, scales, own_axes(ax, names, path))
     return _page(ds, scales, mark_irregular).finished(path, overwrite)
+
+
+def limits_for_all(images: Sequence[xr.Dataset], variables: Sequence[str] | None, lag: bool) -> dict[str, Any]:
+    """Arguments `vmin` and `vmax` of `plot` with which these images have the same colours for the same values."""
+    shown = [_as_shown(one, lag) for one in images]
+    names = [name for name in variables or _usual(shown[0]) if all(name in one for one in shown)]
+    scales = {name: [scale_of(ds[name]) for ds in shown] for name in names}
+    return {
+        "vmin": {name: min(one.low / one.factor for one in every) for name, every in scales.items()},
+        "vmax": {name: max(one.high / one.factor for one in every) for name, every in scales.items()},
+    }
+
+
+def _as_shown(ds: xr.Dataset, lag: bool) -> xr.Dataset:
+    """Image whose height has no tilt where it was measured, and the phase as lag where that is asked for."""
+    ds = _levelled(ds)
+    if not lag or "phase" not in ds:
+        return ds
+    return ds.assign(phase=phase_lag(ds["phase"]).assign_attrs(units="degree", called="phase lag", free=90.0))
+
+
+def _usual(ds: xr.Dataset) -> tuple[str, ...]:
+    """What is drawn of an image where nothing else is asked for."""
+    return ("height", "phase", *(name for name in ("amplitude_error", *_of_second_mode(ds)) if name in ds))
 
 
 def _refuse_colours(colours: dict[str, Any], what: str) -> dict[str, Any]:

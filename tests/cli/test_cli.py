@@ -268,7 +268,7 @@ def test_a_material_that_no_pixel_is_of_is_said_to_be_in_none(
         (["run", STEP, "-o", "x.png"], "the output's suffix is '.png'; allowed: .nc, for it becomes a netCDF file."),
         (["run", STEP, "-o", "x.toml", "--overwrite"], "'.toml'; allowed: .nc, for it becomes a netCDF file. A scene"),
         (["run", STEP, "-o", "x" * 243 + ".nc"], "its name is longer than 230 bytes; choose a shorter one."),
-        (["plot", "image.nc", "a=b"], "unknown argument 'a=b'"),
+        (["plot", "a=b"], "cannot read a=b: there is no such file."),
         (["draw", "image.nc"], "the command is 'draw'; allowed: one of run, plot, "),
         (["rnu", "image.nc"], "Did you mean 'run'?"),
         (["run"], "required: SCENE.toml; see phasemap run --help"),

@@ -22,6 +22,7 @@ from phasemap.cli import main
 from phasemap.experiment.described import describe
 from phasemap.plot import plot
 from phasemap.plot.colours import FAILED
+from phasemap.plot.images import limits_for_all
 from phasemap.plot.page import Page
 from phasemap.results.descriptions import describe_failures, describe_flags, describe_irregular
 from phasemap.scenes.scene import load_scene
@@ -348,6 +349,22 @@ def test_an_image_of_two_modes_shows_the_second_as_it_is_detected(detection: str
 def test_a_colour_bar_is_pointed_where_values_are_beyond_it(limits: dict[str, float], extend: str) -> None:
     bars = [axes.images[0].colorbar for axes in plot(image(), **limits).axes if axes.images]
     assert [bar.extend for bar in bars] == ["neither", extend]
+
+
+def test_images_in_one_command_share_their_colours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    several = [image(20.0, 35.0), image(-10.0, 28.0).drop_vars("solver")]
+    limits = limits_for_all(several, None, False)
+    for ds in several:
+        norms = [axes.images[0].norm for axes in plot(ds, **limits).axes if axes.images]
+        assert (norms[1].vmin, norms[1].vmax) == pytest.approx((-10 - 0.04 * 38, 35 + 0.04 * 15))
+    for i, ds in enumerate(several):
+        ds.to_netcdf(tmp_path / f"at{i}.nc")
+    files = [str(tmp_path / f"at{i}.nc") for i in range(2)]
+    assert main(["plot", *files]) == 0
+    assert all((tmp_path / f"at{i}.png").is_file() for i in range(2))
+    capsys.readouterr()
+    assert main(["plot", *files, "-o", str(tmp_path / "one.png")]) == 2
+    assert "-o is for one FILE: of several, each is drawn into FILE.png." in capsys.readouterr().err
 
 
 def test_an_image_without_any_value_is_not_green() -> None:
