@@ -13,10 +13,6 @@ import numpy as np
 import xarray as xr
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement.in_time import free_state
-from phasemap._kernels.law import Law, Oscillator
-from phasemap._kernels.lever import free_amplitude
-from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
@@ -32,10 +28,9 @@ from phasemap.solvers.continuation.visit import (
     SlowFeedback,
     TipPlace,
     Visit,
-    land,
+    far_state,
     like,
     move_in_time,
-    reaches,
     segments,
     stable,
     walk,
@@ -160,7 +155,8 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         return _dataset_in_time(question, work, about, there_and_back(work, wanted))
     curves = distance_curves(path_of(question), wanted, samples)
     parts = segments(curves)
-    first = next((part for part in parts if part.row_at(wanted[-1]) is not None), None)  # on the curve from far
+    above = (part for part in parts if part.row_at(wanted[-1]) is not None)  # on the curve from far
+    first = next(above, None) or OffOrbit(state=far_state(curves.standing(0.0), wanted[-1]))
     approach = walk(curves, first, parts, True, 0)
     retract = walk(curves, approach.ended, parts, False, 1)
     return dataset(curves, about, [approach, retract], question)
@@ -174,7 +170,7 @@ def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     if question.only_in_time:
         _check_no_samples(samples)
         work = question.work(marched=True)
-        state = _far_state(work.oscillator(0), 0.0)
+        state = far_state(work.oscillator(0))
         visits = [_visit_in_time(state, order, lambda k: (work, wanted[k]), True, n) for order in (falling, range(n))]
         return _dataset_in_time(question, work, about, visits)
     feedback = SlowFeedback(held_curves(path_of(question), wanted, samples))
@@ -202,7 +198,7 @@ def parameter(
         most = max((work.law for work in works), key=lambda law: (law.memory != 0, law.arms))
         visits = [  # each direction is begun far above the surface
             _visit_in_time(
-                _far_state(works[order[0]].oscillator(0), height, most), order,
+                far_state(works[order[0]].oscillator(0), height, most), order,
                 lambda k: (works[k], held_under(every[k].scope)), of_amplitude, n,
             )
             for order in (range(n), range(n - 1, -1, -1))
@@ -214,17 +210,13 @@ def parameter(
     return dataset(curves, about, visits, question, held)
 
 
-def _hold(
-    feedback: SlowFeedback, place: TipPlace | None, order: range, direction: int
-) -> tuple[Visit, TipPlace | None]:
+def _hold(feedback: SlowFeedback, place: TipPlace, order: range, direction: int) -> tuple[Visit, TipPlace]:
     """Hold one amplitude after the other."""
     curves = feedback.curves
     n = len(curves.wanted)
     rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
     status, jumps = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump]()
     for k in order:
-        if place is None:
-            continue
         held = feedback.seek(place, k, direction)
         status[k] = held.status
         if held.jump is not None:
@@ -236,24 +228,14 @@ def _hold(
 
 
 def _sweep_at_offset(curves: Curves, height: float) -> list[Visit]:
-    """Sweeps up and down at a fixed tip offset [m], each begun on the orbit that stays farthest from the surface.
-
-    Where the curve does not lead they go on in time: a higher mode that rings many times a period has no exact orbit.
-    """
-    parts = segments(curves)
-
-    def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
-        """Another orbit; or none that was found, but that of a tip that goes on as it did."""
-        return land(curves, parts, edge, m) or (None if reaches(curves, m) else OffOrbit(edge))
-
-    visits = []
+    """Sweeps up and down at a fixed tip offset [m], each begun on the orbit that stays farthest from the surface."""
+    parts, visits = segments(curves), []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         there = [(part.row_at(x), part) for part in parts]
         reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
-        first: Segment | OffOrbit | None = there[min(reached)[1]][1] if reached else None
-        if not reaches(curves, x):
-            first = OffOrbit(state=_far_state(curves.standing(x), height))
-        visits.append(walk(curves, first, parts, direction == 1, direction, landing))
+        far = OffOrbit(state=far_state(curves.standing(x), height))
+        first: Segment | OffOrbit = there[min(reached)[1]][1] if reached else far
+        visits.append(walk(curves, first, parts, direction == 1, direction))
     return visits
 
 
@@ -261,17 +243,15 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, r
     """Sweeps up and down with the setpoint held, each begun by engaging from far."""
     parts = segments(curves, held=True)
 
-    def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit | None:
+    def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
-        return engaged(m, edge) or (OffOrbit(edge) if question.scope.interaction.law.hysteretic else None)
+        return engaged(m, edge) or OffOrbit(edge)
 
     def engaged(m: float, edge: np.ndarray | None = None) -> Segment | OffOrbit | None:
         """Orbit on which the feedback holds the setpoint, coming from an orbit or from far."""
         here = question.with_parameter(name, float(scale.value(m)))
         feedback = SlowFeedback(held_curves(path_of(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
-        if place is None:
-            return None
         held = feedback.seek(place, 0, 0)
         if held.place is None or held.row is None:
             return None
@@ -286,19 +266,9 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, r
 
 def there_and_back(work: Work, rising: np.ndarray) -> list[Visit]:
     """Approach and retract in time over these rising tip offsets [m], as rows of the tip."""
-    state, n = _far_state(work.oscillator(0), rising[-1]), len(rising)
+    state, n = far_state(work.oscillator(0), rising[-1]), len(rising)
     orders = range(n - 1, -1, -1), range(n)
     return [_visit_in_time(state, order, lambda k: (work, rising[k]), False, n) for order in orders]
-
-
-def _far_state(oscillator: Oscillator, farthest: float, remembers: Law | None = None) -> np.ndarray:
-    """Motion far above a surface, at a tip offset of `farthest` [m] at least.
-
-    `remembers`: the law of those that follow with the longest memory, for which there is room.
-    """
-    law, lever, free = remembers or oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
-    law = law._replace(arms=col.MOST_ARMS) if law.arms > 1 else law  # others may follow
-    return free_state(law, lever, max(free * ratio_far_from_surface(oscillator, 0.5 * free), farthest))
 
 
 def _visit_in_time(state: np.ndarray, order: Iterable[int], at: At, by_amplitude: bool, n: int) -> Visit:

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import load
 
 import phasemap as pm
 from phasemap._kernels import columns as col
@@ -342,3 +343,30 @@ def test_a_sweep_of_the_setpoint_says_that_time_was_spent_where_it_was(monkeypat
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(20e-9))
     found = pm.sweep_setpoint(pm.Material(1e9, 0.05), scope, [0.5, 0.7])
     assert (found.status == pm.Status.not_settled.code).all()
+
+
+@pytest.mark.parametrize("case", load("lowered"), ids=lambda case: case["name"])
+def test_a_sweep_goes_on_in_time_where_it_meets_no_stable_orbit(case):
+    # tests/reference/make_lowered.py, in fixed steps of order 4, is good to 0.5 pm.
+    frequency, ratio = 60e3, case["ratio"]
+    off = case["quality_factor"] * math.hypot(1 - ratio**2, ratio / case["quality_factor"])
+    lever = pm.Cantilever(case["stiffness"], frequency, case["quality_factor"])
+    scope = pm.Microscope(lever, pm.Tip(case["radius"]), pm.Drive(case["free_amplitude"] * off, frequency * ratio))
+    material = pm.Material(case["modulus"], case["adhesion"], poisson_ratio=case["poisson_ratio"])
+    found = pm.sweep_distance(material, scope, case["tip_offsets"])
+    assert (found.status == 0).all()
+    lowered = found.amplitude.sel(direction="approach")
+    np.testing.assert_allclose(lowered, case["amplitudes"], rtol=0, atol=1e-12)
+    assert (pm.sweep_setpoint(material, scope, [0.5, 0.7]).status == 0).all()
+
+
+def test_far_below_resonance_a_second_mode_rings_too_often_for_orbits_and_sweeps_go_on_in_time():
+    lever = pm.Cantilever(40.0, 60e3, 100.0, modes=2)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(20e-9 * 99, 6e3))
+    material = pm.Material(1e9, 0.05)
+    found = pm.sweep_distance(material, scope, [8e-9, 30e-9])
+    share = float(found.amplitude[0, 0]) / scope.driven_amplitude
+    held = pm.sweep_setpoint(material, scope, [share, 0.995])
+    assert (found.status == 0).all() and (held.status == 0).all()
+    # Both are means of motion that repeats itself after several periods, if ever.
+    np.testing.assert_allclose(held.tip_offset.values[:, 0], 8e-9, atol=2e-11)

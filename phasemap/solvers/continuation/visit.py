@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.engagement.in_time import move_to_amplitude, move_to_tip_offset
-from phasemap._kernels.law import Oscillator
+from phasemap._kernels.engagement.in_time import free_state, move_to_amplitude, move_to_tip_offset
+from phasemap._kernels.law import Law, Oscillator
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.path import HELD_AMPLITUDE, held_value
 from phasemap._kernels.orbits.time.many_periods import state_in_row
 from phasemap.experiment.accuracy import MOST_PERIODS
@@ -39,6 +41,16 @@ def move_in_time(
         row[: col.COLUMNS] = np.nan
     row[col.SEEN] = detected_signal(oscillator.lever, row[col.AMPLITUDE], row[col.PHASE])[0]
     return int(status), row
+
+
+def far_state(oscillator: Oscillator, farthest: float = 0.0, remembers: Law | None = None) -> np.ndarray:
+    """Motion far above a surface, at a tip offset of `farthest` [m] at least.
+
+    `remembers`: the law of those that follow with the longest memory, for which there is room.
+    """
+    law, lever, free = remembers or oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
+    law = law._replace(arms=col.MOST_ARMS) if law.arms > 1 else law  # others may follow
+    return free_state(law, lever, max(free * ratio_far_from_surface(oscillator, 0.5 * free), farthest))
 
 
 class OffOrbit:
@@ -245,11 +257,11 @@ def apart(one: np.ndarray, two: np.ndarray) -> float:
     return float(abs(one[col.PHASE] - two[col.PHASE]) + places / two[col.AMPLITUDE])
 
 
-def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit | None:
-    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x, if it does.
+def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
+    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x; else off all of them.
 
     One that is the only one there is taken to be the one, but not by a contact with hysteresis, which may tap
-    irregularly beside it, and then goes on in time.
+    irregularly beside it.
     """
     there = [part for part in parts if part.x[0] <= x <= part.x[-1]]
     hysteretic = bool(curves.standing(x if curves.column == col.PARAMETER else 0.0).p[col.RELEASE] != 0)
@@ -257,13 +269,7 @@ def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> S
     if there and found is None:
         row = curves.let_go(start, x)
         found = None if row is None else like(there, x, row)
-    return OffOrbit(start) if found is None and hysteretic else found
-
-
-def reaches(curves: Curves, x: float) -> bool:
-    """True if a piece reaches x of the control, with a stable orbit or not."""
-    of = [piece.rows[:, curves.column] for piece in curves.pieces]
-    return any(one.min() <= x <= one.max() for one in of)
+    return found or OffOrbit(start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,11 +299,14 @@ class SlowFeedback:
         self.parts = segments(curves)
         self.span = float(np.ptp(curves.wanted)) or float(curves.wanted[-1])
 
-    def far(self) -> TipPlace | None:
-        """Place of the tip before it is lowered; None if there is none."""
-        return self._next(np.inf, True)
+    def far(self) -> TipPlace:
+        """Place of the tip before it is lowered."""
+        highest = max(self.parts, key=lambda part: part.x[-1], default=None)
+        if highest is None:
+            return TipPlace(OffOrbit(state=far_state(self.curves.standing(0.0))), np.inf)
+        return TipPlace(highest, float(highest.x[-1]))
 
-    def nearest(self, row: np.ndarray) -> TipPlace | None:
+    def nearest(self, row: np.ndarray) -> TipPlace:
         """The place at the tip offset of a result row, or else at the nearest end, whose orbit is most like it."""
         z0, places = float(row[col.TIP_OFFSET]), list[tuple[float, float, TipPlace]]()
         for part in self.parts:
@@ -306,15 +315,7 @@ class SlowFeedback:
             assert there is not None
             apart = abs(there[col.AMPLITUDE] / row[col.AMPLITUDE] - 1.0) + abs(there[col.PHASE] - row[col.PHASE])
             places.append((abs(here.z0 - z0), float(apart), here))
-        return min(places, key=lambda place: place[:2], default=(0.0, 0.0, None))[2]
-
-    def _next(self, z0: float, down: bool) -> TipPlace | None:
-        """The first place that a tip reaches that is lowered, or raised, from where nothing is stable."""
-        if down:
-            part = max((part for part in self.parts if part.x[-1] < z0), key=lambda part: part.x[-1], default=None)
-            return None if part is None else TipPlace(part, float(part.x[-1]))
-        part = min((part for part in self.parts if part.x[0] > z0), key=lambda part: part.x[0], default=None)
-        return None if part is None else TipPlace(part, float(part.x[0]))
+        return min(places, key=lambda place: place[:2], default=(0.0, 0.0, TipPlace(OffOrbit(row), z0)))[2]
 
     def seek(self, place: TipPlace, index: int, direction: int) -> Held:
         """Move the tip until the amplitude is the wanted value `index`."""
@@ -341,12 +342,7 @@ class SlowFeedback:
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
-            landed = land(self.curves, self.parts, edge, beyond)
-            # Where it settles on nothing it is moved on until a stable orbit appears.
-            following = self._next(beyond, down) if landed is None else TipPlace(landed, beyond)
-            if following is None:
-                break
-            place = following
+            place = TipPlace(land(self.curves, self.parts, edge, beyond), beyond)
         return Held(None, None, None, None if lost is None else Jump(direction, lost, None), col.NO_STABLE_ORBIT)
 
     def _in_time(self, tip: OffOrbit, index: int, direction: int, lost: np.ndarray | None) -> Held:
