@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from importlib import import_module
 
 from phasemap._shared.errors import PhasemapError
-from phasemap.cli.arguments import add_files, check_files, print_files, whole
+from phasemap.cli.arguments import add_files, check_files, print_files, whole_number
 
 EXAMPLES = """examples:
   phasemap bench --quick
@@ -61,9 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     instead = parser.add_mutually_exclusive_group()
     for name, about in TABLES.items():
         instead.add_argument(f"--{name}", action="store_const", dest="table", const=name, help=about)
-    parser.add_argument("--pixels", type=whole, metavar="N", help="cases a regime that are compared; default: 40")
-    parser.add_argument("--materials", type=whole, metavar="N", help="with --box, in all; default: 10000")
-    parser.add_argument("--microscopes", type=whole, metavar="N", help="with --box; default: 300")
+    parser.add_argument(
+        "--pixels", type=whole_number, metavar="N", help="cases a regime that are compared; default: 40"
+    )
+    parser.add_argument("--materials", type=whole_number, metavar="N", help="with --box, in all; default: 10000")
+    parser.add_argument("--microscopes", type=whole_number, metavar="N", help="with --box; default: 300")
     parser.add_argument("--seed", type=int, default=1, help="of the cases drawn; default: 1")
     parser.add_argument("--no-peers", action="store_true", help="measure the solvers of phasemap only")
     add_files(parser, "write everything measured as netCDF", "draw work-precision diagrams (.png, .pdf, .svg)")

@@ -21,7 +21,7 @@ from phasemap._shared.notices import likely
 from phasemap._shared.pixels import downwards
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import Unit
-from phasemap.cli.arguments import numbers_in, one_each
+from phasemap.cli.arguments import number_or_range, one_each
 from phasemap.comparison.scores import is_varied, share_explained
 from phasemap.experiment.arms import merged
 from phasemap.experiment.beam import hydrodynamic_function
@@ -73,10 +73,10 @@ GIVES: list[tuple[Any, Any]] = [
     (checks.numbers("tip_offsets", "60 nm:20 nm:3", "m").tolist(), [6e-8, 4e-8, 2e-8]),
     (checks.numbers("tip_offsets", ["1 nm", 2e-9], "m"), [1e-9, 2e-9]),
     (real_numbers("depths", ["1 nm", 2e-9], "m").tolist(), [1e-9, 2e-9]),
-    (checks.in_words("m", above=0), "a finite number above 0 m"),
-    (checks.in_words("1", above=-1, maximum=0.5), "a finite number above -1 and at most 0.5"),
-    (checks.in_words("Pa", minimum=0), "a finite number of at least 0 Pa"),
-    (checks.in_words("Hz"), "a finite number, in Hz"),
+    (checks.range_in_words("m", above=0), "a finite number above 0 m"),
+    (checks.range_in_words("1", above=-1, maximum=0.5), "a finite number above -1 and at most 0.5"),
+    (checks.range_in_words("Pa", minimum=0), "a finite number of at least 0 Pa"),
+    (checks.range_in_words("Hz"), "a finite number, in Hz"),
     (quantities.in_si("50 mJ/m2", "J/m2"), 0.05),
     (quantities.in_si("70 %", "1"), 0.7),
     (quantities.array_in_si([["1 GPa", 3e9]], "Pa"), [[1e9, 3e9]]),
@@ -91,7 +91,7 @@ GIVES: list[tuple[Any, Any]] = [
     (Unit(1e3, "kHz").say(148240.0, 2), "148 kHz"),
     (Unit(1.0, "").label("damping"), "damping"),
     ([likely(value, "m", (0.5e-9, 10e-6)) for value in (10.0, 1e-30)], ["10 nm", ""]),
-    (numbers_in("--setpoints", "0.3:0.9:7", "1"), (0.3, 0.9, 7)),
+    (number_or_range("--setpoints", "0.3:0.9:7", "1"), (0.3, 0.9, 7)),
     (one_each("phase_zero", "62.5", "degree", 2, "a file"), [62.5, 62.5]),
     ([samples.unit_of(key) for key in ("materials.ps.adhesion", "surface.spacing")], ["J/m2", ""]),
     (samples.plain("drive.free_amplitude", "drive.free_amplitude", "40 nm"), 40e-9),
@@ -103,7 +103,7 @@ GIVES: list[tuple[Any, Any]] = [
     (units.listed(["modulus", "adhesion", "damping"]), "modulus, adhesion and damping"),
     (repr(ball()) + repr(ball(radius=7e-8)), "Ball()Ball(radius=7e-08)"),
     (
-        fields.in_words(pm.Cantilever(0.1, 20e3, 2.0, modes=(pm.Eigenmode(7.0, 6.0),))),
+        fields.values_in_words(pm.Cantilever(0.1, 20e3, 2.0, modes=(pm.Eigenmode(7.0, 6.0),))),
         "stiffness 0.1 N/m, resonance frequency 20 kHz, quality factor 2, modes (frequency ratio 7, quality factor 6)",
     ),
     (

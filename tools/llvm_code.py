@@ -90,7 +90,7 @@ def solve_one_of_each_kind() -> None:
     from phasemap._kernels.rows import by_collocation, by_response, marched
     from phasemap._kernels.rows.answers import Answers
     from phasemap._kernels.scanning.quasi_static import reach_rows
-    from phasemap.solvers.continuation.path import Question, fixed_path
+    from phasemap.solvers.continuation.path import Question, path_of
 
     scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(16e-9))
     material = pm.Material(modulus=2e9, adhesion=0.1)
@@ -102,7 +102,7 @@ def solve_one_of_each_kind() -> None:
     answers = Answers(np.zeros((1, col.COLUMNS)), np.zeros(1, np.int8), np.zeros(1, np.int8))
     solved = SolvedRows(np.zeros((1, WIDE)), np.zeros(1, bool), np.zeros((1, 0)))
     oscillator, numbers = work.oscillator(0), np.zeros(4)
-    path, orbit = fixed_path(Question(material, scope)), new_orbit(work.lever, TABLES)
+    path, orbit = path_of(Question(material, scope)), new_orbit(work.lever, TABLES)
     compile_for(
         (by_response.averaging_rows, pixels, answers),
         (by_response.averaged_near_rows, pixels, answers),

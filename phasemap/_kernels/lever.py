@@ -24,7 +24,7 @@ PART_OF_DRIVE, SHORTEST_HALF = (
 PRESSED_IN, PRESSED_BY_PULL, PRESSED_AT_LEAST = 30.0, 20.0, 1e-7  # free amplitudes, bends by adhesion, [m]
 
 
-class Mode(NamedTuple):
+class LeverMode(NamedTuple):
     """A mode of the lever: omega^2 w'' + 2 rate omega w' + square w = share (force over k), over the drive's angle."""
 
     decay: float  # real part of its lambda [1]: a free motion is the real part of a multiple of exp(lambda theta)
@@ -41,16 +41,16 @@ def modes_of(lever: np.ndarray) -> int:
 
 
 @kernel(light=True, inline=True)
-def mode_of(lever: np.ndarray, i: int) -> Mode:
+def mode_of(lever: np.ndarray, i: int) -> LeverMode:
     """The mode i of a lever, counted from 0."""
     first = col.MODE + i * col.MODE_NUMBERS
     omega, rate = lever[col.OMEGA], lever[first + col.RATE]
     square = lever[first + col.FREQUENCY] * lever[first + col.FREQUENCY]
-    return Mode(-rate / omega, math.sqrt(square - rate * rate) / omega, square, rate, lever[first + col.SHARE])
+    return LeverMode(-rate / omega, math.sqrt(square - rate * rate) / omega, square, rate, lever[first + col.SHARE])
 
 
 @kernel(light=True)
-def dynamic_stiffness_at(mode: Mode, omega: float) -> complex:
+def dynamic_stiffness_at(mode: LeverMode, omega: float) -> complex:
     """w_i^2 - omega^2 + 2i alpha_i omega [1] of a mode at any frequency."""
     return complex(mode.square - omega * omega, 2.0 * mode.rate * omega)
 

@@ -27,7 +27,7 @@ def number(
         try:
             given = in_si(value, unit)
         except NotThatUnit:
-            allowed = in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below)
+            allowed = range_in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below)
             raise InputError(
                 name, value, allowed + (f", or {with_unit(unit)}" if unit not in ("1", "") else "")
             ) from None
@@ -41,7 +41,7 @@ def number(
         if abs(x) <= WIDEST:  # a limit beyond is for arithmetic, and of no interest to people
             minimum, above = (limit if limit > -WIDEST else -math.inf for limit in (minimum, above))
             maximum, below = (limit if limit < WIDEST else math.inf for limit in (maximum, below))
-    raise InputError(name, value, in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below))
+    raise InputError(name, value, range_in_words(unit, minimum=minimum, above=above, maximum=maximum, below=below))
 
 
 def numbers(name: str, values: Any, unit: str) -> Any:
@@ -65,7 +65,7 @@ def numbers(name: str, values: Any, unit: str) -> Any:
     return np.linspace(found[0], found[1], int(found[2]))
 
 
-def in_words(
+def range_in_words(
     unit: str, *, minimum: float = -math.inf, above: float = -math.inf, maximum: float = math.inf,
     below: float = math.inf,
 ) -> str:  # fmt: skip

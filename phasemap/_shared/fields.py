@@ -119,7 +119,7 @@ class Shown:
         return f"{type(self).__name__}({said})"
 
 
-def in_words(thing: Shown) -> str:
+def values_in_words(thing: Shown) -> str:
     """Values that are set, with units, in one line."""
     said = []
     for field in _given(thing):
@@ -129,7 +129,7 @@ def in_words(thing: Shown) -> str:
         elif isinstance(number, Number):
             text = say(value, UDUNITS.get(number.unit, number.unit), 6)
         elif isinstance(value, tuple) and all(isinstance(one, Shown) for one in value):
-            text = " and ".join(f"({in_words(one)})" for one in value)
+            text = " and ".join(f"({values_in_words(one)})" for one in value)
         else:
             text = str(value)
         said.append(f"{field.name.replace('_', ' ')} {text}")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 SURFACE_UNUSED = "the scene file; its surface is not used"
 
 
-def whole(text: str) -> int:
+def whole_number(text: str) -> int:
     """Read a whole number of at least 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
@@ -30,7 +30,7 @@ def whole(text: str) -> int:
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "quiet": {"action": "store_true", "help": "no progress and no summary"},
-    "threads": {"type": whole, "metavar": "N", "help": "number of threads; default: all cores"},
+    "threads": {"type": whole_number, "metavar": "N", "help": "number of threads; default: all cores"},
     "strict-units": {
         "action": "store_true", "help": "refuse values outside the usual range instead of warning of them",
     },
@@ -130,7 +130,7 @@ def known_in(text: str | None, material_of: Callable[[str], Material]) -> dict[i
 LABELS = ("labels", "label")  # maps of regions, as files call them
 
 
-def numbers_in(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
+def number_or_range(name: str, text: str, unit: str, allowed: str = "a number in SI units") -> tuple[float, ...]:
     """Read one number, or START, STOP and N, of the command line; `allowed` is told in errors, but for units."""
     try:
         return range_in_si(text, unit)
@@ -145,7 +145,7 @@ def one_each(name: str, text: str | None, unit: str, count: int, each: str, word
         return text
     option = f"--{name.replace('_', '-')}"
     allowed = f"a number, or {count} with commas between them, one {each}"
-    found = [number for part in text.split(",") for number in numbers_in(option, part, unit, allowed)]
+    found = [number for part in text.split(",") for number in number_or_range(option, part, unit, allowed)]
     if len(found) not in (1, count):
         raise InputError(option, text, allowed)
     return found * (count // len(found))
@@ -170,7 +170,7 @@ def number_in(name: str, unit: str) -> Callable[[str], float]:
 
     def read(text: str) -> float:
         try:
-            (number,) = numbers_in(name, text, unit)
+            (number,) = number_or_range(name, text, unit)
         except ValueError:  # START:STOP:N too
             raise argparse.ArgumentTypeError(f"{text!r} is no number in {unit}") from None
         return number

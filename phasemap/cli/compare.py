@@ -17,8 +17,8 @@ from phasemap.cli.arguments import (
     colours_of,
     conclude,
     number_in,
-    numbers_in,
-    whole,
+    number_or_range,
+    whole_number,
 )
 from phasemap.cli.console import in_two_columns, progress_bar
 
@@ -52,7 +52,7 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
         help="sign of the recorded phase; default: from the file, else the one that fits better",
     )  # fmt: skip
     about = "number of materials to distinguish, at most 4; default: 2"
-    parser.add_argument("--regions", type=whole, default=2, metavar="N", help=about)
+    parser.add_argument("--regions", type=whole_number, default=2, metavar="N", help=about)
     about = "longest shift to align the images; 0 for none; default: a tenth of the side"
     parser.add_argument("--limit", type=number_in("--limit", "m"), metavar="METRES", help=about)
     about = "trace (default) or retrace; or one for each, such as trace,retrace"
@@ -106,7 +106,7 @@ def _offset(text: str) -> str | float:
     """Offset as a word, or as a number of degrees."""
     if text in ("recorded", "free", "fixed"):
         return text
-    return numbers_in("--offset", text, "degree", "recorded, free, fixed, or a number of degrees")[0]
+    return number_or_range("--offset", text, "degree", "recorded, free, fixed, or a number of degrees")[0]
 
 
 def _split_names(option: str, text: str | None, exactly: int | None = None) -> tuple[str, ...] | None:
@@ -135,7 +135,7 @@ def add_check(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument("image", metavar="IMAGE.nc", type=Path, help="simulated image, as `phasemap run` wrote it")
     about = "pixels also integrated in time; default: 64"
-    parser.add_argument("--pixels", type=whole, default=64, metavar="N", help=about)
+    parser.add_argument("--pixels", type=whole_number, default=64, metavar="N", help=about)
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the choice of pixels; default: 0")
     surface = parser.add_mutually_exclusive_group()
     about = "scene of the surface; default: the image's own"

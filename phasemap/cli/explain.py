@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import InputError
 from phasemap._shared.notices import untold
-from phasemap.cli.arguments import add_files, add_options, check_files, conclude, known_in, labels_in, one_each, whole
+from phasemap.cli.arguments import (
+    add_files,
+    add_options,
+    check_files,
+    conclude,
+    known_in,
+    labels_in,
+    one_each,
+    whole_number,
+)
 from phasemap.cli.console import in_two_columns
 from phasemap.experiment.material import Material
 
@@ -45,7 +54,7 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="LIST", default="dmt", help=about)
     about = "preset of the material that the sample should be, to start from"
     parser.add_argument("--sample", metavar="PRESET", help=about)
-    parser.add_argument("--starts", type=whole, default=3, metavar="N", help="most starting points; default: 3")
+    parser.add_argument("--starts", type=whole_number, default=3, metavar="N", help="most starting points; default: 3")
     add_files(parser, plot="picture of data, fit and residuals (.png, .pdf, .svg)")
     add_options(parser, "quiet", "strict-units")
 
@@ -72,7 +81,7 @@ def fit(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     with untold():  # it is printed below
         curve = read_curve(arguments.file, **columns_of(arguments))
-    scope, told = microscope_of([curve.assign_attrs(title=curve.attrs["source"])], arguments.overrides)
+    scope, told = microscope_of_files([curve.assign_attrs(title=curve.attrs["source"])], arguments.overrides)
     laws = arguments.law if arguments.law == "all" else [one.strip() for one in arguments.law.split(",")]
     start = PRIOR if arguments.sample is None else Material.preset(arguments.sample)
     found = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)
@@ -125,7 +134,9 @@ def add_series(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(overrides=[])
     about = "two or more measured images; key=value sets a part of the microscope"
     parser.add_argument("files", metavar="FILE", nargs="+", help=about)
-    parser.add_argument("--regions", type=whole, default=2, metavar="N", help="number of regions to find; default: 2")
+    parser.add_argument(
+        "--regions", type=whole_number, default=2, metavar="N", help="number of regions to find; default: 2"
+    )
     about = "channel that distinguishes regions; default: phase, or height where it shows the same far more sharply"
     parser.add_argument("--by", choices=("phase", "height"), help=about)
     about = "netCDF files with maps of regions, as phasemap scene writes them"
@@ -158,7 +169,7 @@ def series(arguments: argparse.Namespace) -> None:
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
     setup = None if arguments.scene is None else load_setup(arguments.scene, [])
-    scope, told = microscope_of(images, words, None if setup is None else setup.microscope)
+    scope, told = microscope_of_files(images, words, None if setup is None else setup.microscope)
     own = {} if setup is None else setup.materials
     known = known_in(arguments.known, lambda name: own[name] if name in own else Material.preset(name))
     options: dict[str, Any] = {
@@ -193,7 +204,7 @@ def said_of_series(found: xr.Dataset) -> list[str]:
     return in_two_columns(said)
 
 
-def microscope_of(
+def microscope_of_files(
     images: list[xr.Dataset], words: list[str], scope: Microscope | None = None
 ) -> tuple[Microscope, list[str]]:
     """Microscope of files or of a scene, with the numbers that the user gives, and sentences on assumed ones."""

@@ -12,7 +12,7 @@ from phasemap._shared.errors import PhasemapError
 from phasemap._shared.files import check_target
 from phasemap._shared.notices import untold
 from phasemap._shared.units import image_size
-from phasemap.cli.arguments import add_colours, add_files, add_options, add_overrides, colours_of, whole
+from phasemap.cli.arguments import add_colours, add_files, add_options, add_overrides, colours_of, whole_number
 from phasemap.cli.explain import add_columns, columns_of
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", metavar="IMAGE", type=Path, help="a microscope's file, or an image in netCDF")
     add_overrides(parser)
     about = "number of materials to distinguish; default: 2, or 1 if the image shows only one"
-    parser.add_argument("--phases", type=whole, metavar="N", help=about)
+    parser.add_argument("--phases", type=whole_number, metavar="N", help=about)
     about = "channel that distinguishes the materials; default: phase"
     parser.add_argument("--by", choices=("phase", "height"), default="phase", help=about)
     parser.add_argument("--height", metavar="NAME", help="channel of the height; default: the first")

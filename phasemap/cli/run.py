@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.errors import PhasemapError
-from phasemap._shared.fields import in_words
+from phasemap._shared.fields import values_in_words
 from phasemap._shared.interrupts import ending_at_once, interruptible
 from phasemap._shared.notices import unquestioned, untold
 from phasemap._shared.threads import workers_of
 from phasemap._shared.units import ELECTRONVOLT, counted, image_size, say
-from phasemap.cli.arguments import add_files, add_options, add_scene, whole
+from phasemap.cli.arguments import add_files, add_options, add_scene, whole_number
 from phasemap.cli.console import bar_of, progress_bar, remarks
 from phasemap.experiment.material import Material
 
@@ -43,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
     add_files(parser, "file to write; default: [output] file", plot=None)
     add_options(parser, "quiet", "threads")
-    parser.add_argument("--workers", type=whole, metavar="N", help="processes for an ensemble; default: all cores")
+    parser.add_argument(
+        "--workers", type=whole_number, metavar="N", help="processes for an ensemble; default: all cores"
+    )
     parser.add_argument("--strict", action="store_true", help="stop at the first pixel without a solution")
     add_options(parser, "strict-units")
 
@@ -145,8 +147,8 @@ def _print_scene(scene: Scene, modelled: str) -> None:
     used = set() if built is None or built.labels is None else built.labels.used
     with unquestioned():  # who wrote the scene was told when it was read
         for name, numbers in scene.config["materials"].items():
-            print(f"{name:<12}{in_words(Material(**numbers))}{'' if name in used else '; in no pixel'}")
-    print(f"lever       {in_words(scene.microscope.cantilever)}")
+            print(f"{name:<12}{values_in_words(Material(**numbers))}{'' if name in used else '; in no pixel'}")
+    print(f"lever       {values_in_words(scene.microscope.cantilever)}")
     print(f"modelled    {modelled}")
     print(f"setpoint    {scene.options['setpoint']:g} of {_free_in_words(scene.microscope)}")
     print(f"solver      {scene.options['solver']}")

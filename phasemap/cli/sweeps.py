@@ -22,8 +22,8 @@ from phasemap.cli.arguments import (
     colours_of,
     conclude,
     number_in,
-    numbers_in,
-    whole,
+    number_or_range,
+    whole_number,
 )
 from phasemap.cli.console import progress_bar, remarks
 
@@ -69,7 +69,9 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
         help="first and last value, in SI units or with a unit, such as 60nm 0nm, or START:STOP:N; keys of the scene "
         "to set, such as tip.radius=20nm",
     )  # fmt: skip
-    parser.add_argument("-n", "--points", type=whole, default=200, metavar="N", help="number of values; default: 200")
+    parser.add_argument(
+        "-n", "--points", type=whole_number, default=200, metavar="N", help="number of values; default: 200"
+    )
     parser.add_argument("--log", action="store_true", help="space the values logarithmically")
     parser.add_argument("--material", metavar="NAME", help="material of the scene; not needed if it has only one")
     held = parser.add_mutually_exclusive_group()
@@ -117,7 +119,7 @@ def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
     """Numbers in a word in the unit of an axis: one, or START, STOP and N."""
     from phasemap.solvers.continuation.path import UNITS
 
-    return numbers_in(name, text, {"distance": "m", "setpoint": "1"}.get(axis) or UNITS[axis])
+    return number_or_range(name, text, {"distance": "m", "setpoint": "1"}.get(axis) or UNITS[axis])
 
 
 def _material(setup: SceneSetup, name: str | None) -> tuple[str, Material]:
@@ -315,7 +317,7 @@ def _values(option: str, text: str | None) -> Any:
     if text is None:
         return None
     allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
-    found = numbers_in(option, text, VALUES[option], allowed)
+    found = number_or_range(option, text, VALUES[option], allowed)
     return found[0] if len(found) == 1 else np.linspace(found[0], found[1], int(found[2]))
 
 

@@ -16,7 +16,7 @@ from phasemap._shared.fields import Number, Shown, known_as
 from phasemap.experiment.generate.waves import roughness
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import factorise, more_of, rows_of
-from phasemap.experiment.surface_maps import check_memory, where
+from phasemap.experiment.surface_maps import check_room, where
 
 LARGEST = 2.0**53  # up to which floats tell all whole numbers apart
 
@@ -66,7 +66,7 @@ def _whole_numbers(labels: Any) -> NDArray[Any]:
     label_map = as_array("labels", labels, "a 2-D map of whole numbers")
     if label_map.ndim != 2 or not label_map.size:
         raise InputError("shape of labels", label_map.shape, "(rows, columns) of a 2-D map")
-    check_memory("labels", label_map, 36)  # measured, with three maps that are not uniform
+    check_room("labels", label_map, 36)  # measured, with three maps that are not uniform
     if label_map.dtype.kind == "f" and (np.abs(label_map) < LARGEST).all() and not (label_map % 1).any():
         label_map = label_map.astype(np.int64)
     if label_map.dtype.kind not in "iub":

@@ -8,7 +8,7 @@ from typing import Any
 
 from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import InputError
-from phasemap._shared.fields import Number, Shown, in_words, known_as
+from phasemap._shared.fields import Number, Shown, known_as, values_in_words
 from phasemap._shared.notices import question
 from phasemap._shared.units import say
 from phasemap.experiment.control import Control
@@ -129,7 +129,7 @@ class Realism(Shown):
     def __str__(self) -> str:
         """Imperfections that are on, with units; empty where none is."""
         along = ", ".join(say(one, "m") for one in self.drift)
-        on = [in_words(replace(self, drift=STILL, seed=0)), f"drift {along}" if self.drift != STILL else ""]
+        on = [values_in_words(replace(self, drift=STILL, seed=0)), f"drift {along}" if self.drift != STILL else ""]
         return ", ".join([*filter(None, on), f"seed {self.seed}"]) if any(on) else ""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phasemap._shared.arrays import Array, as_array, is_frozen, is_lazy, is_uniform, lazy_map, read_only
-from phasemap._shared.checks import in_words, number, pixel_pair, shape_pair
+from phasemap._shared.checks import number, pixel_pair, range_in_words, shape_pair
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 from phasemap._shared.notices import question
@@ -142,7 +142,7 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> Array:
     if given.dtype.kind not in "fiu":
         raise InputError(f"type of {name}", given.dtype.name, "real numbers")
     if not is_uniform(given):
-        check_memory(name, given, 8)
+        check_room(name, given, 8)
     full = (given[:1, :1] if is_uniform(given) else given).astype(np.float64, order="C", copy=False)
     if full is given and not is_frozen(full):
         full = full.copy()
@@ -166,11 +166,11 @@ def _unmasked(name: str, value: np.ma.MaskedArray[Any, Any]) -> NDArray[Any]:
     """Return a masked array with NaN where it is masked."""
     if value.dtype.kind not in "fiu":
         raise InputError(f"type of {name}", value.dtype.name, "real numbers")
-    check_memory(name, value, 8)
+    check_room(name, value, 8)
     return np.asarray(np.ma.filled(value.astype(np.float64), np.nan))
 
 
-def check_memory(name: str, given: NDArray[Any], per_pixel: int) -> None:
+def check_room(name: str, given: NDArray[Any], per_pixel: int) -> None:
     """Refuse a map that would not fit into memory; one that numpy repeats (`broadcast_to`) may be of any size."""
     ny, nx = given.shape[-2:] if given.ndim > 1 else (1, given.size)
     check_fits(f"{name} with {ny} x {nx} pixels", float(given.size) * per_pixel, "Take fewer pixels, or one number.")
@@ -191,7 +191,7 @@ def _raise_for_pixel(name: str, full: Array, bad: NDArray[np.bool_]) -> None:
     if math.isnan(value):
         left = ", or give allow_nan=True (in a scene allow_nan = true) to leave it without a material."
         hint += f" Fill it from its neighbours{'.' if name == 'topography' else left}"
-    raise InputError(name, value, in_words(quantity.unit, **quantity.bounds), hint)
+    raise InputError(name, value, range_in_words(quantity.unit, **quantity.bounds), hint)
 
 
 def where(bad: NDArray[np.bool_]) -> str:

@@ -30,7 +30,7 @@ from phasemap.results.quantities import CHANNELS, OF_SECOND, OF_SECOND_MODE, Tip
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
 from phasemap.scenes.scene import scene_from_tables
-from phasemap.scenes.surface import seen
+from phasemap.scenes.surface import seen_by_tip
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.integrals import widened
 from phasemap.solvers.pixel import solve_pixel
@@ -125,7 +125,7 @@ def image(setting: Setting) -> xr.Dataset:
 
     subject = setting.subject
     if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
-        surface = seen(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
+        surface = seen_by_tip(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
         return scene_from_tables(setting.tables(), subject.folder, surface).simulate()
     return simulate(setting.surface, setting.scope, **setting.options)
 

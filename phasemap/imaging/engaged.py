@@ -151,7 +151,7 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
 def _fill(job: Job, plan: PixelPlan, canvas: Canvas, _state: None) -> None:
     """Fill the canvas with the pixels of an image or a part of it."""
     if plan.materials is not None and plan.values is not None:
-        _put(job, canvas, plan.values, numbers_of(job, plan.materials), 0, job.pixels)
+        _put(job, canvas, plan.values, material_numbers(job, plan.materials), 0, job.pixels)
     elif plan.interpolants is not None:
         _fill_from_atlas(job, canvas, plan.interpolants)
         _fill_rest(job, canvas)
@@ -162,7 +162,7 @@ def _fill(job: Job, plan: PixelPlan, canvas: Canvas, _state: None) -> None:
             job.report(last)
 
 
-def numbers_of(job: Job, materials: Array) -> MaterialNumbers:
+def material_numbers(job: Job, materials: Array) -> MaterialNumbers:
     """Function that gives the number, among all materials of the surface, of each pixel of a range."""
     found = job.surface.found
     if found is not None and found[0] is materials:
@@ -170,10 +170,10 @@ def numbers_of(job: Job, materials: Array) -> MaterialNumbers:
         return lambda part: inverse[part]
     known = Distinct(len(materials))
     known.add(materials)
-    return numbers_in(job, known)
+    return known_numbers(job, known)
 
 
-def numbers_in(job: Job, known: Distinct) -> MaterialNumbers:
+def known_numbers(job: Job, known: Distinct) -> MaterialNumbers:
     """Function that gives the number, among the known materials, of each pixel of a range."""
     return lambda part: known.numbers(job.surface.materials(part))
 
@@ -187,7 +187,7 @@ def blocks(job: Job, most: int) -> Iterator[Block]:
         last, count = first, 0
         while last < lines and known.add(job.surface.materials(slice(last * pixels, (last + 1) * pixels))) == pixels:
             last, count = last + 1, len(known)
-        yield Block(first, last, known.materials[:count], numbers_in(job, known))
+        yield Block(first, last, known.materials[:count], known_numbers(job, known))
         first = last
 
 

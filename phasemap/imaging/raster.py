@@ -19,7 +19,16 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread
 from phasemap.experiment.control import LINES, Raster
 from phasemap.imaging.canvas import Canvas, Values, values_of
-from phasemap.imaging.engaged import FEW, Block, Interpolants, blocks, interpolates, make_atlas, numbers_in, numbers_of
+from phasemap.imaging.engaged import (
+    FEW,
+    Block,
+    Interpolants,
+    blocks,
+    interpolates,
+    known_numbers,
+    make_atlas,
+    material_numbers,
+)
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey
 from phasemap.results.variables import OF_ORBITS
@@ -83,7 +92,7 @@ def _fill(job: Job, plan: OrbitTable | Interpolants | None, canvas: Canvas, stat
     if isinstance(plan, Interpolants):
         return _fill_interpolated(job, plan, canvas, tip)
     if plan is not None:
-        whole = Block(0, job.surface.shape[0], plan.materials, numbers_of(job, plan.materials))
+        whole = Block(0, job.surface.shape[0], plan.materials, material_numbers(job, plan.materials))
         return _walk(job, canvas, whole, plan, tip)
     for block in blocks(job, MOST):
         tip = _walk(job, canvas, block, _table(job, block.materials, _progress_of(job, block)), tip)
@@ -126,7 +135,7 @@ def _fill_interpolated(job: Job, plan: Interpolants, canvas: Canvas, tip: TipSta
         known.add(materials)
         numbers = known.numbers(materials).reshape(-1, pixels)
         table = _table_on_way(job, plan, known.materials, numbers, tip)
-        tip = _walk(job, canvas, Block(first, last, known.materials, numbers_in(job, known)), table, tip)
+        tip = _walk(job, canvas, Block(first, last, known.materials, known_numbers(job, known)), table, tip)
         job.report(last * pixels)
     return tip
 

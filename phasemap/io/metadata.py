@@ -134,7 +134,7 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """Canonical values of a simulated image or sweep, but the zero of a levelled phase; empty for others."""
     try:
         told = json.loads(attrs["configuration"])
-        scope = microscope_of(told["microscope"])
+        scope = microscope_of_configuration(told["microscope"])
         found = _of_microscope(scope, told.get("setpoint"), told.get("control", {}))
     except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
         return {}  # the attribute may be there and be somebody else's
@@ -142,7 +142,7 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
 
 
 @unquestioned()  # who made the image was told then
-def microscope_of(told: Mapping[str, Any]) -> Microscope:
+def microscope_of_configuration(told: Mapping[str, Any]) -> Microscope:
     """Lever, radius, drive and detector of a configuration of `describe`, whatever its interaction."""
     lever, drive, tip = made(told["cantilever"], Cantilever), made(told["drive"], Drive), Tip(told["tip"]["radius"])
     return Microscope(lever, tip, drive, detector=told.get("detector", "slope"))

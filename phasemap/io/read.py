@@ -22,7 +22,7 @@ from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.measured import on_one_turn
 from phasemap.io.metadata import KINDS, METRES, Kind, check_places, implausible, of_simulation
 from phasemap.io.netcdf import load
-from phasemap.io.vendors import mode_of, scan_data
+from phasemap.io.vendors import operating_mode, scan_data
 
 DIRECTIONS = ("trace", "retrace")
 SENSOR = re.compile("sensor|measured|detector", re.IGNORECASE)
@@ -87,7 +87,7 @@ def read_image(
     if path.suffix.lower() in NETCDF:
         return read_netcdf(path)
     channels = load_channels(path)
-    mode = mode_of(path, merged(channels))
+    mode = operating_mode(path, merged(channels))
     groups = {kind: _groups(path, channels, kind, wanted.get(kind)) for kind in KINDS}
     chosen, directions = _choose(path, groups, channels)
     own = [one for group in chosen.values() for one in group.values()]

@@ -76,7 +76,7 @@ def _doubt(scan: ScanData) -> None:
         )
 
 
-def mode_of(path: Path, metadata: Mapping[str, str]) -> str:
+def operating_mode(path: Path, metadata: Mapping[str, str]) -> str:
     """The operating mode as the instrument wrote it, which is refused if it is not tapping."""
     mode = next((metadata[key].strip() for key in MODE_KEYS if metadata.get(key, "").strip()), "")
     mode = ASYLUM_NUMBERS.get(mode, mode)

@@ -117,7 +117,7 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
     return found
 
 
-def scale_of(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
+def colour_scale(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:
     """Choose how a variable is shown: heights from the lowest pixel, errors symmetric about 0, others as they are.
 
     `asked`: limits in the unit of the variable; those of a height count from the lowest pixel.

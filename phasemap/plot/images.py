@@ -17,7 +17,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.units import say
 from phasemap.io.measured import level_plane
-from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, given_colours, scale_of, units_of, words_of
+from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, colour_scale, given_colours, units_of, words_of
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.curves import fit, force, is_force_curve, is_measured_curve
 from phasemap.plot.materials import inversion, is_inversion
@@ -138,7 +138,7 @@ def plot(
     if variables is None and ax is None:
         names = _usual(ds)
     asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
-    scales = {name: scale_of(ds[name], asked[name]) for name in names}
+    scales = {name: colour_scale(ds[name], asked[name]) for name in names}
     if ax is not None:
         return _on_axes(ds, scales, own_axes(ax, names, path))
     return _page(ds, scales, mark_irregular).finished(path, overwrite)
@@ -148,7 +148,7 @@ def limits_for_all(images: Sequence[xr.Dataset], variables: Sequence[str] | None
     """Arguments `vmin` and `vmax` of `plot` with which these images have the same colours for the same values."""
     shown = [_as_shown(one, lag) for one in images]
     names = [name for name in variables or _usual(shown[0]) if all(name in one for one in shown)]
-    scales = {name: [scale_of(ds[name]) for ds in shown] for name in names}
+    scales = {name: [colour_scale(ds[name]) for ds in shown] for name in names}
     return {
         "vmin": {name: min(one.low / one.factor for one in every) for name, every in scales.items()},
         "vmax": {name: max(one.high / one.factor for one in every) for name, every in scales.items()},

@@ -21,7 +21,7 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.described import describe
 from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.io.metadata import microscope_of, of_simulation
+from phasemap.io.metadata import microscope_of_configuration, of_simulation
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_seen
 from phasemap.results.variables import MODAL, all_variables_of, check_variables, provenance, variables_of
 
@@ -148,7 +148,9 @@ def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Mi
     if scope is not None:
         return scope, said
     with suppress(ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
-        return microscope_of(json.loads(image.attrs["configuration"])["microscope"]), said  # else it is somebody else's
+        return microscope_of_configuration(
+            json.loads(image.attrs["configuration"])["microscope"]
+        ), said  # else it is somebody else's
     missing = [name for name in SETTINGS if name not in said]
     if missing:
         hint = "Give scope=pm.Microscope(...)."

@@ -20,7 +20,7 @@ import xarray as xr
 
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import FileError, InputError, Word
-from phasemap._shared.fields import in_words
+from phasemap._shared.fields import values_in_words
 from phasemap._shared.notices import strict_units, unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control
@@ -83,7 +83,7 @@ class Scene:
         said = {
             "source": str(self.source or ""),
             "surface": repr(self.surface).removeprefix("Surface(").removesuffix(")"),
-            **{part: in_words(getattr(scope, part)) for part in ("cantilever", "tip", "drive")},
+            **{part: values_in_words(getattr(scope, part)) for part in ("cantilever", "tip", "drive")},
             "setpoint": f"{self.options['setpoint']:g}",
             **{name: str(self.options[name]) for name in ("control", "realism")},
         }

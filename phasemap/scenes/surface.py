@@ -87,14 +87,14 @@ def dilate(table: Mapping[str, Any], surface: Surface, tip: Tip) -> Surface:
     return surface
 
 
-def seen(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
+def seen_by_tip(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
     """Surface with edges blurred as its tip blurs them, if its ``[surface]`` table has seen_by_tip = true."""
     return surface.seen_by(scope, setpoint) if switch("[surface]", table, "seen_by_tip") else surface
 
 
 def under_tip(table: Mapping[str, Any], surface: Surface, scope: Microscope, setpoint: float) -> Surface:
     """The surface as its tip sees it."""
-    return seen(table, dilate(table, surface, scope.tip), scope, setpoint)
+    return seen_by_tip(table, dilate(table, surface, scope.tip), scope, setpoint)
 
 
 def variation_of(table: Mapping[str, Any]) -> Variation | None:

@@ -9,7 +9,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, pass_many
 from phasemap._kernels.orbits.time.period_map import march_tip
-from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, V, Z, new_state
+from phasemap._kernels.orbits.time.tip import Z0, MovingTip, PeriodMap, PeriodResult, Periods, V, Z, new_state
 from phasemap.solvers.problem import work_of_material
 
 ETA, PERIODS = 0.5, 400
@@ -24,7 +24,9 @@ def test_a_tip_that_falls_below_resonance_moves_as_it_does_period_by_period() ->
     # From an amplitude from contact 4 pm a period for three ring-down times: the amplitude rises, and the tip touches.
     pace, allowed, start = 4e-12, 1e-12, amplitude + 1.5e-9
     one, many = (
-        Tip(new_state(law, lever, 0.0, swing.real, -omega * swing.imag, start), PeriodResult(), PeriodMap(), Periods())
+        MovingTip(
+            new_state(law, lever, 0.0, swing.real, -omega * swing.imag, start), PeriodResult(), PeriodMap(), Periods()
+        )
         for _ in range(2)
     )
     flow, passed, steps, deepest = PeriodFlow(), 0, 0, -math.inf

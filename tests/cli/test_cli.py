@@ -20,7 +20,7 @@ from phasemap.cli import main
 from phasemap.cli.sweeps import said_of_contrast, said_of_sweep
 from phasemap.io.netcdf import load
 from phasemap.io.read import read_image
-from phasemap.plot.colours import scale_of
+from phasemap.plot.colours import colour_scale
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 STEP = str(SAMPLES / "step.toml")
@@ -102,7 +102,7 @@ def test_run_says_the_regimes_and_that_materials_look_alike(tmp_path: Path, caps
     assert "regime      repulsive\n" in said and "alike" not in said
     height = load(tmp_path / "hard.nc")["height"].values
     assert f"height      0 to {1e9 * np.ptp(height):.4g} nm above the lowest pixel\n" in said
-    assert scale_of(load(tmp_path / "hard.nc")["height"]).offset == height.min()  # the zero of the picture
+    assert colour_scale(load(tmp_path / "hard.nc")["height"]).offset == height.min()  # the zero of the picture
 
 
 def test_a_letter_that_a_terminal_lacks_stops_no_command(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from phasemap._shared.errors import FileError, PhasemapError
 from phasemap.io.gwyddion import Channel
 from phasemap.io.metadata import KINDS
 from phasemap.io.read import read_image
-from phasemap.io.vendors import mode_of, scan_data
+from phasemap.io.vendors import operating_mode, scan_data
 
 needs_reader = pytest.mark.skipif(
     any(find_spec(name) is None for name in ("gwyddionpy", "gwyddionpy_converter", "gwyfile", "NSFopen")),
@@ -266,13 +266,13 @@ def test_a_file_of_another_mode_is_refused(name: str, mode: str) -> None:
 )
 def test_contact_force_modulation_and_frequency_modulation_are_refused(metadata: dict[str, str]) -> None:
     with pytest.raises(FileError, match="whose phase is not a tapping phase"):
-        mode_of(NOWHERE, metadata)
+        operating_mode(NOWHERE, metadata)
 
 
 def test_tapping_is_known_by_many_names() -> None:
     for key, mode in (("Op. mode", "Dynamic Force"), ("ImagingMode", "AC Mode"), ("Feedback Mode", "intermittent")):
-        assert mode_of(NOWHERE, {key: mode}) == mode
-    assert mode_of(NOWHERE, {}) == "not recorded"
+        assert operating_mode(NOWHERE, {key: mode}) == mode
+    assert operating_mode(NOWHERE, {}) == "not recorded"
 
 
 @needs_reader
@@ -508,15 +508,15 @@ def test_a_wsxm_file_tells_its_scan_in_si() -> None:
     scan = scan_data(NOWHERE, metadata)
     expected = {"stiffness": 21.0, "resonance_frequency": 291799.0, "quality_factor": 508.711, "line_rate": 1.085}
     assert {name: scan.values[name] for name in expected} == expected and scan.nominal == ["stiffness"]
-    assert mode_of(NOWHERE, metadata) == "Amplitude"
+    assert operating_mode(NOWHERE, metadata) == "Amplitude"
     with pytest.raises(FileError, match="in the mode 'Normal force'"):
-        mode_of(NOWHERE, metadata | {"Feedback settings::Input channel": "Normal force"})
+        operating_mode(NOWHERE, metadata | {"Feedback settings::Input channel": "Normal force"})
 
 
 def test_older_asylum_files_number_their_modes() -> None:
-    assert mode_of(NOWHERE, {"ImagingMode": "1"}) == "AC Mode"
+    assert operating_mode(NOWHERE, {"ImagingMode": "1"}) == "AC Mode"
     with pytest.raises(FileError, match="in the mode 'Contact'"):
-        mode_of(NOWHERE, {"ImagingMode": "0"})
+        operating_mode(NOWHERE, {"ImagingMode": "0"})
 
 
 # Simulated images.

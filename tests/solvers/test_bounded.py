@@ -14,7 +14,7 @@ from phasemap._kernels.engagement import holding_in_time, holding_mean, in_time,
 from phasemap._kernels.engagement.goal import Goal, coarse_tolerance
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time import period_map
-from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state
+from phasemap._kernels.orbits.time.tip import MovingTip, PeriodMap, PeriodResult, Periods, new_state
 from phasemap._kernels.scanning.feedback_loop import Setup
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.periods import new_periods
@@ -34,16 +34,16 @@ MORE = 100
 """Periods by which a bound may be passed: a step of Newton's method is ended, 20 iterations of 5 at most."""
 
 
-def tip_at(law: Law, scope: pm.Microscope, z0: float) -> Tip:
+def tip_at(law: Law, scope: pm.Microscope, z0: float) -> MovingTip:
     u = new_state.py_func(law, lever_of(scope), 0.0, 0.0, 0.5 * scope.driven_amplitude, z0)
-    return Tip(u, PeriodResult(), PeriodMap(), Periods())
+    return MovingTip(u, PeriodResult(), PeriodMap(), Periods())
 
 
 WHATS = ("hold", "hold_mean", "move_to_mean_amplitude", "follow_down", "fall", "rest")
 
 
 @kernel
-def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: Tip, row: np.ndarray) -> None:
+def do(what: int, problem: Oscillator, amplitude: float, most: int, tip: MovingTip, row: np.ndarray) -> None:
     """One of these: they are compiled together."""
     goal = Goal(amplitude, 0.25, most)
     if what == 0:

@@ -24,10 +24,10 @@ from phasemap._kernels.orbits.time.modes import drive_of_mode, harmonic_of_mode
 from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import (
     Z0,
+    MovingTip,
     PeriodMap,
     PeriodResult,
     Periods,
-    Tip,
     V,
     Z,
     coordinate_count,
@@ -62,14 +62,14 @@ def settled(case: Case, eta: float = ETA, **lever: Any) -> tuple[np.ndarray, Osc
     return row, oscillator
 
 
-def tip_on(oscillator: Oscillator, row: np.ndarray) -> Tip:
+def tip_on(oscillator: Oscillator, row: np.ndarray) -> MovingTip:
     """A tip on the orbit of a result row, but for its harmonics."""
     state = holding_in_time.state_on(oscillator.law, oscillator.lever, row[col.AMPLITUDE], row)
-    return Tip(state, PeriodResult(), PeriodMap(), Periods())
+    return MovingTip(state, PeriodResult(), PeriodMap(), Periods())
 
 
 @kernel
-def settle_on_orbit(oscillator: Oscillator, tip: Tip) -> bool:
+def settle_on_orbit(oscillator: Oscillator, tip: MovingTip) -> bool:
     """A shared kernel as others call it: Python would compile it anew."""
     return period_map.skip_transient(oscillator, period_map.Tolerance(ETA, 1e-16, 1e-16), 0.0, tip)
 
@@ -169,7 +169,7 @@ def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int) -> None:
     omega, drive = work.lever[col.OMEGA], work.lever[col.DRIVE]
     free = drive / complex(work.lever[col.DYNAMIC_STIFFNESS], work.lever[col.DYNAMIC_LOSS])
     state = new_state(work.law, work.lever, 0.0, free.real, -omega * free.imag, 3e-8)
-    tip = Tip(state.copy(), PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(state.copy(), PeriodResult(), PeriodMap(), Periods())
     assert march.march_period(oscillator, 3e-8, 0.1, tip.u, tip.acc) > 0
     assert tip.u == pytest.approx(state, abs=1e-13 * abs(free))
     assert [tip.acc.cos, -tip.acc.sin] == pytest.approx([free.real, free.imag], abs=1e-12 * abs(free))

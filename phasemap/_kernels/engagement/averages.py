@@ -23,7 +23,7 @@ from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.march import march_period
-from phasemap._kernels.orbits.time.tip import Z0, PeriodResult, Tip, add_period, ring_down_periods
+from phasemap._kernels.orbits.time.tip import Z0, MovingTip, PeriodResult, add_period, ring_down_periods
 from phasemap._kernels.records import clear, numbers_of, record
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def add_total(total: Total, more: Total) -> None:
 
 @kernel
 def average_periods(
-    oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: Tip, lock_in: LockIn
+    oscillator: Oscillator, step_size: float, count: int, move: Numbers, tip: MovingTip, lock_in: LockIn
 ) -> bool:
     """March so many periods, and sum up the detected motion; z0 falls by way + gain (A - setpoint) [m] in each.
 

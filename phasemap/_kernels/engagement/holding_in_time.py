@@ -20,7 +20,7 @@ from phasemap._kernels.orbits.time.contact import OFF_SURFACE
 from phasemap._kernels.orbits.time.many_periods import form_dents
 from phasemap._kernels.orbits.time.period_map import hold_periodic
 from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE
-from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult, Periods, Tip, new_state, ring_down_periods
+from phasemap._kernels.orbits.time.tip import MovingTip, PeriodMap, PeriodResult, Periods, new_state, ring_down_periods
 
 SECOND_TRY = 0.7  # steps of a second try: a derivative by differences is off where one of two periods has a step more
 NEAR_TIMES = 5.0  # ring-down times in which a tip comes to rest that starts next to its orbit
@@ -28,7 +28,7 @@ NEAR_PERIODS = 40  # and at least so many periods
 
 
 @kernel
-def hold_in_time(oscillator: Oscillator, goal: Goal, tip: Tip, row: np.ndarray) -> int:
+def hold_in_time(oscillator: Oscillator, goal: Goal, tip: MovingTip, row: np.ndarray) -> int:
     """Hold an amplitude, by a periodic orbit if there is one here, else by what a lock-in shows; fill a result row.
 
     A tip that engages counts periods from the phase at which it was highest as it swung freely. Where such a period
@@ -53,7 +53,7 @@ def hold_from_row(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     The motion found is one that time leads to: stable, and held by a feedback that raises the lever when A falls short.
     """
     law, lever = oscillator.law, oscillator.lever
-    tip = Tip(state_on(law, lever, row[col.AMPLITUDE], row), PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(state_on(law, lever, row[col.AMPLITUDE], row), PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
     return hold_in_time(oscillator, goal, tip, row)
 
@@ -66,7 +66,7 @@ def hold_orbit_near_row(oscillator: Oscillator, goal: Goal, forms: bool, row: np
     allowed, or to one on the other branch.
     """
     law, p, lever = oscillator
-    tip = Tip(state_on(law, lever, goal.amplitude, row), PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(state_on(law, lever, goal.amplitude, row), PeriodResult(), PeriodMap(), Periods())
     repelled, tolerance = row[col.STIFFENING] > 0.0, fine_tolerance(p, goal)
     if forms and not form_dents(oscillator, tolerance, goal.amplitude, goal.most_periods, tip):
         return False

@@ -38,7 +38,7 @@ from phasemap._kernels.law import Oscillator, has_hysteresis
 from phasemap._kernels.lever import free_amplitude, mode_of
 from phasemap._kernels.orbits.orbit_nodes import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
 from phasemap._kernels.orbits.time.period_map import fill_row_at_rest, fill_row_of_period, skip_transient
-from phasemap._kernels.orbits.time.tip import Z0, Tip, divide_result
+from phasemap._kernels.orbits.time.tip import Z0, MovingTip, divide_result
 from phasemap._kernels.records import record
 
 GROUP = 4  # averages that are one independent value of the mean
@@ -91,7 +91,7 @@ class Groups:
 
 @kernel
 def take_average(
-    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, groups: Groups
+    oscillator: Oscillator, controller: Controller, tip: MovingTip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Average over some periods, and let the controller act; False where the march fails, and the series with it.
 
@@ -111,7 +111,7 @@ def take_average(
 
 @kernel
 def take_group(
-    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, groups: Groups
+    oscillator: Oscillator, controller: Controller, tip: MovingTip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Take the averages of a group, and add it to the others; False where the march fails."""
     lever, amplitude, count = oscillator.lever, controller.amplitude, controller.size * controller.block
@@ -141,7 +141,7 @@ def take_group(
 
 @kernel
 def come_to_mean(
-    oscillator: Oscillator, controller: Controller, tip: Tip, lock_in: LockIn, series: Series, groups: Groups
+    oscillator: Oscillator, controller: Controller, tip: MovingTip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Let the controller come to the setpoint, before averages count; False where the march fails."""
     lever, amplitude = oscillator.lever, controller.amplitude
@@ -194,7 +194,7 @@ def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most
 
 @kernel
 def fill_mean(
-    oscillator: Oscillator, controller: Controller, tip: Tip, series: Series, groups: Groups, row: np.ndarray
+    oscillator: Oscillator, controller: Controller, tip: MovingTip, series: Series, groups: Groups, row: np.ndarray
 ) -> int:
     """Fill a result row with the mean of all averages that count, and with its errors; NOT_SETTLED if they are large.
 
@@ -224,7 +224,7 @@ def fill_mean(
 
 
 @kernel
-def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: Tip, row: np.ndarray) -> int:
+def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: MovingTip, row: np.ndarray) -> int:
     """Hold the mean amplitude by an integral controller and fill the row with averages over time.
 
     The tip offset goes with the amplitude one to one where a surface limits it, so that each average of both gives

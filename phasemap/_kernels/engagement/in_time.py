@@ -55,7 +55,15 @@ from phasemap._kernels.lever import free_amplitude, free_phasor, scale_of
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.time.period_map import come_to_rest, fill_row_at_rest, march_tip, skip_transient
-from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip, new_state, ring_down_periods
+from phasemap._kernels.orbits.time.tip import (
+    Z0,
+    MovingTip,
+    PeriodMap,
+    PeriodResult,
+    Periods,
+    new_state,
+    ring_down_periods,
+)
 from phasemap._kernels.records import assign
 
 if TYPE_CHECKING:
@@ -85,7 +93,7 @@ def slow_pace(lever: np.ndarray) -> float:
 
 @kernel
 def amplitude_after_jump(
-    oscillator: Oscillator, step_size: float, block: int, most_periods: int, tip: Tip, lock_in: LockIn
+    oscillator: Oscillator, step_size: float, block: int, most_periods: int, tip: MovingTip, lock_in: LockIn
 ) -> float:
     """Mean amplitude [m] on which the lever settles after a jump, which it may overshoot; NaN if periods run out."""
     wait = int(DISTURBED) * block
@@ -98,7 +106,7 @@ def amplitude_after_jump(
 
 
 @kernel
-def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip: Tip) -> int:
+def move_to_mean_amplitude(oscillator: Oscillator, goal: Goal, least: float, tip: MovingTip) -> int:
     """Lower or raise the tip period by period until the mean amplitude is reached; returns how the motion ends.
 
     Past a contact with hysteresis it goes faster as long as amplitude and z0 change alike and the motion stays as
@@ -176,7 +184,7 @@ def engage_by_march(oscillator: Oscillator, goal: Goal, row: np.ndarray) -> int:
     law, p, lever = oscillator
     free = free_amplitude(lever)
     u = free_state(law, lever, free * ratio_far_from_surface(oscillator, goal.amplitude))
-    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(u, PeriodResult(), PeriodMap(), Periods())
     row[:] = math.nan
     step, least = STEP_OF_SCALE * scale_of(oscillator) + STEP_OF_FREE * free, NEXT_TRY * free
     pace, loose = pace_of_leap(oscillator), False
@@ -238,7 +246,7 @@ def move_to_tip_offset(
     Returns GOOD, or NOT_SETTLED after `most_periods` periods; u is where it then is.
     """
     p, lever = oscillator.p, oscillator.lever
-    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(u, PeriodResult(), PeriodMap(), Periods())
     count = int(abs(u[Z0] - z0) / slow_pace(lever))
     if count >= most_periods or not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
@@ -266,7 +274,7 @@ def move_to_amplitude(
     """
     lever = oscillator.lever
     driven = lever[col.SECOND_FORCE] > 0.0
-    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(u, PeriodResult(), PeriodMap(), Periods())
     if not march_tip(oscillator, step_size, tip):
         return col.NOT_SETTLED
     if driven:

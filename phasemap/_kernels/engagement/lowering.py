@@ -28,7 +28,7 @@ from phasemap._kernels.orbits.time.many_periods import PeriodFlow, begin_flow, p
 from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip, skip_transient
 from phasemap._kernels.orbits.time.tip import (
     Z0,
-    Tip,
+    MovingTip,
     V,
     Way,
     Z,
@@ -113,7 +113,7 @@ def pace_of_leap(oscillator: Oscillator) -> float:
 
 
 @kernel
-def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, tip: Tip) -> int:
+def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, tip: MovingTip) -> int:
     """Lower the tip along periodic orbits until the amplitude is reached; returns how the motion ends.
 
     Steps of the tip offset are longer where the linear prediction of the next orbit is good, and short where the orbit
@@ -197,7 +197,7 @@ def falls_gently(oscillator: Oscillator) -> bool:
 
 @kernel
 def pass_ring_down_time(
-    oscillator: Oscillator, fall: Fall, ring: int, tip: Tip, flow: PeriodFlow, motion: FilteredMotion
+    oscillator: Oscillator, fall: Fall, ring: int, tip: MovingTip, flow: PeriodFlow, motion: FilteredMotion
 ) -> bool:
     """March for a ring-down time, in which the tip is lowered, or held by the feedback; False where marching fails."""
     lever = oscillator.lever
@@ -232,7 +232,7 @@ def pass_ring_down_time(
 
 
 @kernel
-def end_of_fall(oscillator: Oscillator, goal: Goal, far: bool, tip: Tip, motion: FilteredMotion) -> int:
+def end_of_fall(oscillator: Oscillator, goal: Goal, far: bool, tip: MovingTip, motion: FilteredMotion) -> int:
     """End of a fall by the filtered motion; ORBIT_LEFT while it goes on. Orbits above the amplitude count if `far`."""
     ring, amplitude = max(FEWEST_RINGING, ring_down_periods(oscillator.lever)), goal.amplitude
     still, held, tolerance = motion.change < STILL_MOTION * amplitude, motion.held > 0, coarse_tolerance(goal)
@@ -251,7 +251,7 @@ def end_of_fall(oscillator: Oscillator, goal: Goal, far: bool, tip: Tip, motion:
 
 
 @kernel
-def fall_to_setpoint(oscillator: Oscillator, goal: Goal, pace: float, least: float, tip: Tip) -> int:
+def fall_to_setpoint(oscillator: Oscillator, goal: Goal, pace: float, least: float, tip: MovingTip) -> int:
     """Lower the tip by `pace` [m] a period until its motion repeats itself, above the amplitude or at it.
 
     A pace of 0 leaves it to the feedback from the start.

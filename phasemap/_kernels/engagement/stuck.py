@@ -24,7 +24,7 @@ from phasemap._kernels.orbits.time.period_map import come_to_rest, march_tip
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
-    Tip,
+    MovingTip,
     Way,
     amplitude_of,
     amplitude_slope,
@@ -55,7 +55,7 @@ NOT_KNOWN = 3
 
 
 @kernel
-def in_contact_throughout(p: np.ndarray, tip: Tip) -> bool:
+def in_contact_throughout(p: np.ndarray, tip: MovingTip) -> bool:
     """True if tip or neck touched the sample during the whole last period."""
     acc = tip.acc
     touches = not has_hysteresis(p) or tip.u[TOUCHES] != 0.0
@@ -63,7 +63,7 @@ def in_contact_throughout(p: np.ndarray, tip: Tip) -> bool:
 
 
 @kernel
-def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: Tip) -> bool:
+def sticks(p: np.ndarray, lever: np.ndarray, amplitude: float, tip: MovingTip) -> bool:
     """True if the oscillation collapsed to less than FALLEN times this amplitude [m] and the tip stays in contact."""
     return amplitude_of(lever, tip.acc) < FALLEN * amplitude and in_contact_throughout(p, tip)
 
@@ -107,7 +107,7 @@ def contact_too_stiff(oscillator: Oscillator, amplitude: float) -> bool:
 
 
 @kernel
-def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: Tip) -> int:
+def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: MovingTip) -> int:
     """Raise a tip that sticks to the sample along its orbits in contact, to where they end.
 
     Returns REACHES_AMPLITUDE with the tip near the amplitude, JUMPS_FREE or JUMPS_TO_TAPPING where the motion jumps
@@ -149,7 +149,7 @@ def raise_along_contact_orbits(oscillator: Oscillator, goal: Goal, tip: Tip) -> 
 
 
 @kernel
-def raise_stuck_tip(oscillator: Oscillator, goal: Goal, periodic: bool, slow: bool, tip: Tip) -> int:
+def raise_stuck_tip(oscillator: Oscillator, goal: Goal, periodic: bool, slow: bool, tip: MovingTip) -> int:
     """Raise a tip that fell across the amplitude and sticks, from a `periodic` motion, or as it was lowered slowly.
 
     Returns JUMPS_FREE where no orbit holds the amplitude, JUMPS_TO_TAPPING where the tip can be lowered again,

@@ -14,7 +14,7 @@ from phasemap._kernels.engagement.goal import COARSER_STEPS
 from phasemap._kernels.engagement.holding_in_time import state_on
 from phasemap._kernels.engagement.in_time import slow_pace
 from phasemap._kernels.law import Law, Oscillator, parameters
-from phasemap._kernels.orbits.time.tip import Z0, PeriodMap, PeriodResult, Periods, Tip
+from phasemap._kernels.orbits.time.tip import Z0, MovingTip, PeriodMap, PeriodResult, Periods
 
 
 @kernel
@@ -73,7 +73,7 @@ def reach_rows(
     block, up = block_of(lever), (-slow_pace(lever), 0.0, 0.0)
     for i in range(len(rows)):
         u = state_on(law, lever, orbits[i, col.AMPLITUDE], orbits[i])
-        tip, lock_in, top = Tip(u, PeriodResult(), PeriodMap(), Periods()), LockIn(), reach[i]
+        tip, lock_in, top = MovingTip(u, PeriodResult(), PeriodMap(), Periods()), LockIn(), reach[i]
         begin_lock_in(lever, tip.acc, lock_in)
         reach[i] = math.inf
         while tip.periods.marched < most_periods and tip.u[Z0] < top:

@@ -72,7 +72,7 @@ def vanderwaals_slope(d: float, p: Array) -> float:
     return -2.0 * (p[LONGRANGE] - p[BIAS]) * p[INVERSE_REACH] / (s * s * s)
 
 
-def whole(pull: Array, decay_length: float | None, other: float, scale: float) -> Array:
+def whole_attraction(pull: Array, decay_length: float | None, other: float, scale: float) -> Array:
     """Attraction at d = 0 [N] of the van der Waals force, if there is one, and another force of this scale [N].
 
     It is 0 where there is no force at any d only.
@@ -158,7 +158,12 @@ class Biased(LongRange):
         """p[BIASED] = pi eps0 V^2 [N], p[CURVATURE] = 1/R [1/m]."""
         at_contact = self.in_contact(decay_length, radius)
         strength = math.pi * VACUUM_PERMITTIVITY * self.bias**2
-        return whole(pull, decay_length, at_contact, at_contact), 1 / (decay_length or CLOSEST), strength, 1 / radius
+        return (
+            whole_attraction(pull, decay_length, at_contact, at_contact),
+            1 / (decay_length or CLOSEST),
+            strength,
+            1 / radius,
+        )
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
         x = (decay_length or CLOSEST) / radius
@@ -210,7 +215,7 @@ class DLVO(LongRange):
     def columns(self, pull: Array, decay_length: float | None, radius: float) -> tuple[Array | float, ...]:
         """p[KAPPA] = 1/lambda [1/m], p[CHARGES] = 4 pi R lambda s_t s_s/(eps eps0) [N]."""
         product, squares = self._strengths(radius)
-        attraction = whole(pull, decay_length, -(product + squares), squares)
+        attraction = whole_attraction(pull, decay_length, -(product + squares), squares)
         return attraction, 1 / (decay_length or self.debye_length), 1 / self.debye_length, product
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
@@ -251,7 +256,7 @@ class Hydration(LongRange):
     def columns(self, pull: Array, decay_length: float | None, radius: float) -> tuple[Array | float, ...]:
         """p[HYDRATION_DECAY] = 1/lambda0 [1/m]."""
         other = self.in_contact(decay_length, radius)
-        return whole(pull, decay_length, other, abs(other)), 1 / (decay_length or self.decay), 1 / self.decay
+        return whole_attraction(pull, decay_length, other, abs(other)), 1 / (decay_length or self.decay), 1 / self.decay
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
         return -2 * math.pi * radius * self.strength

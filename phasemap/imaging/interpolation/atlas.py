@@ -23,7 +23,7 @@ from phasemap._kernels.materials.interpolate import (
 )
 from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation.borders import Border, Undecided, find_borders
-from phasemap.imaging.interpolation.cells import Cell, FilledCell, fit
+from phasemap.imaging.interpolation.cells import Cell, FilledCell, fill_cell
 from phasemap.imaging.interpolation.chebyshev import unscaled
 from phasemap.imaging.interpolation.exact_orbits import ExactOrbits
 
@@ -245,7 +245,7 @@ class _Builder:
     def cell(self, cell: Cell, materials: Array, depth: int) -> int:
         """A leaf with the interpolant of a cell, or the two halves of it."""
         budget = self._budget(materials)
-        found = fit(self.exact, cell, self.tolerances, materials, budget) if budget else None
+        found = fill_cell(self.exact, cell, self.tolerances, materials, budget) if budget else None
         if isinstance(found, FilledCell):
             self.pieces.append(found)
             return self._node(LEAF, len(self.pieces) - 1)

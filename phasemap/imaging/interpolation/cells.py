@@ -11,7 +11,7 @@ from phasemap._kernels.materials.interpolate import EVEN_PLACE, ROOT_BOTH, ROOT_
 from phasemap._shared.arrays import Array
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.borders import Border
-from phasemap.imaging.interpolation.chebyshev import scaled, unscaled
+from phasemap.imaging.interpolation.chebyshev import coordinates, unscaled
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, PHASE, ExactOrbits
 
 End = float | Border
@@ -52,7 +52,7 @@ class Cell:
         low, high = _height(self.lower, points[:, 0], points[:, 1]), _height(self.upper, points[:, 0], points[:, 1])
         thickness = np.where(high > low, high - low, 1.0)
         places = (points[:, 0], points[:, 1], _place((points[:, 2] - low) / thickness, self.form))
-        return np.column_stack([scaled(place, *self.side(axis)) for axis, place in enumerate(places)])
+        return np.column_stack([coordinates(place, *self.side(axis)) for axis, place in enumerate(places)])
 
     @classmethod
     def between(
@@ -194,7 +194,7 @@ class Refinement:
         return np.array([float((chebyshev.tail(coefs, axis, 3) / tolerances).max()) for axis in range(3)])
 
 
-def fit(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> FilledCell | Rough:
+def fill_cell(exact: ExactOrbits, cell: Cell, tolerances: Array, materials: Array, budget: int) -> FilledCell | Rough:
     """Interpolate in a cell, with at most `budget` exact orbits, and try the interpolant on some of its `materials`."""
     asked = exact.asked
     if FIRST ** sum(low < high for low, high in map(cell.side, range(3))) > budget:

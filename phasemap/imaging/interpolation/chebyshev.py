@@ -43,14 +43,14 @@ def tail(coefs: Array, axis: int, axes: int) -> Array:
     return np.asarray(summed.sum(axis=0))
 
 
-def scaled(x: Array, low: float, high: float) -> Array:
+def coordinates(x: Array, low: float, high: float) -> Array:
     """Coordinates of [low, high] in [-1, 1]; 0 where the interval is a point."""
     return (2 * x - low - high) / (high - low) if high > low else np.zeros(len(x))
 
 
 def clipped(x: Array, low: float, high: float) -> Array:
     """Coordinates of [low, high] in [-1, 1]; points outside are moved to the nearer end."""
-    return np.clip(scaled(x, low, high), -1, 1)
+    return np.clip(coordinates(x, low, high), -1, 1)
 
 
 def unscaled(t: Array, low: float, high: float) -> Array:

@@ -28,7 +28,7 @@ from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name, check_marches
 from phasemap.sweeps.contrasts.pair import Axes, Pair, borders, regime_of, regimes
-from phasemap.sweeps.contrasts.result import DIMS, RULE, Recommended, choose, record
+from phasemap.sweeps.contrasts.result import DIMS, RULE, Recommended, choose, dataset_of_map
 from phasemap.sweeps.sweep import SETPOINT, check_axis
 
 Array = np.ndarray
@@ -153,7 +153,7 @@ def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, pro
     jumps, inversions = borders(
         pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
-    found = record(rising, labels, engaged, regime, jumps, inversions)
+    found = dataset_of_map(rising, labels, engaged, regime, jumps, inversions)
     found.attrs.update(_recommended(choose(rising, labels, engaged, regime, jumps), rising, found["contrast"]))
     return found
 

@@ -109,7 +109,7 @@ def regime_of(rows: Array) -> Array:
     return np.where(np.isnan(stiffening), NONE, np.where(stiffening > 0, REPULSIVE, ATTRACTIVE)).astype(np.int8)
 
 
-class Jump(NamedTuple):
+class PhaseJump(NamedTuple):
     """A jump of one material's phase."""
 
     point: Array  # shape (3,); frequency [Hz], free amplitude [m] and setpoint [1]
@@ -154,14 +154,14 @@ class _Line(NamedTuple):
 
 def borders(
     pair: Pair, axes: Axes, phases: Array, branch: Array, workers: int, progress: Progress | None = None
-) -> tuple[list[Jump], list[Inversion]]:
+) -> tuple[list[PhaseJump], list[Inversion]]:
     """Find every jump and inversion between neighbours of a map of phases [degree] and branches of both materials.
 
     There is none of a contrast of one sign that is seen. `progress`: called in lines that are looked into.
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _lines_with_jump(axis, axes, phases, branch, sure)]
-    found: list[tuple[list[Jump], list[Inversion]]] = [([], [])] * len(lines)
+    found: list[tuple[list[PhaseJump], list[Inversion]]] = [([], [])] * len(lines)
 
     def follow(first: int, last: int) -> None:
         for i in range(first, last):
@@ -190,7 +190,7 @@ def _lines_with_jump(axis: int, axes: Axes, phases: Array, branch: Array, sure: 
         yield _Line(start, stop, phases[(slice(None), *begin)], phases[(slice(None), *end)])
 
 
-def _changes_on_line(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversion]]:
+def _changes_on_line(pair: Pair, line: _Line) -> tuple[list[PhaseJump], list[Inversion]]:
     """Jumps and inversions on one line."""
     least = max(JUMP, CERTAIN * pair.accuracy.phase)
     begin, end = _Place(0.0, line.before), _Place(1.0, line.after)
@@ -202,7 +202,7 @@ def _changes_on_line(pair: Pair, line: _Line) -> tuple[list[Jump], list[Inversio
             broken.append((low, high, material))
     broken.sort(key=lambda item: item[0].share)
     jumps = [
-        Jump(line.point((low.share + high.share) / 2), material, low.phases, high.phases)
+        PhaseJump(line.point((low.share + high.share) / 2), material, low.phases, high.phases)
         for low, high, material in broken
     ]
     inversions = []

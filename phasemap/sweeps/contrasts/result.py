@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.units import say
 from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes, motion_of
-from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Inversion, Jump
+from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Inversion, PhaseJump
 
 Array = np.ndarray
 
@@ -37,8 +37,8 @@ RULE = (
 )
 
 
-def record(
-    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[Jump],
+def dataset_of_map(
+    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[PhaseJump],
     inversions: Sequence[Inversion],
 ) -> xr.Dataset:  # fmt: skip
     """Make the Dataset of a map as `phasemap.contrast` describes it, with all its dimensions, without attributes."""
@@ -78,7 +78,7 @@ def record(
     return xr.Dataset(data, coords)
 
 
-def _points(dim: str, what: str, found: Sequence[Jump] | Sequence[Inversion]) -> dict[str, Any]:
+def _points(dim: str, what: str, found: Sequence[PhaseJump] | Sequence[Inversion]) -> dict[str, Any]:
     """Variables with the positions of jumps or inversions."""
     points = np.array([one.point for one in found]).reshape(-1, 3)
     return {
@@ -94,7 +94,9 @@ class Recommended(NamedTuple):
     sentence: str  # where it is, and why
 
 
-def choose(axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[Jump]) -> Recommended:
+def choose(
+    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[PhaseJump]
+) -> Recommended:
     """Choose the point to work at, from arrays of shape (2, frequencies, free amplitudes, setpoints, ...)."""
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
@@ -130,7 +132,7 @@ def _index_of_least(values: Array) -> tuple[int, int, int]:
     return int(frequency), int(free_amplitude), int(setpoint)
 
 
-def _distances(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
+def _distances(axes: Axes, single: Array, jumps: Sequence[PhaseJump]) -> Array:
     """Distance in setpoint of each point from the nearest jump, second regime or failure; infinite without any."""
     setpoints = axes[2]
     distance = np.full(single.shape, np.inf)
@@ -143,7 +145,7 @@ def _distances(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
     return distance
 
 
-def _near_jump(axes: Axes, single: Array, jumps: Sequence[Jump]) -> Array:
+def _near_jump(axes: Axes, single: Array, jumps: Sequence[PhaseJump]) -> Array:
     """True where a jump, second regime or failure lies before the next free amplitude or frequency of the map."""
     beside = np.zeros(single.shape, bool)
     for axis in (0, 1):

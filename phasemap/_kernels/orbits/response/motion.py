@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.lever import Mode, mode_of, modes_of
+from phasemap._kernels.lever import LeverMode, mode_of, modes_of
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,
@@ -112,7 +112,7 @@ def _sum_up(nodes: Nodes) -> tuple[float, float]:
 
 @kernel(fastmath=ANY_ORDER)
 def _add_motion(
-    nodes: Nodes, mode: Mode, share: float, round_: tuple[float, float], harmonic: tuple[float, float, float],
+    nodes: Nodes, mode: LeverMode, share: float, round_: tuple[float, float], harmonic: tuple[float, float, float],
     anew: bool,
 ) -> None:  # fmt: skip
     """Add to w and w' the motion of a mode, less its mean and its first harmonic; or let it replace them."""

@@ -23,7 +23,7 @@ import numpy as np
 from phasemap._kernels.columns import DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_longrange, longrange_force
-from phasemap._kernels.lever import Mode, fastest_turn
+from phasemap._kernels.lever import LeverMode, fastest_turn
 from phasemap._kernels.numerics import copy, fill_growth, fill_turn
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record
@@ -110,7 +110,7 @@ def lay_nodes(nodes: Nodes, entry: float, exit_: float) -> None:
 
 
 @kernel(fastmath=ANY_ORDER)
-def fill_mode(nodes: Nodes, mode: Mode) -> None:
+def fill_mode(nodes: Nodes, mode: LeverMode) -> None:
     """Fill in exp(-lambda theta) of a mode at the nodes."""
     count, nu = count_of(nodes), mode.turn
     theta = nodes.theta[:count]
@@ -266,7 +266,7 @@ def periods_before(a: float, nu: float) -> tuple[float, float]:
 
 
 @kernel(fastmath=ANY_ORDER)
-def response_to_first_harmonic(omega: float, mode: Mode, push: float, drag: float) -> tuple[float, float]:
+def response_to_first_harmonic(omega: float, mode: LeverMode, push: float, drag: float) -> tuple[float, float]:
     """A mode's response to the first harmonic of g: share (P - iS)/(square - omega^2 + 2 i rate omega)."""
     x, y = mode.square - omega * omega, 2.0 * mode.rate * omega
     below = mode.share / (x * x + y * y)

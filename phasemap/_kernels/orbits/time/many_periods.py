@@ -31,10 +31,10 @@ from phasemap._kernels.orbits.time.period_map import (
 from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
+    MovingTip,
     PeriodMap,
     PeriodResult,
     Periods,
-    Tip,
     V,
     Way,
     Z,
@@ -65,7 +65,7 @@ class PeriodFlow:
 
 
 @kernel
-def _change(oscillator: Oscillator, step_size: float, tip: Tip, at: complex, z0: float, y: np.ndarray) -> complex:
+def _change(oscillator: Oscillator, step_size: float, tip: MovingTip, at: complex, z0: float, y: np.ndarray) -> complex:
     """Change of z + i z' in a period that starts in state y at the tip offset z0; NaN if the march fails."""
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = at.real, at.imag, z0
@@ -76,7 +76,7 @@ def _change(oscillator: Oscillator, step_size: float, tip: Tip, at: complex, z0:
 
 
 @kernel
-def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, flow: PeriodFlow) -> bool:
+def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: MovingTip, flow: PeriodFlow) -> bool:
     """March the next period, in which z0 falls by `pace` [m], and fill `flow` with what it changes."""
     u = tip.u
     k = _change(oscillator, step_size, tip, complex(u[Z], u[V]), u[Z0] - pace, np.empty(len(u)))
@@ -85,7 +85,9 @@ def begin_flow(oscillator: Oscillator, step_size: float, pace: float, tip: Tip, 
 
 
 @kernel
-def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: float, tip: Tip, flow: PeriodFlow) -> int:
+def pass_many(
+    oscillator: Oscillator, step_size: float, pace: float, allowed: float, tip: MovingTip, flow: PeriodFlow
+) -> int:
     """Carry a tip, which falls by `pace` [m] a period, over as many periods as an error `allowed` [m] lets it.
 
     Returns how many; 0 if the march fails. tip.acc has the observables of the period to come.
@@ -120,7 +122,7 @@ def pass_many(oscillator: Oscillator, step_size: float, pace: float, allowed: fl
 
 
 @kernel
-def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most_periods: int, tip: Tip) -> bool:
+def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most_periods: int, tip: MovingTip) -> bool:
     """Let time pass at the amplitude `target` until dents are at rest; False if it may take more than so many periods.
 
     The tip goes on ahead as the map of one period says, whose derivatives are taken anew now and then.
@@ -159,7 +161,7 @@ def land_free(oscillator: Oscillator, u: np.ndarray, close: float, most_periods:
 
     False if it comes to none within so many periods.
     """
-    tip = Tip(u, PeriodResult(), PeriodMap(), Periods())
+    tip = MovingTip(u, PeriodResult(), PeriodMap(), Periods())
     if not come_to_rest(oscillator, Tolerance(LANDING_ETA, close, close), most_periods, tip):
         return False
     fill_row_at_rest(oscillator.lever, tip, row)

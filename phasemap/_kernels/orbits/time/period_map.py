@@ -22,8 +22,8 @@ from phasemap._kernels.orbits.time.tip import (
     TOUCHES,
     Z0,
     Change,
+    MovingTip,
     PeriodResult,
-    Tip,
     V,
     Way,
     Z,
@@ -74,14 +74,14 @@ class Tolerance(NamedTuple):
 
 
 @kernel
-def march_tip(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
+def march_tip(oscillator: Oscillator, step_size: float, tip: MovingTip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods.marched += 1
     return march_period(oscillator, tip.u[Z0], step_size, tip.u, tip.acc) >= 0
 
 
 @kernel
-def march_beside(oscillator: Oscillator, step_size: float, tip: Tip, way: Way, y: np.ndarray, to: Change) -> bool:
+def march_beside(oscillator: Oscillator, step_size: float, tip: MovingTip, way: Way, y: np.ndarray, to: Change) -> bool:
     """March a period, in y, that begins at tip.u moved by a way, and fill in its changes.
 
     The surface is that of tip.u; where a dent outlasts a period, it is the one that this period leaves, so that the
@@ -106,7 +106,7 @@ def march_beside(oscillator: Oscillator, step_size: float, tip: Tip, way: Way, y
 
 
 @kernel
-def linearise_period(oscillator: Oscillator, step_size: float, tip: Tip) -> bool:
+def linearise_period(oscillator: Oscillator, step_size: float, tip: MovingTip) -> bool:
     """Fill tip.linear from a period and periods beside it; True if all stay in contact or all out of it."""
     linear, count, y = tip.linear, coordinate_count(oscillator.lever), np.empty(len(tip.u))
     size = (DERIVATIVE_STEP if tip.periods.formed == 0 else DENTED_STEP) * motion_scale(oscillator.lever, tip.u)
@@ -137,7 +137,7 @@ def way_left(way: Way, tolerance: Tolerance) -> float:
 
 @kernel
 def pass_along(
-    oscillator: Oscillator, tolerance: Tolerance, target: float, part: float, tip: Tip, way: Way, y: np.ndarray
+    oscillator: Oscillator, tolerance: Tolerance, target: float, part: float, tip: MovingTip, way: Way, y: np.ndarray
 ) -> float:
     """Move the state by a share of a way, march a period there, and fill in the way from its begin, linearly.
 
@@ -153,7 +153,9 @@ def pass_along(
 
 
 @kernel
-def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip, way: Way, y: np.ndarray) -> float:
+def _creep(
+    oscillator: Oscillator, tolerance: Tolerance, target: float, tip: MovingTip, way: Way, y: np.ndarray
+) -> float:
     """Go on along a way by the same derivatives: twice, or until dents that last are at rest (theory, Eq. (memory-10)).
 
     Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
@@ -172,7 +174,7 @@ def _creep(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip
 
 
 @kernel(shared=True)
-def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: Tip) -> bool:
+def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, tip: MovingTip) -> bool:
     """Skip the transient where it is a linear decay: put tip.u at its end, and tip.acc to the period there.
 
     The decay is measured, not assumed: neighbours must approach (Floquet multipliers inside the unit circle and, where
@@ -220,7 +222,7 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
 
 
 @kernel
-def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int, tip: Tip) -> bool:
+def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int, tip: MovingTip) -> bool:
     """Let time pass at fixed z0 until the orbit repeats itself, for `most_periods` periods; False if it does not."""
     lever = oscillator.lever
     end = tip.periods.marched + most_periods
@@ -240,7 +242,7 @@ def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int
 
 @kernel
 def hold_periodic(
-    oscillator: Oscillator, tolerance: Tolerance, amplitude: float, most_periods: int, tip: Tip, row: np.ndarray
+    oscillator: Oscillator, tolerance: Tolerance, amplitude: float, most_periods: int, tip: MovingTip, row: np.ndarray
 ) -> int:
     """Bring a periodic orbit to the amplitude, as a slow feedback does, and fill the row.
 
@@ -318,7 +320,7 @@ def fill_row_of_period(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.
 
 
 @kernel
-def fill_row_at_rest(lever: np.ndarray, tip: Tip, row: np.ndarray) -> None:
+def fill_row_at_rest(lever: np.ndarray, tip: MovingTip, row: np.ndarray) -> None:
     """Fill a result row from a tip that `skip_transient` has put to rest."""
     fill_row_of_period(lever, tip.u[Z0], tip.acc, row)
     row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), amplitude_slope(tip.linear)

@@ -84,7 +84,7 @@ class Periods:
     formed: int  # 1 when lasting dents have formed under it
 
 
-class Tip(NamedTuple):
+class MovingTip(NamedTuple):
     """State of a tip in time, with its last period and the map of a period."""
 
     # State at the beginning of a period, shape (PLAIN_STATE + 2 (modes - 1),): at drive phase 0. Over a surface that
