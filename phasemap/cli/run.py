@@ -175,7 +175,10 @@ def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:
     if factor != factor:
         rings = "stability limit not known"
     if notes["ringing_lines"] and not noisy:  # noise leaves no feedback at rest
-        rings = f"still oscillating at the start of {notes['ringing_lines']} lines: lower the gains"
+        lower = ", with any gains tried" if notes["restless_materials"] else ": lower the gains"
+        rings = f"still oscillating at the start of {notes['ringing_lines']} lines{lower}"
+    if notes["gains_lowered"] > 1:
+        rings += f"; gains lowered by a factor of {notes['gains_lowered']:g}"
     return f"{gains}; {rings}; {notes['periods_per_pixel']:.4g} periods per pixel"
 
 

@@ -6,6 +6,8 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +18,13 @@ from numba import njit
 from scipy import integrate, signal
 
 import phasemap as pm
+from phasemap._kernels import columns as col
 from phasemap._kernels.scanning import feedback_loop as of
 from phasemap._kernels.scanning.line import move_over, start_swinging
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap._shared.notices import untold
+from phasemap.imaging.feedback import tuning
 from phasemap.imaging.feedback.lines import bandwidth_of, check_loop, loop_of
 from phasemap.imaging.feedback.tuning import LinearLoop
 from phasemap.solvers.problem import make_work
@@ -360,6 +364,49 @@ def test_tuned_gains_are_quiet_where_the_linear_loop_promises_too_much() -> None
         image = pm.simulate(surface, scope, 0.4, solver, pm.Feedback(line_rate=6.51))
         assert not image.status.any() and image.attrs["ringing_lines"] == 0
         assert float(abs(image.phase - still.phase).max()) < 0.01
+
+
+def test_gains_are_lowered_for_materials_that_come_to_rest_by_that_and_it_is_said_where_none_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tuned, work = pm.Feedback(proportional_gain=8.0, integral_gain=640.0), work_of_both()
+    softest, job = work.rows[:, col.CONTACT].min(), SimpleNamespace(workers=1)
+
+    def lowered(soft: bool | None, stiff_below: float) -> tuple[float, int]:
+        def rests(control: pm.Feedback, _job: Any, _work: Any, _engine: int, row: np.ndarray, _: Any) -> bool | None:
+            return soft if row[col.CONTACT] == softest else control.integral_gain <= stiff_below
+
+        monkeypatch.setattr(tuning, "_rests", rests)
+        control, restless = tuning.quietened(tuned, job, work, col.MARCH)
+        assert control.proportional_gain / control.integral_gain == 8.0 / 640.0
+        return 640.0 / control.integral_gain, restless
+
+    assert lowered(True, 1e3) == (1.0, 0)
+    assert lowered(True, 10.0) == (64.0, 0), "the last ones are tried too"
+    assert lowered(True, 9.0) == (64.0, 1), "moves irregularly, whatever the gains"
+    assert lowered(None, 200.0) == (4.0, 0), "a tip that is lost whatever the gains has no say"
+
+
+def test_a_material_to_which_the_tip_sticks_does_not_slow_the_scan_of_the_others() -> None:
+    law = pm.Interaction("jkr", decay_length=None)
+    scope = pm.Microscope(pm.Cantilever(2.0, 60e3, 2.0), pm.Tip(10e-9), pm.Drive(6e-9), law)
+    pair = {0: pm.Material(23e9, 0.06, 0.01), 1: pm.Material(11e6, 0.014, 0.01)}  # the tip sticks to the softer one
+    surface = pm.Surface.from_labels([[0] * 6 + [1] * 6], pair, pixel_size=4e-9)
+    with pytest.warns(pm.ResultWarning, match="stays in the surface"):
+        image = pm.simulate(surface, scope, 0.45, control=pm.Feedback(line_rate=0.5))
+    assert image.attrs["gain_margin"] == pytest.approx(2.5, rel=0.02) and image.attrs["gains_lowered"] == 1.0
+    assert float(abs(image.amplitude_error.values[0, 0, :6]).max()) < 1e-12
+
+
+def test_gains_that_bring_no_rest_are_told() -> None:
+    # JKR contact of a soft lever at a setpoint near 1: the tip moves irregularly.
+    scope = pm.Microscope(
+        pm.Cantilever(1.1, 60e3, 16.0), pm.Tip(10e-9), pm.Drive(7e-9), pm.Interaction("jkr", decay_length=None)
+    )
+    surface = pm.Surface(np.full((1, 4), 27e6), 0.088, damping=0.01, pixel_size=4e-9)
+    with pytest.warns(pm.ResultWarning, match="does not come to rest on a material with any gains"):
+        image = pm.simulate(surface, scope, 0.82, control=pm.Feedback(line_rate=0.5))
+    assert image.attrs["gains_lowered"] == 64.0 and image.attrs["restless_materials"] == 1
 
 
 def test_lines_that_begin_without_rest_are_counted() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.errors import InputError
+from phasemap._shared.notices import tell
 from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
@@ -62,9 +63,14 @@ def _plan(job: Job, survey: Survey, before: LinePlan | None) -> LinePlan:
     else:
         linear = LinearLoop(control, job.scope, work)
         engine = _engine_of(job, work)
+        tuned, restless = linear.tuned(), 0
         if control.integral_gain is None:
-            control = quietened(linear.tuned(), job, work, engine)
+            control, restless = quietened(tuned, job, work, engine)
+        lowered = (tuned.integral_gain or 1.0) / (control.integral_gain or 1.0)
         notes = _notes(control, job.scope, linear.margin(control), job.place.image[1])
+        notes |= {"gains_lowered": lowered, "restless_materials": restless}
+        if restless:
+            tell([f"{RESTLESS} The gains are lowered by a factor of {lowered:g}; set others in Feedback."])
     return LinePlan(control, engine, lifts_by_stiffness(job, work) if engine == col.AVERAGING else None, notes)
 
 
@@ -128,10 +134,13 @@ def _notes(control: Feedback, scope: Microscope, margin: float, pixels: int) -> 
     return {name: float(f"{value:.6g}") for name, value in notes.items()}
 
 
+RESTLESS = "The feedback does not come to rest on a material with any gains tried: the tip may move irregularly there."
 NOTES = {
     "proportional_gain": "proportional gain [1]",
     "integral_gain_per_second": "integral gain [1/s]",
     "gain_margin": "factor on both gains at which the loop rings [1]",
+    "gains_lowered": "factor by which gains that were tuned are smaller, for the feedback to come to rest [1]",
+    "restless_materials": "of the softest and the stiffest, those on which it does so with none of the gains tried [1]",
     "dwell_seconds": "time over a pixel [s]",
     "periods_per_pixel": "periods of the drive over a pixel [1]",
     "ringing_lines": "lines before which the feedback did not come to rest [1]",

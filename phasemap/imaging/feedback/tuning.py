@@ -200,30 +200,40 @@ TOO_NEAR = 0.02  # of the setpoint amplitude, when the tip is let go to try gain
 HALVINGS = 6
 
 
-def quietened(control: Feedback, job: Job, work: Work, engine: int) -> Feedback:
-    """Halve the gains, six times at most, until the feedback rests on the softest and the stiffest material."""
+def quietened(control: Feedback, job: Job, work: Work, engine: int) -> tuple[Feedback, int]:
+    """Halve the gains, six times at most, until the feedback rests on the softest and the stiffest material.
+
+    Returned, too, is on how many of the two it rests with none of these gains: the tip moves irregularly. A material on
+    which the tip is lost whatever the gains, for it sticks there, has no say.
+    """
     valid = np.flatnonzero(work.refused() == col.GOOD)
     if not len(valid):
-        return control
+        return control, 0
     stiffness = work.rows[valid, col.CONTACT]
     some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
     work = work.part(some)
     orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
     rows = lifts_by_stiffness(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
-    held = np.flatnonzero(status == col.GOOD)
-    for _ in range(HALVINGS):
-        if all(_is_quiet(control, job, work, engine, rows[i], orbits[i]) for i in held):
-            break
-        gains = {name: 0.5 * getattr(control, name) for name in ("proportional_gain", "integral_gain")}
-        control = replace(control, **gains)
-    return control
+    gains = {name: getattr(control, name) for name in ("proportional_gain", "integral_gain")}
+    tried = [replace(control, **{name: 0.5**n * gain for name, gain in gains.items()}) for n in range(HALVINGS + 1)]
+    restless = 0
+    for i in np.flatnonzero(status == col.GOOD):
+        ends = []
+        for one in tried:
+            ends.append(_rests(one, job, work, engine, rows[i], orbits[i]))
+            if ends[-1]:
+                break
+        if ends[-1] is not None:
+            restless += not ends[-1]
+            tried = tried[len(ends) - 1 :]
+    return tried[0], restless
 
 
-def _is_quiet(control: Feedback, job: Job, work: Work, engine: int, row: np.ndarray, orbit: np.ndarray) -> bool:
-    """True if the feedback comes to rest after a nudge."""
+def _rests(control: Feedback, job: Job, work: Work, engine: int, row: np.ndarray, orbit: np.ndarray) -> bool | None:
+    """Whether the feedback comes to rest after a nudge; None where the tip is lost."""
     loop, nudged = loop_of(control, job.scope, job.amplitude), orbit.copy()
     loop.lowest, loop.highest = -np.inf, np.inf
     nudged[col.TIP_OFFSET] -= TOO_NEAR * job.amplitude
     setup = Setup(work.law, work.lever, loop, generator(0, "unused: without noise"))
     done = engage_in_time(setup, row, 0.0, nudged, LoopState(engine).state)
-    return bool(done == col.GOOD and loop.settled)
+    return bool(loop.settled) if done == col.GOOD else None
