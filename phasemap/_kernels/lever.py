@@ -16,7 +16,7 @@ LOWEST_Q = 25.0  # below this a lever is no longer nearly harmonic, and averagin
 FORGOTTEN = 2.0  # ring-down rate over a period from which on a motion counts as forgotten in the next
 FARTHEST_AT_ALL = 1e-2  # [m] that a lever is pressed in, the same whatever the amplitude
 NEAREST = 0.25  # of 1 - omega^2: drives from 0.87 to 1.12 of the resonance
-LEAST_SCALE = 1e-3  # of the free amplitude: orbits change on no shorter length
+LEAST_OF_FREE = 1e-3  # of the free amplitude: orbits change on no shorter length
 PART_OF_DRIVE, SHORTEST_HALF = (
     0.15,
     0.05,
@@ -147,10 +147,10 @@ def scale_of(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     free = free_amplitude(lever)
     if has_longrange(p):
-        return max(reach_of(p), LEAST_SCALE * free)
+        return max(reach_of(p), LEAST_OF_FREE * free)
     pull = -contact_force(law, 0.0, p) / lever[col.STIFFNESS]
     if not pull > 0.0:
-        return LEAST_SCALE * free
+        return LEAST_OF_FREE * free
     half = min(PART_OF_DRIVE * math.pi * lever[col.DRIVE] / pull, SHORTEST_HALF)
     return 0.5 * free * half * half
 

@@ -76,7 +76,7 @@ FOLD_PLACE = 1e-9  # of its natural length, by which x still changes up to where
 NEAR_FOLD = 0.05  # of the control's natural length, along the curve: slower, it may be turning
 CURVE_TOLERANCE = 0.1  # last change of an orbit of a curve, over that of a pixel's
 SAME_SENSE = 0.5  # cosine of the angle between tangents that go round a closed curve the same way
-GRAZING = 1e-3  # of the amplitude: as near to contact made or lost, with which the force jumps, a curve ends
+AT_JUMP = 1e-3  # of the amplitude: as near to contact made or lost, with which the force jumps, a curve ends
 # How a piece ends: where it leaves the box, where it began, at such a jump; or no step succeeds, or there is no room.
 PIECE_LEFT = 0
 PIECE_CLOSED = 1
@@ -296,7 +296,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
         if not good:
             made.rows[count - 1, col.KIND] = col.END
             oscillator = standing_at(path, head_of(orbit).parameter)
-            grazes = force_jumps(oscillator) and is_grazing(oscillator.p, orbit, GRAZING * head_of(orbit).amplitude)
+            grazes = force_jumps(oscillator) and is_grazing(oscillator.p, orbit, AT_JUMP * head_of(orbit).amplitude)
             return PIECE_AT_JUMP if grazes else PIECE_STUCK, count
         # Where the control or the entry wanted turns, the step is divided.
         found, start = 0, Place(before, saved)

@@ -24,7 +24,7 @@ MOST_STEPS_TO_BALANCE, BALANCED = 4, 1e-3  # to the amplitude at a gap, and last
 FARTHEST_FOLD = 30.0  # in reaches, gap from which a fold is sought
 DEEPEST_FOLD = 1.4  # reaches into the surface up to which it is
 GAP_SHRINKS = 0.75  # steps of its distance from -1.5
-FIRST_DEPTH, DEEPER = 0.7, 1.4  # of the depth at which forces balance, and times that: search for a repulsive orbit
+FIRST_OF_BALANCE, DEEPER = 0.7, 1.4  # of the depth at which forces balance, and times that: sought for repulsion
 IN_CONTACT_TO = 1.9  # amplitudes of depth: at 2 the tip never leaves the surface
 CLEAR = 1.0  # in reaches, height of the fold over any repulsive orbit that leaves no doubt
 LASTS = 2.943  # of the depth over the velocity: time of a Hertzian impact, 2 pi^(1/2) Gamma(7/5)/Gamma(9/10)
@@ -86,7 +86,7 @@ def highest_repulsive_tip_offset(oscillator: Oscillator) -> float:
     law, p, lever = oscillator
     pull = lever[col.DYNAMIC_STIFFNESS] * lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
     amplitude = lever[col.DRIVE] / lever[col.DYNAMIC_LOSS]
-    before, gap = (0.0, harmonics(oscillator, amplitude, 1.0)[0]), -FIRST_DEPTH * balance_depth(law, p)
+    before, gap = (0.0, harmonics(oscillator, amplitude, 1.0)[0]), -FIRST_OF_BALANCE * balance_depth(law, p)
     push, _, _ = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
     while push + pull <= 0.0:
         before, gap = (gap, push), DEEPER * gap

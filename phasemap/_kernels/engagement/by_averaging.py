@@ -43,7 +43,7 @@ from phasemap._kernels.records import clear
 
 CLEAR_MISMATCH = 0.06  # mismatch at the maximum that leaves no doubt, over that of the free lever
 LEAST_CLEAR = 0.03  # the same where that goes to 0
-DAMPED = 120.0  # by which both grow with the damping ratio: averaging neglects terms of the order of 1/Q
+PER_DAMPING = 120.0  # by which both grow with the damping ratio: averaging neglects terms of the order of 1/Q
 DETUNED = 60.0  # by which that grows with |s|: averaging is off by terms of the order of u0/A
 # So much averaged attraction, over that of theory, Eq. (engagement-3), or less leaves no doubt at low Q: one that bends
 # the lever much draws the tip in faster than in a harmonic orbit, and acts for a shorter time.
@@ -91,7 +91,7 @@ def leaps_to_resonance(oscillator: Oscillator) -> bool:
 @kernel
 def low_q_margin_factor(lever: np.ndarray) -> float:
     """Factor by which damping widens decision margins: averaging neglects terms of order 1/Q."""
-    return 1.0 + DAMPED * lever[col.ALPHA0]
+    return 1.0 + PER_DAMPING * lever[col.ALPHA0]
 
 
 @kernel

@@ -12,8 +12,8 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.continuation.piece import (
+    AT_JUMP,
     CURVE_TOLERANCE,
-    GRAZING,
     PIECE_AT_JUMP,
     PIECE_CLOSED,
     Asked,
@@ -192,7 +192,7 @@ class Curves:
             for last, before in ((-1, -2), (0, 1)):
                 if len(rows) < 2 or rows[last, col.KIND] != col.END:
                     continue
-                grazes = abs(rows[last, col.INDENTATION]) < GRAZING * rows[last, col.AMPLITUDE]
+                grazes = abs(rows[last, col.INDENTATION]) < AT_JUMP * rows[last, col.AMPLITUDE]
                 if grazes and not rows[last, col.FLOQUET] < 1:  # where a neck hardly breaks, no orbit is stable
                     continue
                 end, known = rows[last, self.column], len(self.pieces)
