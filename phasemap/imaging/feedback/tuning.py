@@ -56,9 +56,10 @@ class LinearLoop:
     def tuned(self) -> Feedback:
         """Find gains, where the control leaves them open.
 
-        The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, over all ratios of
-        proportional to integral gain. Where averaging has no stable orbit to start from, gains are such that the
-        amplitude of the free lever, which follows the scanner with a lag, settles without overshoot.
+        The largest integral gain that is still a factor 2.5 (8 dB) below ringing for every material, and below the
+        drive frequency, over all ratios of proportional to integral gain. Where averaging has no stable orbit to start
+        from, gains are such that the amplitude of the free lever, which follows the scanner with a lag, settles without
+        overshoot.
         """
         control = self._control
         if control.integral_gain is not None:
@@ -66,9 +67,10 @@ class LinearLoop:
         if not len(self._system[0]):
             return replace(control, proportional_gain=0.0, integral_gain=FREE * self._alpha0 * self._tau)
         slowest = 1 / self._alpha0 + control.order / loop_of(control, self._scope, 1.0).rate
+        fastest = self._scope.frequency_ratio / (2 * math.pi)  # the controller acts once a period: `check_loop`
         best = 0.0, 0.0
         for reset in RESETS * slowest:
-            integral = _limit(self._system, reset, 1.0, LOUDEST / reset) / BACK
+            integral = min(_limit(self._system, reset, 1.0, LOUDEST / reset), fastest) / BACK
             if integral > best[1]:
                 best = integral * reset, integral
         if best[1] == 0.0:
