@@ -61,7 +61,8 @@ class Interpolants:
         if "adhesion_loss" in names:
             rows[ADHESION_LOSS] = np.where(piece >= 0, 0.0, np.nan)
         rows[col.AMPLITUDE] = np.where(piece >= 0, job.amplitude, np.nan)
-        rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = np.where(piece >= 0, self.atlas.errors.T[:, piece], np.nan)
+        errors = np.vstack([self.atlas.errors, [np.nan, np.nan]])  # the last where there is no piece, which is -1
+        rows[col.ERROR_HEIGHT], rows[col.ERROR_PHASE] = errors[piece].T
         rows[col.STIFFENING] = stiffening(job.scope, job.amplitude, rows[col.PHASE])
         lever, shown = lever_of(job.scope), rows[[col.AMPLITUDE, col.PHASE]]
         rows[col.AMPLITUDE], rows[col.PHASE] = of_tip(lever, *shown)

@@ -120,15 +120,22 @@ class Job:
         self, materials: Array, solve: Callable[[Array, Progress | None], Values], progress: Progress | None
     ) -> Values:
         """Variables of materials, which are the last axis, from those of so many at a time."""
-        total = max(len(materials), 1)
+        count = len(materials)
+
+        def solved(part: slice) -> Values:
+            found = solve(materials[part], _shifted(progress, part.start, count))
+            if progress is not None and count:
+                progress(min(part.stop, count), count)  # with materials that are refused, which no solver counts
+            return found
+
+        total = max(count, 1)
         if self.memo is None:
-            some = (slice(first, first + CHUNK) for first in range(0, total, CHUNK))
-            return _joined([solve(materials[part], _shifted(progress, part.start, len(materials))) for part in some])
+            return _joined([solved(slice(first, first + CHUNK)) for first in range(0, total, CHUNK)])
         name = f"materials-{self.place.row}"
         kept = self.memo.recall(name)
         parts, done = [kept] if kept else [], next(iter(kept.values())).shape[-1] if kept else 0
         for part in self.memo.portions(done, total, FEWEST * self.workers, CHUNK):
-            parts.append(solve(materials[part], _shifted(progress, part.start, len(materials))))
+            parts.append(solved(part))
             if self.memo.due:
                 parts = [_joined(parts)]
                 self.memo.remember(name, parts[0])

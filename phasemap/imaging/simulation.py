@@ -22,6 +22,7 @@ from phasemap._shared.threads import Progress, bounds_of, found_in, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Control, Engage, Raster
 from phasemap.experiment.described import describe
+from phasemap.experiment.interaction import check_memory
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material_rows import MORE, PLAIN
 from phasemap.experiment.microscope import Microscope
@@ -250,6 +251,8 @@ def _check_memory(job: Job, asked: tuple[str, ...]) -> None:
     if not job.only_in_time:
         return
     check_marches(job.solver.name)
+    if job.surface.relaxes:
+        check_memory(job.scope.interaction.law, relaxes=True)
     if isinstance(job.control, Raster):
         hint = "Raster goes from orbit to orbit of static forces; Feedback scans lines in time, dents and all."
         raise InputError("control", "Raster", "Engage or Feedback where contacts remember or are wet", hint)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,6 +149,14 @@ def test_an_elastic_tip_is_softer_than_a_rigid_one() -> None:
     rigid = pm.solve_pixel(pm.Material(100e9), SCOPE, 0.7)
     soft = pm.solve_pixel(pm.Material(100e9), silicon, 0.7)
     assert soft.height < rigid.height
+
+
+@pytest.mark.parametrize("control", [pm.Engage(), pm.Raster()], ids=["engage", "raster"])
+def test_progress_counts_materials_that_are_refused(control: Any) -> None:
+    surface = pm.Surface([[1e9, np.nan, 2e9]], 0.02, pixel_size=1e-9, allow_nan=True)
+    seen: list[tuple[int, int]] = []
+    pm.simulate(surface, SCOPE, 0.7, control=control, progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (3, 3)
 
 
 def test_progress_counts_to_the_end_and_an_interrupt_stops_the_work() -> None:
