@@ -236,8 +236,8 @@ def motion_of(rows: Array, lever: Array | None = None) -> Array:
     their motion on a `lever` (of `lever_of`) is irregular where it beats more than they do by themselves.
     """
     amplitude, beat = rows[..., col.AMPLITUDE], 0.0 if lever is None else BEATS * beat_of_second(lever)
-    irregular = rows[..., col.SPREAD_AMPLITUDE] > np.fmax(ERRORS * ERROR_HEIGHT, beat)
-    irregular |= rows[..., col.SPREAD_PHASE] > np.fmax(ERRORS * ERROR_PHASE, beat / amplitude)
+    irregular = rows[..., col.SPREAD_AMPLITUDE] > np.maximum(ERRORS * ERROR_HEIGHT, beat)
+    irregular |= rows[..., col.SPREAD_PHASE] > np.maximum(ERRORS * ERROR_PHASE, beat / amplitude)
     return np.where(np.isnan(amplitude), -1, irregular).astype(np.int8)
 
 
