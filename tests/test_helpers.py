@@ -31,7 +31,7 @@ from phasemap.experiment.seen_by_tip import tip_profile
 from phasemap.imaging.feedback.lines import mean_ground, program_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.materials import Distinct
-from phasemap.inference.curves.result import shown
+from phasemap.inference.curves.result import with_error
 from phasemap.io import measured
 from phasemap.io.curves import is_curve
 from phasemap.io.netcdf import check_dataset
@@ -123,7 +123,8 @@ GIVES: list[tuple[Any, Any]] = [
         "averaging 75 %, orbit 25 %",
     ),
     (needs_of(["phase", "dissipation_ev"]), ("phase", "amplitude", "dissipation")),
-    (shown(0.8912e9, 0.0123e9, "Pa") + shown(0.0137, float("inf"), "1"), "0.891 ± 0.012 GPa0.0137, not determined"),
+    (with_error(0.8912e9, 0.0123e9, "Pa"), "0.891 ± 0.012 GPa"),
+    (with_error(0.0137, float("inf"), "1"), "0.0137, not determined"),
     # pieces of work
     ([threads.chunk_of(count, 2, 1000) for count in (10, 100, 100_000)], [3, 13, 1000]),
     ([threads.chunk_of(count, 1, 1000) for count in (100, 100_000)], [100, 1000]),

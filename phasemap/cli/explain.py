@@ -92,17 +92,17 @@ def fit(arguments: argparse.Namespace) -> None:
 
 def said_of_fit(found: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
     """Findings of a fit to a curve of these attributes, in lines, the likeliest law first."""
-    from phasemap.inference.curves.result import shown
+    from phasemap.inference.curves.result import with_error
 
     said = [
-        (name.replace("_", " "), shown(value, found.errors[name], found.units[name]))
+        (name.replace("_", " "), with_error(value, found.errors[name], found.units[name]))
         for name, value in found.values.items()
     ]
     recorded = 1e9 * attrs.get("amplitude_sensitivity", 0.0)
     if recorded and "sensitivity" in found.values:
         value, error = (recorded * one["sensitivity"] for one in (found.values, found.errors))
         said = [one for one in said if one[0] != "sensitivity"]
-        said.append(("sensitivity", f"{shown(value, error, '1')} nm/V"))
+        said.append(("sensitivity", f"{with_error(value, error, '1')} nm/V"))
     for one in (found, *found.rivals) if found.rivals else ():
         chi2, apart = one.chi2 / one.degrees, one.evidence - found.evidence
         said.append(("law", f"{one.law}: chi2 {chi2:.3g} a datum, evidence {apart:+.1f}"))

@@ -486,7 +486,7 @@ def test_derivatives_from_orbits_beside_are_those_of_whole_curves(axis: str, mon
     seen, setup = one(FILM, way, 15), CurveSetting(FILM, SCOPE, height)
     given = {name: (seen[name][::8], NOISE[f"{name}_error"]) for name in ("amplitude", "phase")}
     data = check_data(axis, values, way, given)
-    model = residuals.Problem(data, setup, check_parameters(("modulus", "adhesion", "phase_offset"), setup, axis))
+    model = residuals.CurveProblem(data, setup, check_parameters(("modulus", "adhesion", "phase_offset"), setup, axis))
     q, ruler = np.array([0.01, -0.02, 0.01]), residuals.Ruler.strict(data)
     beside, solved = model.jacobian(q, ruler), model.evaluations
     monkeypatch.setattr(residuals, "moved", lambda *_: None)

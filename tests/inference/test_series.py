@@ -16,7 +16,7 @@ from benchmarks.coverage import covered
 from phasemap.inference import sampling
 from phasemap.inference.images.stack import FREE, SHARED
 from phasemap.inference.series.contrasts import drift_of, medians, regions_of
-from phasemap.inference.series.report import _of_magnitude, _of_tunes, _why, is_poor, tell
+from phasemap.inference.series.report import _of_magnitude, _of_tunes, _why, is_poor, write_report
 from phasemap.inference.series.settings import HELD, HIGHEST, scope_of, settings_of
 
 LEVER, TIP = pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9)
@@ -468,10 +468,10 @@ def test_regions_that_the_phase_does_not_show_do_not_serve():
 
 def test_where_there_is_no_contrast_nothing_is_said_of_materials(found):
     faint = found.assign(measured_contrast=0.01 * found.measured_contrast).assign_attrs(verdict="", advice="")
-    tell(faint, None, None)
+    write_report(faint, None, None)
     assert faint.attrs["verdict"].startswith("No file has a contrast of more than 2 standard errors: the largest is")
     assert "phase_error" in faint.attrs["advice"]
-    tell(lone := found.assign(measured_contrast=np.nan * found.measured_contrast), None, None)
+    write_report(lone := found.assign(measured_contrast=np.nan * found.measured_contrast), None, None)
     assert lone.attrs["verdict"] == "No file has two regions: there is nothing to explain."
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from phasemap.inference.curves.residuals import STEP, Problem, Ruler
+from phasemap.inference.curves.residuals import STEP, CurveProblem, Ruler
 from phasemap.inference.determined import REACH, UNLIKELY, chance
 from phasemap.inference.sampling import prior_draws
 
@@ -33,7 +33,7 @@ class Estimate(NamedTuple):
     tried: int  # starts
 
 
-def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> Estimate:
+def search(problem: CurveProblem, starts: int, first: Sequence[np.ndarray] = ()) -> Estimate:
     """The best solution from q given first and from the start, and from others as long as none is good."""
     degrees = problem.data.size - len(problem.parameters)
     found: list[tuple[float, np.ndarray]] = []
@@ -48,13 +48,13 @@ def search(problem: Problem, starts: int, first: Sequence[np.ndarray] = ()) -> E
     growth = problem.misfit(best)[1]
     if growth > 1:  # the prior counts for more where the data are not described to within their errors
         larger = {name: growth * errors for name, errors in problem.data.errors.items()}
-        weaker = Problem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
+        weaker = CurveProblem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
         best = _descend(weaker, best, Ruler.strict(weaker.data), "linear", 1e-8)
         problem.evaluations += weaker.evaluations
     return _gaussian_around(problem, best, len(found))
 
 
-def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
+def _starts(problem: CurveProblem, count: int) -> Iterator[np.ndarray]:
     """The start itself, then the most promising places of the prior."""
     n = len(problem.parameters)
     yield np.zeros(n)
@@ -64,7 +64,7 @@ def _starts(problem: Problem, count: int) -> Iterator[np.ndarray]:
         yield from places[np.argsort(costs)[: count - 1]]
 
 
-def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
+def _descend(problem: CurveProblem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
     found: np.ndarray = least_squares(
         problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
         ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
@@ -72,7 +72,7 @@ def _descend(problem: Problem, q: np.ndarray, ruler: Ruler, loss: str, tolerance
     return found
 
 
-def _gaussian_around(problem: Problem, q: np.ndarray, tried: int) -> Estimate:
+def _gaussian_around(problem: CurveProblem, q: np.ndarray, tried: int) -> Estimate:
     """Gaussian approximation of the posterior around the best parameters: covariance, evidence, factor on the errors.
 
     The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
@@ -93,6 +93,6 @@ def _gaussian_around(problem: Problem, q: np.ndarray, tried: int) -> Estimate:
     return Estimate(q, chi2, growth, covariance, float(evidence), tried)
 
 
-def _slopes(problem: Problem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:
+def _slopes(problem: CurveProblem, q: np.ndarray, axes: np.ndarray, steps: float | np.ndarray) -> np.ndarray:
     """Central differences of the data's residuals along these directions, one column each."""
     return problem.jacobian(q, Ruler.strict(problem.data), axes, steps)[: problem.data.size]

@@ -17,7 +17,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
 from phasemap.inference.curves.recorded import EVERY, begun, check_unsaid, compared, of_curve, under, with_law
-from phasemap.inference.curves.residuals import Problem
+from phasemap.inference.curves.residuals import CurveProblem
 from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.determined import PRIOR
 from phasemap.solvers.continuation.path import Question
@@ -203,6 +203,6 @@ def _fit(
         raise InputError(
             "number of data", data.size, f"more than the number of fitted parameters, which is {len(chosen)}"
         )
-    problem = Problem(data, setup, chosen)
+    problem = CurveProblem(data, setup, chosen)
     first = [np.array([one.q(known.get(one.name, one.start)) for one in chosen])] if known else []
     return make_fit(problem, search(problem, whole("starts", starts, 1), first))

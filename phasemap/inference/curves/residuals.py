@@ -36,7 +36,7 @@ NEAR, NEAR_PHASE = 0.02, 3.0  # of the amplitude, and [degree], by which an orbi
 
 
 @dataclass(frozen=True, eq=False)
-class Branches:
+class CurveBranches:
     """Stable branches, each continued at its ends as a constant."""
 
     amplitude: np.ndarray  # shape (branches, n) [m]
@@ -64,7 +64,7 @@ class Course(NamedTuple):
         return cls(path, np.full(len(values), setup.height), scale.m(values))
 
 
-def branches(setup: CurveSetting, axis: str, values: np.ndarray) -> Branches:
+def branches(setup: CurveSetting, axis: str, values: np.ndarray) -> CurveBranches:
     """The branches of a sweep over these values [Hz or m]."""
     question = Question(setup.material, setup.scope)
     try:
@@ -93,7 +93,7 @@ def moved(setup: CurveSetting, axis: str, values: np.ndarray, rows: np.ndarray, 
     return None if (np.abs(turned) > NEAR_PHASE).any() else curves.seen(found)
 
 
-def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> Branches:
+def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> CurveBranches:
     """Branches of a tip that approaches and retracts in time: parts of its motion on one side of the resonance.
 
     It comes nearer than the data, where it turns repulsive if it had not before, so that its way back is that branch.
@@ -113,16 +113,16 @@ def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> Branches:
     if not found:
         return _no_branches(tip_offsets)
     amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
-    return Branches(amplitude, np.degrees(phase), gap)
+    return CurveBranches(amplitude, np.degrees(phase), gap)
 
 
-def _no_branches(values: np.ndarray) -> Branches:
+def _no_branches(values: np.ndarray) -> CurveBranches:
     """Branches without any orbit: amplitude 0, at a gap as wide as the axis."""
     count = len(values)
-    return Branches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), float(np.ptp(values))))
+    return CurveBranches(np.zeros((1, count)), np.zeros((1, count)), np.full((1, count), float(np.ptp(values))))
 
 
-def _collect(curves: Curves, x: np.ndarray, unit: float) -> Branches:
+def _collect(curves: Curves, x: np.ndarray, unit: float) -> CurveBranches:
     """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
     parts = segments(curves)
     if not parts:  # nothing oscillates
@@ -130,7 +130,7 @@ def _collect(curves: Curves, x: np.ndarray, unit: float) -> Branches:
     rows = np.stack([np.stack([np.interp(x, part.x, one) for one in part.rows.T], axis=1) for part in parts])
     read = curves.seen(rows)
     gap = np.stack([np.maximum(0, np.maximum(part.x[0] - x, x - part.x[-1])) for part in parts])
-    return Branches(read[..., col.AMPLITUDE], np.degrees(read[..., col.PHASE]), gap * unit, rows)
+    return CurveBranches(read[..., col.AMPLITUDE], np.degrees(read[..., col.PHASE]), gap * unit, rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class Choice:
     branch: np.ndarray | None = None  # shape (directions, n); its number
 
 
-class Problem:
+class CurveProblem:
     """Residuals and their derivatives, by scaled parameters q.
 
     A datum is compared with the stable branch that is nearest to it. A branch that has ended stays in the comparison
@@ -178,7 +178,7 @@ class Problem:
     def __init__(self, data: Data, setup: CurveSetting, parameters: tuple[Parameter, ...]) -> None:
         self.data, self.setup, self.parameters = data, setup, parameters
         self.evaluations = 0
-        self._kept: dict[bytes, Branches] = {}
+        self._kept: dict[bytes, CurveBranches] = {}
 
     def setup_at(self, q: np.ndarray) -> CurveSetting:
         """Material and microscope at the fitted parameters q."""
@@ -258,7 +258,7 @@ class Problem:
         ]
         return np.concatenate([part.ravel() for part in (*parts, choice.gap / ruler.gap)])
 
-    def _branches(self, q: np.ndarray) -> Branches:
+    def _branches(self, q: np.ndarray) -> CurveBranches:
         key = self._motion_key(q)
         if key not in self._kept:
             self._prepare([q])

@@ -12,7 +12,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import DIRECTIONS, OF_SAMPLE, CurveSetting, Data
 from phasemap.inference.curves.evidence import Estimate
-from phasemap.inference.curves.residuals import Choice, Problem, Ruler, difference
+from phasemap.inference.curves.residuals import Choice, CurveProblem, Ruler, difference
 from phasemap.inference.determined import (
     DETERMINED,
     END,
@@ -102,7 +102,7 @@ class Fit:
     def __repr__(self) -> str:
         """The values, and whether to believe them."""
         said = ", ".join(
-            f"{name} {shown(one, self.errors[name], self.units[name])}" for name, one in self.values.items()
+            f"{name} {with_error(one, self.errors[name], self.units[name])}" for name, one in self.values.items()
         )
         return f"Fit({'good' if self.good else 'doubtful'}: {said})"
 
@@ -111,7 +111,7 @@ class Fit:
         width = max(len(name) for name in self.values)
         lines = [f"{'good fit' if self.good else 'DOUBTFUL FIT'}: {self.status}"]
         for name, value in self.values.items():
-            lines.append(f"  {name:<{width}}  {shown(value, self.errors[name], self.units[name])}")
+            lines.append(f"  {name:<{width}}  {with_error(value, self.errors[name], self.units[name])}")
         lines.append(f"  chi2 {self.chi2:.1f} for {self.degrees} degrees of freedom ({self.chi2 / self.degrees:.2f})")
         for fit in (self, *self.rivals) if self.rivals else ():
             apart = fit.evidence - self.evidence
@@ -143,16 +143,16 @@ class Fit:
         return found
 
 
-def in_words(value: float, unit: str) -> str:
+def in_unit(value: float, unit: str) -> str:
     """A value in a handy unit."""
     word, factor = SHOWN[unit]
     return f"{value * factor:.3g} {word}".rstrip()
 
 
-def shown(value: float, error: float, unit: str) -> str:
+def with_error(value: float, error: float, unit: str) -> str:
     """A value and its error in a handy unit, to two digits of the error."""
     word, factor = SHOWN[unit]
-    plain, value, error = in_words(value, unit), value * factor, error * factor
+    plain, value, error = in_unit(value, unit), value * factor, error * factor
     if np.inf > error > 0.5 * value > 0 and word != "°":
         return f"{plain} within a factor of {np.exp(error / value):.2g}"
     if not 0 < error < np.inf:
@@ -161,7 +161,7 @@ def shown(value: float, error: float, unit: str) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f} {word}".rstrip()
 
 
-def make_fit(problem: Problem, solution: Estimate) -> Fit:
+def make_fit(problem: CurveProblem, solution: Estimate) -> Fit:
     """Fit of a solution, with the curve, the errors and the sentences on how far to believe them."""
     data, q = problem.data, solution.q
     names = [parameter.name for parameter in problem.parameters]
@@ -210,7 +210,7 @@ def make_fit(problem: Problem, solution: Estimate) -> Fit:
     )  # fmt: skip
 
 
-def _codes(problem: Problem, solution: Estimate) -> np.ndarray:
+def _codes(problem: CurveProblem, solution: Estimate) -> np.ndarray:
     """Codes of how well each parameter is known: as `codes_of`, and better than beforehand."""
     sizes = np.array([max(p.size, 1.0) if p.logarithmic else 1.0 for p in problem.parameters])
     codes = codes_of(solution.covariance * np.outer(sizes, sizes))
@@ -218,16 +218,16 @@ def _codes(problem: Problem, solution: Estimate) -> np.ndarray:
     return codes
 
 
-def _run_away(problem: Problem, q: np.ndarray) -> list[str]:
+def _run_away(problem: CurveProblem, q: np.ndarray) -> list[str]:
     """Sentences on parameters that are at the end of the range searched."""
     return [
-        f"{one.name.replace('_', ' ')} has run to {in_words(one.value(at), one.units)}, the end of the range searched."
+        f"{one.name.replace('_', ' ')} has run to {in_unit(one.value(at), one.units)}, the end of the range searched."
         for one, at in zip(problem.parameters, q, strict=True)
         if abs(at) > END * REACH
     ]
 
 
-def _softer(problem: Problem, setup: CurveSetting, error: float) -> list[str]:
+def _softer(problem: CurveProblem, setup: CurveSetting, error: float) -> list[str]:
     """A sentence where the modulus is not that of the material that the fit started from."""
     ratio = setup.material.modulus / problem.setup.material.modulus
     if not (abs(np.log(ratio)) > np.log(APART) and error < 1):

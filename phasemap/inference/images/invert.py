@@ -23,7 +23,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.determined import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, add_variable, chance, check_prior
 from phasemap.inference.images.least_squares import (
-    Problem,
+    RegionProblems,
     Solution,
     information,
     normal_equations,
@@ -101,7 +101,7 @@ class _Valleys(NamedTuple):
     spreads: Array
 
 
-def moments(problem: Problem, found: Solution, covariance: Array) -> tuple[Array, Array]:
+def moments(problem: RegionProblems, found: Solution, covariance: Array) -> tuple[Array, Array]:
     """Means, shape (n, 3), and covariances, shape (n, 3, 3), of the logarithms. `covariance`: those of the parabola."""
     mean, parabola, covariance = found.q.copy(), covariance, covariance.copy()
     wide = (np.einsum("nii->ni", covariance) > SHARP**2).any(axis=1)
@@ -123,7 +123,7 @@ def _widen(mean: Array, covariance: Array, chosen: NDArray[np.intp], other: tupl
     covariance[chosen] *= grow[:, :, None] * grow[:, None, :]
 
 
-def moments_of_all(problem: Problem, solutions: list[Solution]) -> tuple[Array, Array]:
+def moments_of_all(problem: RegionProblems, solutions: list[Solution]) -> tuple[Array, Array]:
     """Means and covariances over several solutions, the best first; each counts by its share of the posterior."""
     best, means, spreads, logs = solutions[0], list[Array](), list[Array](), list[Array]()
     matrix = information(problem, problem.weigh(best.slopes))
@@ -144,7 +144,9 @@ def moments_of_all(problem: Problem, solutions: list[Solution]) -> tuple[Array, 
     return middle, np.einsum("kn,knij->nij", share, spreads + apart[..., None] * apart[..., None, :])
 
 
-def _integrate(problem: Problem, found: Solution, covariance: Array, size: Array, axes: Array) -> tuple[Array, Array]:
+def _integrate(
+    problem: RegionProblems, found: Solution, covariance: Array, size: Array, axes: Array
+) -> tuple[Array, Array]:
     """Moments along the valleys of some pixels: along the first of the axes, (n, 3, 3), of this variance, (n,)."""
     n, k = len(size), 2 * STEPS + 1
     lengths = np.sqrt(size[:, None]) * np.cumsum(FIRST * GROWTH ** np.arange(STEPS))
@@ -167,7 +169,7 @@ def _integrate(problem: Problem, found: Solution, covariance: Array, size: Array
     return mean, np.where(cut[:, None, None], wider, spread)
 
 
-def _walk(problem: Problem, found: Solution, valleys: _Valleys, sign: int) -> None:
+def _walk(problem: RegionProblems, found: Solution, valleys: _Valleys, sign: int) -> None:
     """Follow the valleys to one side, and fill in densities, means and covariances along them."""
     along, across, places, logs, points, spreads = valleys
     some, q, roots = np.arange(len(along)), found.q.copy(), found.places.copy()

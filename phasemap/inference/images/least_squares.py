@@ -32,7 +32,7 @@ BESIDE = 1e-3  # of a logarithm, where exact orbits are asked for if those of a 
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class RegionProblems:
     """n least-squares problems of the same regions and images, with data, branches and prior of their own."""
 
     model: Model
@@ -46,7 +46,7 @@ class Problem:
     centre: Array  # shape (n, 3 u); of the prior
     prior: Array  # shape (3 u, 3 u)
 
-    def part(self, chosen: NDArray[Any]) -> Problem:
+    def part(self, chosen: NDArray[Any]) -> RegionProblems:
         """Some of the problems."""
         some = {name: getattr(self, name)[chosen] for name in ("data", "sides", "fixed", "held", "centre")}
         return replace(self, **some)
@@ -103,7 +103,7 @@ class Problem:
 
 def problem_of(
     model: Model, stack: Stack, sides: Codes, zeros: Zeros, fixed: dict[int, Array] | None = None
-) -> Problem:
+) -> RegionProblems:
     """The problem of a stack of regions, some with orbits `fixed`, from each set of branches, shape (n, r, m)."""
     fixed = fixed or {}
     count, regions, _ = sides.shape
@@ -112,14 +112,14 @@ def problem_of(
     for r, values in fixed.items():
         known[:, r] = values
     weights = np.where(np.isfinite(stack.errors), 1.0 / stack.errors, 0.0)
-    return Problem(
+    return RegionProblems(
         model, unknown, np.repeat(stack.values[None], count, axis=0), weights, sides, known, zeros.weighted(weights),
         np.zeros((count, len(zeros.widths))), np.zeros((count, 3 * len(unknown))),
         model.width**-2 * np.eye(3 * len(unknown)),
     )  # fmt: skip
 
 
-def problem_of_pixels(model: Model, stack: Stack) -> Problem:
+def problem_of_pixels(model: Model, stack: Stack) -> RegionProblems:
     """The problem of each pixel, whose topography is the one zero that is unknown; all have the same errors."""
     columns = np.zeros((1, len(stack.setpoints), 2, 1))
     columns[:, :, HEIGHT] = 1.0
@@ -153,18 +153,18 @@ class Solution(NamedTuple):
             whole[chosen] = part
 
 
-def information(problem: Problem, slopes: Array) -> Array:
+def information(problem: RegionProblems, slopes: Array) -> Array:
     """N of n problems with these derivatives."""
     return problem.prior + slopes.transpose(0, 2, 1) @ slopes
 
 
-def normal_equations(problem: Problem, slopes: Array, rest: Array, q: Array) -> tuple[Array, Array]:
+def normal_equations(problem: RegionProblems, slopes: Array, rest: Array, q: Array) -> tuple[Array, Array]:
     """N and J^T r - prior (q - q0) of n problems with these derivatives and residuals."""
     pull = (slopes.transpose(0, 2, 1) @ rest[..., None])[..., 0]
     return information(problem, slopes), (problem.centre - q) @ problem.prior + pull
 
 
-def descend(problem: Problem, q: Array, places: Array, defect: Array) -> Solution:
+def go_downhill(problem: RegionProblems, q: Array, places: Array, defect: Array) -> Solution:
     """Go downhill from these materials and places of their orbits, with this difference of exact and averaged ones."""
     q, places = q.copy(), places.copy()
     found = problem.orbits(q, places, search=True)
@@ -172,7 +172,7 @@ def descend(problem: Problem, q: Array, places: Array, defect: Array) -> Solutio
     return _descend(problem, Solution(q, places, defect.copy(), *found, exact, np.zeros(len(q))))
 
 
-def _descend(problem: Problem, found: Solution) -> Solution:
+def _descend(problem: RegionProblems, found: Solution) -> Solution:
     """Go downhill from a solution, whose arrays are changed."""
     q, cost, reach = found.q, found.cost, problem.model.reach
     cost[:] = np.where(found.good, problem.cost(problem.rest(found.values, found.defect), q), np.inf)
@@ -203,7 +203,7 @@ def _descend(problem: Problem, found: Solution) -> Solution:
     return found
 
 
-def refine(problem: Problem, found: Solution, times: int = DEFECTS) -> Solution:
+def refine(problem: RegionProblems, found: Solution, times: int = DEFECTS) -> Solution:
     """Go on with the difference of exact and averaged orbits where the last descent ended, until it stays."""
     if not problem.model.averages:
         return found._replace(exact=found.good)
@@ -222,7 +222,7 @@ def refine(problem: Problem, found: Solution, times: int = DEFECTS) -> Solution:
     return found
 
 
-def _defect(problem: Problem, found: Solution) -> tuple[Array, Flags]:
+def _defect(problem: RegionProblems, found: Solution) -> tuple[Array, Flags]:
     """Difference of exact and averaged orbits, there or a little beside, and of which problems it is known."""
     defect, known = problem.defect(found.q, found.places, found.values)
     lost = np.flatnonzero(~known)

@@ -39,7 +39,14 @@ from phasemap.inference.determined import (
     say_what_helps,
 )
 from phasemap.inference.images.invert import AMBIGUOUS, AVERAGED, POOR, Estimates, dataset_of
-from phasemap.inference.images.least_squares import Problem, Solution, descend, information, problem_of, refine
+from phasemap.inference.images.least_squares import (
+    RegionProblems,
+    Solution,
+    go_downhill,
+    information,
+    problem_of,
+    refine,
+)
 from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import (
     FREE,
@@ -87,9 +94,9 @@ class Fitted(NamedTuple):
     others: list[Array]  # logarithms of other solutions that fit as well
 
 
-def fit(problem: Problem, q: Array, places: Array) -> Fitted:
+def fit_regions_from(problem: RegionProblems, q: Array, places: Array) -> Fitted:
     """Solve from all these materials, with orbits at these places, and draw around the best and what is as good."""
-    found = refine(problem, descend(problem, q, places, np.zeros_like(problem.data)))
+    found = refine(problem, go_downhill(problem, q, places, np.zeros_like(problem.data)))
     if not np.isfinite(found.cost).any():
         allowed = "branches on which some material of the range searched has orbits in every image"
         raise InputError("choice of branches", Word("what was given or what the phases tell"), allowed)
@@ -100,7 +107,7 @@ def fit(problem: Problem, q: Array, places: Array) -> Fitted:
     mass = np.exp(0.5 * (found.cost[best] - found.cost[modes] + sizes[0] - sizes))
     each = np.repeat(modes, 2 * DRAWS)
     drawn, from_here = _draw(problem.part(each), len(modes)), found.part(each)
-    near = refine(drawn, descend(drawn, from_here.q, from_here.places, from_here.defect), 1)
+    near = refine(drawn, go_downhill(drawn, from_here.q, from_here.places, from_here.defect), 1)
     weights = np.repeat(mass / mass.sum(), 2 * DRAWS) * np.isfinite(near.cost)
     mean, zeros = near.q[: 2 * DRAWS].mean(axis=0), drawn.zeros(near.values, near.defect)
     if weights.any():
@@ -131,7 +138,7 @@ def moments_of_zeros(found: Fitted, drawn: Array) -> tuple[Array, Array]:
     return mean, np.sqrt(found.weights @ (drawn - mean) ** 2 / found.weights.sum())
 
 
-def _draw(problem: Problem, modes: int) -> Problem:
+def _draw(problem: RegionProblems, modes: int) -> RegionProblems:
     """Data, zeros and materials drawn as they might have been, the same for each solution."""
     rng = np.random.default_rng(SEED)
 
@@ -248,7 +255,7 @@ def fit_regions(
     stack = plan.taken_off(whole, numbers >= 0).medians(numbers, len(names))
     fixed = {names.index(name): one for name, one in check_known(known, names, prior).items()}
     problem, *start = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan)
-    found = fit(problem, *start)
+    found = fit_regions_from(problem, *start)
     configuration = {
         "known": {str(names[r]): describe(one) for r, one in fixed.items()}, "prior": describe(prior),
         "prior_factor": factor, "phase_zero": plan.phase or "given", "height_zero": plan.height or "given",
@@ -257,13 +264,13 @@ def fit_regions(
     add_data(ds, problem, found, stack, plan)
     add_variable(ds, "pixels", "region", np.bincount(numbers[numbers >= 0]), "pixels of the region")
     ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
-    tell(ds, problem, found, plan)
+    write_verdict(ds, problem, found, plan)
     return ds
 
 
 def _prepare(
     model: Model, stack: Stack, materials: dict[int, Material], plan: ZeroPlan
-) -> tuple[Problem, Array, Array]:
+) -> tuple[RegionProblems, Array, Array]:
     """The problem, and the materials and places of their orbits that it starts from; some are known."""
     grid = make_grid(model)
     grids = [grid_of_one(model.around(materials[r])) if r in materials else grid for r in range(len(stack))]
@@ -277,8 +284,8 @@ def _prepare(
 
 
 def of_regions(
-    problem: Problem, fitted: Fitted, stack: Stack, image: xr.Dataset, fixed: dict[int, Material], names: list[int],
-    configuration: dict[str, Any],
+    problem: RegionProblems, fitted: Fitted, stack: Stack, image: xr.Dataset, fixed: dict[int, Material],
+    names: list[int], configuration: dict[str, Any],
 ) -> xr.Dataset:  # fmt: skip
     """Materials of regions with these labels, some `fixed`, and how well each property is determined."""
     regions, unknown, chi2, degrees = len(stack), problem.unknown, fitted.chi2, fitted.degrees
@@ -307,7 +314,7 @@ def of_regions(
     return ds
 
 
-def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan: ZeroPlan) -> None:
+def add_data(ds: xr.Dataset, problem: RegionProblems, found: Fitted, stack: Stack, plan: ZeroPlan) -> None:
     """Put zeros, and measured values beside fitted ones, into the Dataset of materials."""
     columns = plan.zeros(len(stack)).columns
     moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
@@ -338,7 +345,7 @@ def add_data(ds: xr.Dataset, problem: Problem, found: Fitted, stack: Stack, plan
     ds["branch"] = (dims, found.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1))
 
 
-def tell(ds: xr.Dataset, problem: Problem, found: Fitted, plan: ZeroPlan) -> None:
+def write_verdict(ds: xr.Dataset, problem: RegionProblems, found: Fitted, plan: ZeroPlan) -> None:
     """Write the verdict, and advice on further measurements."""
     flags, names = int(np.bitwise_or.reduce(ds["flag"].values)), ds["region"].values.tolist()
     if flags & POOR:

@@ -143,10 +143,10 @@ def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> A
         if None in given:
             allowed = f"a number or {len(images)} [{unit}], because an image has no attribute {name!r}"
             raise InputError(name, None, allowed)
-    return numbers_of(name, given, unit, len(images))
+    return of_each_image(name, given, unit, len(images))
 
 
-def numbers_of(name: str, value: object, unit: str, count: int, **bounds: float) -> Array:
+def of_each_image(name: str, value: object, unit: str, count: int, **bounds: float) -> Array:
     """A number of each image within these bounds, shape (m,)."""
     allowed = f"a number or {count} [{unit}]"
     given = as_array(name, value, allowed, object)
@@ -166,8 +166,8 @@ def make_stack(
     errors = np.full(values.shape, np.inf)
     channels = (PHASE, "phase", "degree", *phase), (HEIGHT, "height", "m", *height)
     for channel, name, unit, error, zero, beside in channels:
-        noise = numbers_of(f"{name}_error", error, unit, count, above=0)
-        wrong = numbers_of(f"{name}_zero_error", beside, unit, count, minimum=0)
+        noise = of_each_image(f"{name}_error", error, unit, count, above=0)
+        wrong = of_each_image(f"{name}_zero_error", beside, unit, count, minimum=0)
         below = zeros_of(images, f"{name}_zero", zero, unit)
         if channel == HEIGHT and not heights:
             continue
@@ -286,8 +286,8 @@ def make_plan(
         *kinds,
         none if kinds[0] else np.radians(zeros_of(images, "phase_zero", phase[0], "degree")),
         none if kinds[1] else zeros_of(images, "height_zero", height[0], "m"),
-        np.radians(numbers_of("phase_zero_error", phase[1], "degree", count, minimum=0)),
-        numbers_of("height_zero_error", height[1], "m", count, minimum=0),
+        np.radians(of_each_image("phase_zero_error", phase[1], "degree", count, minimum=0)),
+        of_each_image("height_zero_error", height[1], "m", count, minimum=0),
         np.inf if unknown else number("topography_error", topography_error, "m", minimum=0),
     )
 

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from phasemap._shared.arrays import Array
-from phasemap.inference.images.least_squares import LONGEST, Problem, Solution, descend, information, problem_of_pixels
+from phasemap.inference.images.least_squares import (
+    LONGEST,
+    RegionProblems,
+    Solution,
+    go_downhill,
+    information,
+    problem_of_pixels,
+)
 from phasemap.inference.images.model import SIDES, Model
 from phasemap.inference.images.stack import FREE, HEIGHT, PHASE, SHARED, Stack, ZeroPlan
 
@@ -116,7 +123,7 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
     return Grid(q, values, places, np.zeros_like(values), slopes)
 
 
-def nearest(problem: Problem, grid: Grid) -> tuple[NDArray[np.intp], Array]:
+def nearest(problem: RegionProblems, grid: Grid) -> tuple[NDArray[np.intp], Array]:
     """The material of the grid that is nearest to the data of n pixels, -1 if there is none, and chi2 with it."""
     which, cost = np.full(len(problem.data), -1), np.full(len(problem.data), np.inf)
     nothing = np.zeros(problem.data.shape[1:])
@@ -134,7 +141,7 @@ def nearest(problem: Problem, grid: Grid) -> tuple[NDArray[np.intp], Array]:
     return which, cost
 
 
-def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
+def descend_from_grid(problem: RegionProblems, grid: Grid) -> list[Solution]:
     """Materials of each pixel that may be as good, with the defect of the grid; of infinite cost where none was sought.
 
     Averaged search starts where the grid is nearest, and goes on elsewhere where that ends in doubt. Where the tip is
@@ -143,7 +150,7 @@ def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
     sides = problem.sides[:, 0]
     if not problem.model.averages:
         return _descend_apart(problem, grid, [])
-    found = descend(problem, *_start_at_node(problem, grid, nearest(problem, grid)[0]))
+    found = go_downhill(problem, *_start_at_node(problem, grid, nearest(problem, grid)[0]))
     more = (sides != 0).any(axis=1) & (found.cost > _doubtful(problem))
     solutions = [found, *(_without_solution(found) for _ in range(1, STARTS) if more.any())]
     for pattern in np.unique(sides[more], axis=0):
@@ -156,7 +163,7 @@ def descend_from_grid(problem: Problem, grid: Grid) -> list[Solution]:
     return solutions
 
 
-def _doubtful(problem: Problem) -> float:
+def _doubtful(problem: RegionProblems) -> float:
     """Largest chi2 at which a solution is taken for the best without further starts."""
     data = int((problem.weights > 0).sum())
     return float(data + DOUBTFUL * np.sqrt(2 * data))
@@ -168,7 +175,7 @@ def _without_solution(like: Solution) -> Solution:
     return like.part(every)._replace(cost=np.full(len(every), np.inf))
 
 
-def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> list[Solution]:
+def _descend_apart(problem: RegionProblems, grid: Grid, solutions: list[Solution]) -> list[Solution]:
     """Further solutions, from materials of the grid that one step of least squares brings near the data, far apart.
 
     `solutions`: those that are known. All problems have the same branches.
@@ -176,7 +183,7 @@ def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> l
     sides, every = problem.sides[0, 0], np.arange(len(problem.data))
     usable, values = grid.on(sides)
     if not len(usable):
-        return solutions or [descend(problem, *_start_at_node(problem, grid, np.full(len(every), -1)))]
+        return solutions or [go_downhill(problem, *_start_at_node(problem, grid, np.full(len(every), -1)))]
     branch, images, count = (sides > 0).astype(int), np.arange(len(sides)), len(usable)
     slopes = grid.slopes[branch, usable[:, None], images]
     at = replace(problem.part(np.zeros(count, int)), data=values[:, None])
@@ -201,9 +208,9 @@ def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> l
             break
         part, begin = problem.part(worth), q[worth, best[worth]]
         node, *near = _start_at_node(part, grid, usable[best[worth]])
-        again = descend(part, begin, *near)
+        again = go_downhill(part, begin, *near)
         lost = np.flatnonzero(~again.good)
-        again.put(lost, descend(part.part(lost), node[lost], *(one[lost] for one in near)))
+        again.put(lost, go_downhill(part.part(lost), node[lost], *(one[lost] for one in near)))
         if len(worth) < len(every):
             whole = _without_solution(solutions[0])
             whole.put(worth, again)
@@ -213,7 +220,7 @@ def _descend_apart(problem: Problem, grid: Grid, solutions: list[Solution]) -> l
     return solutions
 
 
-def _start_at_node(problem: Problem, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+def _start_at_node(problem: RegionProblems, grid: Grid, start: NDArray[np.intp]) -> tuple[Array, Array, Array]:
     """Start from materials of the grid: logarithms, places of orbits and defects; for -1 the prior, without orbits."""
     sides = problem.sides[:, 0]
     branch, images, none = (sides > 0).astype(int), np.arange(sides.shape[1]), start < 0

@@ -165,7 +165,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class SeriesProblem:
     """Unknowns, each normal with standard deviation 1 and cut off at `REACH`, and the data."""
 
     parts: tuple[Part, ...]  # first what is sought, then each region that is known

@@ -10,7 +10,7 @@ import xarray as xr
 from phasemap._shared.arrays import Array
 from phasemap.inference.determined import COMBINED, OPEN, UNLIKELY, chance, say_regions, say_what_helps
 from phasemap.inference.images.stack import FREE, SHARED
-from phasemap.inference.series.likelihood import Problem
+from phasemap.inference.series.likelihood import SeriesProblem
 from phasemap.inference.series.settings import ANYWHERE, HELD
 
 CLEAR = 2.0  # standard errors above which a contrast has a sign
@@ -22,7 +22,7 @@ EITHER = "on either branch"
 NARROWED = 0.5  # width of an interval over that of the prior, below which data say something
 
 
-def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
+def write_report(ds: xr.Dataset, problem: SeriesProblem, covariance: Array) -> None:
     """Write the verdict and the advice."""
     if not any(agreement(ds)[0]):
         ds.attrs |= {"verdict": _of_nothing(ds), "advice": NOTHING}
@@ -38,7 +38,7 @@ def tell(ds: xr.Dataset, problem: Problem, covariance: Array) -> None:
     ds.attrs["advice"] = "\n".join(_advice(ds, problem, poor))
 
 
-def is_poor(ds: xr.Dataset, problem: Problem) -> bool:
+def is_poor(ds: xr.Dataset, problem: SeriesProblem) -> bool:
     """True if nothing within the prior describes the contrasts."""
     return bool(chance(float(ds["misfit"]), max(_contrasts(problem), 1)) < UNLIKELY)
 
@@ -97,7 +97,7 @@ def turns(ds: xr.Dataset) -> list[str]:
     return said
 
 
-def _contrasts(problem: Problem) -> int:
+def _contrasts(problem: SeriesProblem) -> int:
     """Number of contrasts: data less the zeros that they have to give."""
     seen = np.isfinite(problem.errors)
     settings = problem.settings
@@ -107,7 +107,7 @@ def _contrasts(problem: Problem) -> int:
     return int(seen.sum()) - int((there & ((settings.zero == FREE) | (settings.zero_errors >= ANYWHERE))).sum())
 
 
-def _of_order(ds: xr.Dataset, problem: Problem) -> list[str]:
+def _of_order(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
     clear, signs, order = agreement(ds)
     count = sum(clear)
     right = [sum(one and two for one, two in zip(clear, each, strict=True)) for each in (signs, order)]
@@ -137,7 +137,7 @@ def _of_nothing(ds: xr.Dataset) -> str:
     )
 
 
-def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
+def _of_magnitude(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> str:
     data, unknown = _contrasts(problem), len(problem.names) - 1  # the discrepancy explains nothing
     what = "contrasts" if problem.settings.zero == FREE else "phases"
     if poor:
@@ -161,7 +161,7 @@ def _of_magnitude(ds: xr.Dataset, problem: Problem, poor: bool) -> str:
     return f"The magnitude is reproduced within its errors: {data} {what} for {unknown} unknowns."
 
 
-def _of_tunes(ds: xr.Dataset, problem: Problem) -> list[str]:
+def _of_tunes(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
     """Sentences on tunes that contradict the others."""
     tunes, said = problem.settings.tunes, []
     for tune in range(problem.settings.tune_count if problem.settings.tune_count > 1 else 0):
@@ -176,7 +176,7 @@ def _of_tunes(ds: xr.Dataset, problem: Problem) -> list[str]:
     return said
 
 
-def _of_sign(ds: xr.Dataset, problem: Problem) -> str:
+def _of_sign(ds: xr.Dataset, problem: SeriesProblem) -> str:
     if problem.settings.sign is not None:
         return ""
     chance = float(ds["sign_chance"])
@@ -189,7 +189,7 @@ def _of_sign(ds: xr.Dataset, problem: Problem) -> str:
     return f"Phase is counted {which} where the tip is repulsive (chance {100 * max(chance, 1 - chance):.0f} %)."
 
 
-def _of_amplitude(ds: xr.Dataset, problem: Problem) -> str:
+def _of_amplitude(ds: xr.Dataset, problem: SeriesProblem) -> str:
     if problem.settings.amplitude == HELD:
         return ""
     low, middle, high = (1e9 * float(ds[f"free_amplitude{word}"][0]) for word in ("_low", "", "_high"))
@@ -198,7 +198,7 @@ def _of_amplitude(ds: xr.Dataset, problem: Problem) -> str:
     return said + (", which is what was supposed." if np.log(high / low) > NARROWED * prior else ".")
 
 
-def _advice(ds: xr.Dataset, problem: Problem, poor: bool) -> list[str]:
+def _advice(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> list[str]:
     said, settings, free = [], problem.settings, problem.settings.zero == FREE
     if settings.sign is None:
         said.append("Say which way the instrument counts phase (sign).")

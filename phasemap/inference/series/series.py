@@ -32,9 +32,9 @@ from phasemap.inference.images.model import Model, make_model
 from phasemap.inference.images.stack import FREE
 from phasemap.inference.sampling import REACH, Draws, sample
 from phasemap.inference.series.contrasts import Labels, Medians, drift_of, each_of, medians, regions_of
-from phasemap.inference.series.likelihood import Explained, Part, Problem, State, make_table
+from phasemap.inference.series.likelihood import Explained, Part, SeriesProblem, State, make_table
 from phasemap.inference.series.recorded import read_files
-from phasemap.inference.series.report import tell
+from phasemap.inference.series.report import write_report
 from phasemap.inference.series.settings import HELD, Settings, scope_of, settings_of
 from phasemap.io.measured import one_scan
 from phasemap.results.variables import coded, provenance
@@ -50,7 +50,7 @@ MOST = 64  # files
 
 
 def dataset_of(
-    problem: Problem, draws: Draws, fit: Explained, seen: Medians, images: Sequence[xr.Dataset],
+    problem: SeriesProblem, draws: Draws, fit: Explained, seen: Medians, images: Sequence[xr.Dataset],
     labels: Sequence[Labels],
 ) -> xr.Dataset:  # fmt: skip
     """Dataset of a series: contrasts, settings, materials and curves, with sentences on them."""
@@ -89,7 +89,7 @@ def dataset_of(
     ds.attrs.update(provenance(configuration, "explained as a series"))
     ds.attrs |= {"amplitude": settings.amplitude, "setpoints": settings.setpoint, "zero": settings.zero}
     ds.attrs["sign"] = settings.sign or 0
-    tell(ds, problem, np.cov(state.logs[:, problem.unknown].reshape(len(draws.x), -1).T))
+    write_report(ds, problem, np.cov(state.logs[:, problem.unknown].reshape(len(draws.x), -1).T))
     return ds
 
 
@@ -101,7 +101,7 @@ def _add_interval(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Arra
     add_variable(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
 
 
-def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explained) -> None:
+def _add_contrasts(ds: xr.Dataset, problem: SeriesProblem, seen: Medians, fit: Explained) -> None:
     dims = ("region", "file")
     measured = within_half_a_turn(seen.values - seen.values[0])
     error = np.hypot(problem.errors, problem.errors[0])
@@ -120,7 +120,7 @@ def _add_contrasts(ds: xr.Dataset, problem: Problem, seen: Medians, fit: Explain
         add_variable(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
 
 
-def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
+def _add_materials(ds: xr.Dataset, problem: SeriesProblem, state: State) -> None:
     """Properties, and which of them the series determines."""
     regions, unknown = len(problem.values), problem.unknown
     reference = problem.model.reference
@@ -134,7 +134,7 @@ def _add_materials(ds: xr.Dataset, problem: Problem, state: State) -> None:
     ds["determination"] = (("region", "property"), codes, about)
 
 
-def _add_curves(ds: xr.Dataset, problem: Problem, sign: Array, state: State, likeliest: int) -> None:
+def _add_curves(ds: xr.Dataset, problem: SeriesProblem, sign: Array, state: State, likeliest: int) -> None:
     """Phases against the setpoint for each free amplitude: both branches of one draw, and contrasts of some."""
     firsts, curve = np.unique(np.argmax(problem.settings.alike, axis=1), return_inverse=True)
     some = np.linspace(0, len(sign) - 1, BAND).astype(int)
@@ -307,7 +307,7 @@ def series(
 def _problem(
     model: Model, settings: Settings, seen: Medians, error: float, widths: Array,
     materials: tuple[Mapping[int, Material] | None, Material],
-) -> Problem:  # fmt: skip
+) -> SeriesProblem:  # fmt: skip
     """Data to be explained, with this error [degree] of each median; `materials`: those known, and the prior."""
     known, prior = materials
     limits, levels = settings.ranges(REACH)
@@ -320,7 +320,7 @@ def _problem(
         logs[region] = np.log(np.maximum(own.reference, 1e-9 * model.reference) / model.reference)
     there = np.isfinite(seen.values)
     errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
-    return Problem(tuple(parts), settings, np.where(there, seen.values, 0.0), errors, logs, widths)
+    return SeriesProblem(tuple(parts), settings, np.where(there, seen.values, 0.0), errors, logs, widths)
 
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:

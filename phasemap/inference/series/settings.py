@@ -18,7 +18,7 @@ from phasemap._shared.notices import question
 from phasemap._shared.units import say
 from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microscope, Tip
 from phasemap.experiment.presets import levers
-from phasemap.inference.images.stack import FREE, SHARED, numbers_of
+from phasemap.inference.images.stack import FREE, SHARED, of_each_image
 from phasemap.inference.series.recorded import recorded_of
 from phasemap.io.metadata import of_simulation
 
@@ -243,7 +243,7 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
         _all_of(known, name) for name in ("free_amplitude", "free_amplitude_voltage", "drive_voltage")
     )
     if given is not None and not word:
-        metres = numbers_of("free_amplitudes", given, "m", len(known), above=0)
+        metres = of_each_image("free_amplitudes", given, "m", len(known), above=0)
         for one in metres.tolist():
             question("free_amplitudes", one, "m", AMPLITUDE)
     elif not word and metres is not None:
@@ -266,7 +266,7 @@ def _setpoints(
 ) -> tuple[str, bool, Array]:
     """Kind of the setpoints, whether they are in metres, and setpoints or recorded ones over the free amplitude."""
     if given is not None:
-        ratios = numbers_of("setpoints", given, "1", len(known), above=0)
+        ratios = of_each_image("setpoints", given, "1", len(known), above=0)
         if ratios.max() >= 1:
             raise InputError("setpoints", given, "numbers below 1, of the free amplitude")
         return HELD, False, ratios
@@ -303,7 +303,7 @@ def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str])
     if _is_word("phase_zero", given, "degree"):
         return given, np.zeros(count), error
     if given is not None:
-        return HELD, numbers_of("phase_zero", given, "degree", count), error
+        return HELD, of_each_image("phase_zero", given, "degree", count), error
     recorded = [one.get("phase_zero") for one in known]
     if all(one is None for one in recorded):
         told.append("The phase of the free lever is not recorded: the zero of the phase is unknown in each file.")
