@@ -139,6 +139,15 @@ def test_pixels_without_a_material_do_not_change_what_moves_the_tip() -> None:
     assert (image.solver == 0).all()
 
 
+def test_pixels_without_a_material_do_not_change_heights_whatever_else_is_known_of_them() -> None:
+    modulus, adhesion = np.full((1, 16), np.nan), np.full((1, 16), 0.05)
+    modulus[0, :8], modulus[0, 8:10] = 1e9, 3e9
+    varied = adhesion.copy()
+    varied[0, 10:] = np.linspace(0.01, 0.04, 6)
+    alike, various = (scan(pm.Surface(modulus, one, pixel_size=4e-9, allow_nan=True)) for one in (adhesion, varied))
+    np.testing.assert_array_equal(various.height, alike.height)
+
+
 @pytest.mark.parametrize("solver", ENGINES)
 def test_image_tends_to_the_quasi_static_one_as_the_scan_slows(solver: str) -> None:
     surface = line([0] * 3 + [1] * 3, [0.0, 1e-9, 2e-9, 2e-9, 1e-9, 0.0])

@@ -58,6 +58,8 @@ def _plan(job: Job, survey: Survey, before: LinePlan | None) -> LinePlan:
     assert isinstance(control, Feedback)
     materials = survey.sample if survey.materials is None else survey.materials
     work = job.work(materials[np.lexsort(materials.T[::-1])])  # whatever the order of the pixels
+    if (valid := work.refused() == col.GOOD).any():  # a material that is refused has no say
+        work = work.part(valid)
     if before is not None:
         control, engine, notes = before.control, before.engine, before.notes
     else:
