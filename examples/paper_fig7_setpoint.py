@@ -64,7 +64,11 @@ def main(folder: Path = Path()) -> None:
         "the start is on F-, the phase jumps to F+ at A, and tends to 90° in the end",
         f"A is at {start:.3f}; at {SETPOINTS[-1]:.3f} the phase is {float(down[0.0][-1]):.1f}°",
     )
-    some = down[0.4].where(SETPOINTS < 0.9)
+    # At the smallest setpoints the tip sticks to a film that damps much, and swings in contact.
+    taps = {
+        damping: down[damping].where(sweep.tip_offset.sel(direction="down") > 0) for damping, sweep in found.items()
+    }
+    some = taps[0.4].where(SETPOINTS < 0.9)
     best = int(some.argmax("setpoint"))
     back = found[0.5]
     paper.said(
@@ -76,7 +80,7 @@ def main(folder: Path = Path()) -> None:
     paper.said(
         "damping lowers the phase, and at high damping it is negative at every setpoint",
         "at 0.5 it is " + ", ".join(f"{float(phase[at]):.0f}°" for phase in down.values())
-        + f"; at alpha1 = 1 never above {float(down[1.0].max()):.1f}°",
+        + f"; at alpha1 = 1 never above {float(taps[1.0].max()):.1f}° as long as the tip taps",
     )  # fmt: skip
     errors = {setpoint: averaging_error(0.3, setpoint) for setpoint in (0.7, 0.4, 0.2, 0.05)}
     paper.said(

@@ -219,7 +219,7 @@ def test_the_phase_tends_to_90_degrees_at_the_smallest_setpoints() -> None:
 
 def test_the_phase_passes_a_maximum_and_may_return_to_the_attractive_curve() -> None:
     sweep = setpoint_sweep(0.4)
-    phase = sweep.phase.sel(direction="down")
+    phase = sweep.phase.where(sweep.tip_offset > 0).sel(direction="down")  # below, the tip no longer leaves the sample
     highest = int(phase.argmax("setpoint"))
     assert 0.2 < fig7.SETPOINTS[highest] < 0.4 and 0 < float(phase[highest]) < 10
     back = setpoint_sweep(0.5)
@@ -238,8 +238,11 @@ def test_damping_lowers_the_phase_at_every_setpoint_of_the_repulsive_branch() ->
 
 def test_at_high_damping_the_phase_is_negative_at_every_setpoint() -> None:
     sweep = setpoint_sweep(1.0)
-    assert float(sweep.phase.max()) < 0
-    assert (sweep.status.values == 0).mean() > 0.8  # at the smallest setpoints there is no stable orbit at all
+    taps = sweep.tip_offset > 0
+    assert float(sweep.phase.where(taps).max()) < 0 and float(taps.mean()) > 0.9
+    # At the smallest setpoints it sticks, and swings by 4 to 9 thousandths of the free amplitude in contact.
+    assert (sweep.setpoint.where(~taps).max() < 0.01) and float(sweep.phase.where(~taps).min()) > 0
+    assert (sweep.status.values == 0).all()
 
 
 @pytest.mark.parametrize("damping", [0.02, 0.1, 0.3])

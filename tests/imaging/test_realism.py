@@ -328,7 +328,7 @@ def test_a_scene_gives_what_python_gives(tmp_path: Path) -> None:
         ("realism.tip_change=5", r"\[realism.tip_change\] is 5; allowed: a table of keys line, radius"),
         ("realism.tip_change.line=2", r"\[realism.tip_change\] radius is missing"),
         ("surface.dilate=1", r"\[surface\] dilate is 1; allowed: true or false"),
-        ("surface.half_angle=10", r"\[surface\] half_angle is 10; allowed: given only with dilate = true"),
+        ("surface.half_angle=10", r"\[surface\] half_angle is 10; allowed: none without dilate = true"),
     ],
 )
 def test_a_scene_is_refused_in_the_words_of_its_file(tmp_path: Path, override: str, sentence: str) -> None:
