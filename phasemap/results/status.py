@@ -36,7 +36,7 @@ class Status(Enum):
     diverged = "The feedback became unstable, or the tip stays in the surface. Lower the gains or the line rate."
     not_engaged = (
         "The tip did not reach the setpoint when it was lowered at the start of this line. "
-        "Change the setpoint, or lower the gains."
+        "Take another setpoint, or another free amplitude."
     )
 
     def advice(self, held: str = "", contact: str = "") -> str:

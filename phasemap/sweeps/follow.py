@@ -16,6 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
+from phasemap.experiment.lever import seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import STABILITY, coded, flag_attributes, of_rows, provenance
@@ -71,11 +72,16 @@ class Axis:
 
 
 def dataset(
-    curves: Curves, axis: Axis, visits: list[Visit], question: Question, held: dict[str, Any] | None = None
-) -> xr.Dataset:
-    """Make the Dataset of a sweep; what is `held` is for the provenance."""
+    curves: Curves, axis: Axis, visits: list[Visit], question: Question, held: dict[str, Any] | None = None,
+    levers: np.ndarray | None = None,
+) -> xr.Dataset:  # fmt: skip
+    """Make the Dataset of a sweep; what is `held` is for the provenance.
+
+    `levers`: of the values in rising order, shape (n, ...), or of all; by default those of the curves.
+    """
     order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order
-    rows = curves.seen(np.stack([visit.rows[order] for visit in visits]))
+    rows = np.stack([visit.rows for visit in visits])
+    rows = (curves.seen(rows) if levers is None else np.stack([seen(one, levers) for one in rows]))[:, order]
     dims = ("direction", axis.name)
     data = _variables("", rows, dims, axis.name)
     status = np.stack([visit.status[order] for visit in visits]).astype(np.int8)
@@ -152,7 +158,7 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     if question.only_in_time:
         _check_no_samples(samples)
         work = question.work(marched=True)
-        return _dataset_in_time(question, work, about, there_and_back(work, wanted))
+        return _dataset_in_time(question, [work], about, there_and_back(work, wanted))
     curves = distance_curves(path_of(question), wanted, samples)
     parts = segments(curves)
     above = (part for part in parts if part.row_at(wanted[-1]) is not None)  # on the curve from far
@@ -172,7 +178,7 @@ def setpoint(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         work = question.work(marched=True)
         state = far_state(work.oscillator(0))
         visits = [_visit_in_time(state, order, lambda k: (work, wanted[k]), True, n) for order in (falling, range(n))]
-        return _dataset_in_time(question, work, about, visits)
+        return _dataset_in_time(question, [work], about, visits)
     feedback = SlowFeedback(held_curves(path_of(question), wanted, samples))
     down, place = _hold(feedback, feedback.far(), falling, 0)
     up, _ = _hold(feedback, place, range(n), 1)
@@ -203,7 +209,7 @@ def parameter(
             )
             for order in (range(n), range(n - 1, -1, -1))
         ]  # fmt: skip
-        return _dataset_in_time(question, works[0], about, visits, held)
+        return _dataset_in_time(question, works, about, visits, held)
     wanted, path = np.sort(scale.m(axis)), path_over(question, name, scale, held_under, of_amplitude)
     curves = swept_curves(path, wanted, samples)
     visits = _sweep_at_offset(curves, height) if ratio is None else _sweep_held(curves, question, name, scale, ratio)
@@ -287,8 +293,10 @@ def _check_no_samples(samples: int) -> None:
 
 
 def _dataset_in_time(
-    question: Question, work: Work, about: Axis, visits: list[Visit], held: dict[str, float | None] | None = None
-) -> xr.Dataset:
-    """Dataset of a sweep in time, which has no curve."""
-    curves = Curves(fixed_path(work.oscillator(0)), col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
-    return dataset(curves, about, visits, question, held)
+    question: Question, works: list[Work], about: Axis, visits: list[Visit],
+    held: dict[str, float | None] | None = None,
+) -> xr.Dataset:  # fmt: skip
+    """Dataset of a sweep in time, which has no curve; of works of the values in rising order, or one for all."""
+    curves = Curves(fixed_path(works[0].oscillator(0)), col.TIP_OFFSET, about.values, (0.0, 0.0, 0.0), 0)
+    levers = np.array([work.lever for work in works]) if len(works) > 1 else works[0].lever
+    return dataset(curves, about, visits, question, held, levers)

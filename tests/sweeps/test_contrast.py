@@ -18,6 +18,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap.cli import main
 from phasemap.io.netcdf import load
 from phasemap.plot import plot
+from phasemap.results.variables import motion_of
 from phasemap.scenes.scene import load_setup
 from phasemap.sweeps.contrasts.result import choose
 
@@ -195,7 +196,7 @@ def test_an_irregular_point_is_recommended_only_with_a_warning(spread: float) ->
     for places, best, safe in ((slice(None), 1 if spread else 0, True), (slice(1), 0, not spread)):
         here = engaged._replace(rows=rows[..., places, :])
         regime = np.full(here.rows.shape[:-1], REPULSIVE, np.int8)
-        found = choose((*axes[:2], axes[2][places]), ("a", "b"), here, regime, [])
+        found = choose((*axes[:2], axes[2][places]), ("a", "b"), here, regime, motion_of(here.rows), [])
         assert found.place == (0, 0, best) and ("not safe" not in found.sentence) == safe
 
 
@@ -369,3 +370,11 @@ def test_the_command_complains_in_one_sentence(
     assert main(["contrast", str(SAMPLES / "blend.toml"), *words]) == 2
     said = capsys.readouterr()
     assert complaint in said.err and said.err.count("\n") == 1 and said.out == ""
+
+
+def test_two_drives_that_beat_are_not_irregular_for_it() -> None:
+    lever = pm.Cantilever(40.0, 300e3, 50.0, modes=(pm.Eigenmode(6.267, quality_factor=80.0),))
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(40e-9, second=pm.Mode(1e-9)))
+    found = pm.contrast(pm.Material(0.5e9, 0.05), pm.Material(3e9, 0.05), scope, [0.7, 0.8], 40e-9, solver="march")
+    assert (found.phase_spread > 0).all() and (found.motion == 0).all()
+    assert "not safe" not in found.attrs["recommendation"]

@@ -370,3 +370,16 @@ def test_far_below_resonance_a_second_mode_rings_too_often_for_orbits_and_sweeps
     assert (found.status == 0).all() and (held.status == 0).all()
     # Both are means of motion that repeats itself after several periods, if ever.
     np.testing.assert_allclose(held.tip_offset.values[:, 0], 8e-9, atol=2e-11)
+
+
+def test_each_row_of_a_sweep_in_time_is_seen_by_its_own_lever():
+    # A wet base in liquid, whose motion the detector takes off: by another free amplitude phases would be degrees off.
+    lever = pm.Cantilever(0.5, 30e3, 3.0, participation=1)
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(10e-9, excitation="base"))
+    material = pm.Material(1e9, relaxed_modulus=0.5e9, relaxation_time=1e-6)
+    found = pm.sweep_parameter(material, scope, "free_amplitude", [10e-9, 20e-9], setpoint=0.7)
+    for value in found.free_amplitude.values:
+        pixel = pm.solve_pixel(material, replace(scope, drive=replace(scope.drive, free_amplitude=float(value))), 0.7)
+        here = found.sel(free_amplitude=value)
+        np.testing.assert_allclose(here.phase, pixel.phase, atol=2e-3)  # as `march` states of itself at low Q
+        np.testing.assert_allclose(here.amplitude, pixel.amplitude, rtol=1e-5)

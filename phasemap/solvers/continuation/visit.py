@@ -204,8 +204,8 @@ def walk(
         if here is None:
             # Nothing was reached on which the tip stays: it is found again where there is only one such orbit.
             there = [part for part in parts if part.row_at(x) is not None]
-            here = there[0] if len(there) == 1 else None
-            if len(there) > 1:
+            here = _only_one(curves, there, x)
+            if there and here is None:
                 status[k] = Status.not_settled.code
         if here is None:
             k += on
@@ -257,15 +257,19 @@ def apart(one: np.ndarray, two: np.ndarray) -> float:
     return float(abs(one[col.PHASE] - two[col.PHASE]) + places / two[col.AMPLITUDE])
 
 
-def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
-    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x; else off all of them.
+def _only_one(curves: Curves, there: list[Segment], x: float) -> Segment | None:
+    """The only segment there at x, which then is the one on which a tip settles.
 
-    One that is the only one there is taken to be the one, but not by a contact with hysteresis, which may tap
-    irregularly beside it.
+    None where there are several or none, or a contact with hysteresis, which may tap irregularly beside it.
     """
-    there = [part for part in parts if part.x[0] <= x <= part.x[-1]]
     hysteretic = bool(curves.standing(x if curves.column == col.PARAMETER else 0.0).p[col.RELEASE] != 0)
-    found = there[0] if len(there) == 1 and not hysteretic else None
+    return there[0] if len(there) == 1 and not hysteretic else None
+
+
+def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
+    """The segment on which a tip settles that comes from the orbit `start` and finds itself at x; or off all."""
+    there = [part for part in parts if part.x[0] <= x <= part.x[-1]]
+    found = _only_one(curves, there, x)
     if there and found is None:
         row = curves.let_go(start, x)
         found = None if row is None else like(there, x, row)

@@ -23,7 +23,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
-from phasemap.results.variables import provenance
+from phasemap.results.variables import motion_of, provenance
 from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name, check_marches
@@ -153,8 +153,9 @@ def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, pro
     jumps, inversions = borders(
         pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
-    found = dataset_of_map(rising, labels, engaged, regime, jumps, inversions)
-    found.attrs.update(_recommended(choose(rising, labels, engaged, regime, jumps), rising, found["contrast"]))
+    motion = motion_of(engaged.rows, pair.materials.lever)
+    found = dataset_of_map(rising, labels, engaged, regime, motion, jumps, inversions)
+    found.attrs.update(_recommended(choose(rising, labels, engaged, regime, motion, jumps), rising, found["contrast"]))
     return found
 
 

@@ -16,7 +16,7 @@ import xarray as xr
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.units import say
-from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes, motion_of
+from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes
 from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Inversion, PhaseJump
 
 Array = np.ndarray
@@ -38,7 +38,7 @@ RULE = (
 
 
 def dataset_of_map(
-    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[PhaseJump],
+    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, motion: Array, jumps: Sequence[PhaseJump],
     inversions: Sequence[Inversion],
 ) -> xr.Dataset:  # fmt: skip
     """Make the Dataset of a map as `phasemap.contrast` describes it, with all its dimensions, without attributes."""
@@ -55,7 +55,7 @@ def dataset_of_map(
         **{name: (dims, value[name], {**float_attributes(name), **status}) for name in value},
         "regime": (dims, regime, coded("regimes in which a stable orbit holds the setpoint", *REGIMES)),
         "branch": (dims, branch_of(engaged.rows), flag_attributes("branch")),
-        "motion": (dims, motion_of(engaged.rows), flag_attributes("motion")),
+        "motion": (dims, motion, flag_attributes("motion")),
         "status": (dims, engaged.status, flag_attributes("status")),
         "solver": (dims, engaged.solver, flag_attributes("solver")),
         **_points("inversion", "inversion of the contrast", inversions),
@@ -95,13 +95,13 @@ class Recommended(NamedTuple):
 
 
 def choose(
-    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, jumps: Sequence[PhaseJump]
+    axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, motion: Array, jumps: Sequence[PhaseJump]
 ) -> Recommended:
     """Choose the point to work at, from arrays of shape (2, frequencies, free amplitudes, setpoints, ...)."""
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
     found, size = np.isfinite(contrast), np.abs(contrast)
-    single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0) & (motion_of(engaged.rows) == 0).all(0)
+    single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0) & (motion == 0).all(0)
     distance = _distances(axes, single, jumps)
     safe = single & (distance >= MARGIN) & ~_near_jump(axes, single, jumps)
     for grade, allowed in enumerate((safe, single, found)):
