@@ -387,7 +387,7 @@ def test_gains_are_lowered_for_materials_that_come_to_rest_by_that_and_it_is_sai
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     tuned, work = pm.Feedback(proportional_gain=8.0, integral_gain=640.0), work_of_both()
-    softest, job = work.rows[:, col.CONTACT].min(), SimpleNamespace(workers=1)
+    softest, job = work.rows[:, col.CONTACT].min(), SimpleNamespace(workers=1, accuracy=pm.Accuracy())
 
     def lowered(soft: bool | None, stiff_below: float) -> tuple[float, int]:
         def rests(control: pm.Feedback, _job: Any, _work: Any, _engine: int, row: np.ndarray, _: Any) -> bool | None:
@@ -544,6 +544,31 @@ def test_pixel_without_material_is_flagged_and_the_tip_goes_on() -> None:
     image = scan(surface).isel(y=0)
     assert (image.status.values == [0, 0, pm.Status.invalid.code, 0, 0]).all()
     assert np.isnan(image.phase[:, 2]).all() and np.isfinite(image.phase[:, 3:]).all()
+
+
+@pytest.mark.parametrize("solver", ENGINES)
+def test_tip_engages_on_the_first_line_that_has_a_material(solver: str) -> None:
+    # After a line without any the tip had been taken for engaged, with no amplitude and the scanner at height 0.
+    modulus = np.array([[np.nan] * 8, [1e9] * 8, [np.nan] * 8])
+    surface = pm.Surface(modulus, 0.05, 0.01, topography=np.full((3, 8), 50e-9), pixel_size=4e-9, allow_nan=True)
+    with untold():
+        lines, image = (scan(surface, replace(QUICK, engage=each), solver) for each in ("line", "image"))
+    assert not image.status.isel(y=1).any()
+    assert image.isel(y=1).equals(lines.isel(y=1))
+    assert lines.attrs["ringing_lines"] == image.attrs["ringing_lines"] == 0, "no line that rings has no material"
+
+
+@pytest.mark.parametrize(("periods", "expected"), [(1000, pm.Status.not_settled), (100_000, pm.Status.good)])
+def test_a_line_engages_within_the_periods_allowed(periods: int, expected: pm.Status) -> None:
+    # Rubber on which the tip taps irregularly: which orbit it comes to is decided in time.
+    scope = pm.Microscope(
+        pm.Cantilever(3.0, 300e3, 200.0), pm.Tip(10e-9), pm.Drive(40e-9), pm.Interaction("jkr", decay_length=0.3e-9)
+    )
+    surface = pm.Surface(30e6, 0.05, 0.01, pixel_size=4e-9, shape=(1, 2))
+    control = replace(QUICK, proportional_gain=0.01, integral_gain=500.0)
+    with untold():
+        image = pm.simulate(surface, scope, 0.6, "march", control, accuracy=pm.Accuracy(periods=periods))
+    assert (image.status == expected.code).all()
 
 
 @pytest.mark.parametrize(

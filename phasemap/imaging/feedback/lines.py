@@ -184,7 +184,11 @@ def lifts_by_stiffness(job: Job, work: Work) -> Lifts:
 HARDEST, HARDEST_AT_ALL = 0.12, 1.0
 NOT_AVERAGED = (col.NOT_CONVERGED, col.DIVERGED)  # what ends a line that the averaged lever does not follow
 ETA = 0.7  # size of the march's steps: 5e-4 degree
-ENGAGED = Accuracy(phase=0.1, height=1e-11)  # of the orbit on which a line begins; the feedback then settles
+
+
+def first_orbits(job: Job, work: Work) -> tuple[Array, Array, Array]:
+    """Rows, status and solver codes of materials on which lines begin: not exact, for the feedback then settles."""
+    return run(by_name("auto"), work, Accuracy(0.1, 1e-11, job.accuracy.periods), threads=job.workers)
 
 
 class LoopState:
@@ -250,8 +254,7 @@ class ScanLines:
         # A tip that engages comes from far: the first material of each line says on which orbit it then is.
         has_one = (self.numbers >= 0).argmax(axis=1)
         starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)
-        first = work.part(starts)
-        self.orbits = run(by_name("auto"), first, ENGAGED, threads=job.workers)[0]
+        self.orbits = first_orbits(job, work.part(starts))[0]
 
     def scan(self, row: int, tip: LoopState) -> None:
         """Scan one line there and back, after engaging if the tip is not.
@@ -269,8 +272,10 @@ class ScanLines:
     def _scan(self, row: int, tip: LoopState) -> tuple[Recorded, int]:
         """Rows recorded along a line, and GOOD or the status that ended it."""
         nx = self.job.surface.shape[1]
-        program = program_of(self.numbers[row], self._ground(row), self.dwell, self.control.overscan)
         made = Recorded(np.full((2 * nx, col.COLUMNS), np.nan), np.full(2 * nx, col.INVALID, np.int8))
+        if (self.numbers[row] < 0).all():  # the tip comes to the next line as it came to this one
+            return made, col.GOOD
+        program = program_of(self.numbers[row], self._ground(row), self.dwell, self.control.overscan)
         noise = generator(self.job.realism.seed, f"lever, line {self.job.place.row + row}")
         loop = copy.deepcopy(self.loop) if tip.loop is None else tip.loop
         setup = Setup(self.work.law, self.work.lever, loop, noise)

@@ -14,20 +14,18 @@ from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.feedback.lines import (
-    ENGAGED,
     Lifts,
     LoopState,
     ScanLines,
     check_loop,
     drive_frequency,
+    first_orbits,
     lifts_by_stiffness,
 )
 from phasemap.imaging.feedback.tuning import LinearLoop, quietened
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import Survey
 from phasemap.solvers.problem import Work
-from phasemap.solvers.run import run
-from phasemap.solvers.solver import by_name
 
 LOWEST_Q = 20.0  # below this the lever changes too much within a period to be averaged
 TRIED = 48  # materials that are engaged to find out whether the averaged lever can follow them
@@ -93,7 +91,7 @@ def _engine_of(job: Job, work: Work) -> int:
         raise InputError("solver", name, allowed)
     if name == "averaging" and hysteretic:
         some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
-        rows, _, _ = run(by_name("auto"), some, ENGAGED, threads=job.workers)
+        rows, _, _ = first_orbits(job, some)
         if irregular := int(col.is_mean(rows).sum()):
             allowed = (
                 f"'march' or 'auto': on {irregular} of {len(some)} materials tried the tip does not touch in every "

@@ -27,12 +27,10 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
-from phasemap.imaging.feedback.lines import ENGAGED, LoopState, lifts_by_stiffness, loop_of, tau_per_second
+from phasemap.imaging.feedback.lines import LoopState, first_orbits, lifts_by_stiffness, loop_of, tau_per_second
 from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
-from phasemap.solvers.run import run
-from phasemap.solvers.solver import by_name
 
 Jacobians = tuple[Array, Array, Array]
 
@@ -214,7 +212,7 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> tuple[Fee
     stiffness = work.rows[valid, col.CONTACT]
     some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
     work = work.part(some)
-    orbits, status, _ = run(by_name("auto"), work, ENGAGED, threads=job.workers)
+    orbits, status, _ = first_orbits(job, work)
     rows = lifts_by_stiffness(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
     gains = {name: getattr(control, name) for name in ("proportional_gain", "integral_gain")}
     tried = [replace(control, **{name: 0.5**n * gain for name, gain in gains.items()}) for n in range(HALVINGS + 1)]
