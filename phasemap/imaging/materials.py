@@ -33,6 +33,7 @@ class Distinct:
     """A set of materials of at most `most` members."""
 
     def __init__(self, most: int) -> None:
+        # A hash table that stays half empty; members have as many numbers as the first ones.
         self._table = np.full(1 << (2 * most - 1).bit_length(), -1, np.int32)
         self._known = np.empty((most, 0), np.uint64)
         self._count = 0

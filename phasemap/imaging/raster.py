@@ -191,8 +191,9 @@ def _interpolated(job: Job, plan: Interpolants, materials: Array) -> tuple[Branc
 
 
 def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: StableOrbits, ahead: int) -> NDArray[np.intp]:
-    """Materials whose other branch has to be known: of pixels that were guessed, and ahead.
+    """Materials whose other branch has to be known: of pixels that were guessed, and `ahead` pixels on.
 
+    `slots`: as `walk_line` fills them, below 0 where the branch was guessed.
     Beyond the end of the line that is so much of the lines below, where the tip comes if it is not engaged anew.
     """
     asked = np.zeros(orbits.stable.shape[1], np.bool_)

@@ -159,6 +159,7 @@ class _Builder:
         self.pieces: list[FilledCell] = []
 
     def _node(self, kind: int, which: int, value: float = 0.0) -> int:
+        """Add a node of this kind with the number of its border or piece, its two children open; returns its number."""
         self.nodes.append([kind, which, -1, -1])
         self.values.append(value)
         return len(self.nodes) - 1

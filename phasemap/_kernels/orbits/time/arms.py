@@ -118,7 +118,10 @@ def remembers(p: np.ndarray) -> bool:
 
 @kernel
 def recovery_of(p: Any, lever: np.ndarray) -> float:
-    """Rate [1/tau] at which a dent that nothing touches comes back."""
+    """Rate [1/tau] at which a dent that nothing touches comes back, of one relaxation time or of none.
+
+    That is (1 - kappa)/tau_R; over a Kelvin-Voigt solid, stiffness over damping of its contact: theory, Eq. (memory-7).
+    """
     if p[col.RELAXATION] > 0.0:
         return (1 - p[col.RELAXING]) / p[col.RELAXATION]
     return 0.75 * p[col.CONTACT] / (p[col.DAMPING] * lever[col.STIFFNESS])

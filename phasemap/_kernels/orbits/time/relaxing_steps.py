@@ -60,10 +60,10 @@ def relaxation_rate(contact: Relaxing, u: MotionPoint, t: float) -> float:
     for a in range(arms.count):
         rate, share = arms.rate[a], arms.share[a] / kappa
         fast = share * contact.pace.layers * q * q * rate * rate
-        if now.mode == memory.SHRINKING:
+        if now.mode == memory.SHRINKING:  # by the stiffness that is left, and just behind the turn
             density += share * q * q * rate * RATE_OF_STIFFNESS / (1 - kappa)
             density += RATE_BEHIND_TURN * fast * math.exp(-max(1 - kappa, LEAST_FADING) * rate * (t - now.turned))
-        elif slows < 0:
+        elif slows < 0:  # the edge is slowing down towards its turn, v/slows from now
             density += RATE_BEFORE_TURN * fast * math.exp(2 * q * max(v, 0.0) * rate / slows)
     return density
 
