@@ -212,8 +212,8 @@ def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
 def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
     """Change the contact as the event at the end of the step demands, and count the energy lost there.
 
-    Where the tip turns it withdraws; where films meet, or contact ends over a neck, it is in the neck; where it comes to
-    the surface it is in contact; where the neck breaks, or contact ends without one, it is off the surface.
+    Where the tip turns it withdraws; where films meet, or contact ends over a neck, it is in the neck; where it comes
+    to the surface it is in contact; where the neck breaks, or contact ends without one, it is off the surface.
     """
     event, u = motion.event, motion.here.at
     if event == NO_EVENT:
