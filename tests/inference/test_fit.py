@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap.experiment.material import with_modulus
 from phasemap.inference.curves import evidence, residuals
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
-from phasemap.inference.curves.recorded import EVERY, compared, of_curve, under, with_law
+from phasemap.inference.curves.recorded import EVERY, compared, of_curve, refused, under, with_law
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.continuation.visit import Visit
 
@@ -409,6 +409,39 @@ def test_a_law_starts_from_the_numbers_of_another_whatever_its_own_are_called() 
         assert one.value(one.q(0.7 * one.start + 0.1)) == pytest.approx(0.7 * one.start + 0.1), one.name
     lengthened = CurveSetting(start, scope, 0.0).with_parameter("neck_length", 2e-9)
     assert lengthened.scope.interaction.contact == pm.interaction.Neck(2e-9) and lengthened.value("neck_length") == 2e-9
+
+
+@pytest.mark.parametrize(
+    ("given", "law", "lost"),
+    [
+        ({"bias": 1.0, "decay_length": 0.5e-9, "damping_exponent": 1.0}, "hertz", ""),
+        ({"longrange": "dlvo", "decay_length": None}, "punch", ""),
+        ({"longrange": pm.interaction.DLVO(debye_length=3e-9)}, "DMT", ""),
+        ({"withdrawal": "ting"}, "hertz", ""),
+        ({"bias": 1.0}, "jkr", "decay_length"),
+        ({"bias": 1.0, "decay_length": None}, "neck", ""),
+        ({"decay_length": None}, "cone", "decay_length"),
+        ({"decay_length": None}, "maugis", "decay_length"),
+        ({"bias": 1.0}, "cone", "bias"),
+        ({"longrange": "dlvo", "withdrawal": "ting"}, "lossy dmt", "longrange, withdrawal"),
+    ],
+)
+def test_a_law_by_name_keeps_the_interaction_of_the_microscope_but_for_what_it_refuses(
+    given: dict[str, Any], law: str, lost: str
+) -> None:
+    asked = replace(SCOPE, interaction=pm.Interaction(**given))
+    own = under(law, asked, FILM)[0].interaction
+    kept = {name: value for name, value in given.items() if name not in lost}
+    assert {name: getattr(own, name) for name in kept} == kept
+    said = refused(asked.interaction, own)
+    assert said == (f"Not as in the microscope's interaction, for {law} contact refuses it: {lost}." if lost else "")
+
+
+def test_what_a_law_by_name_refuses_is_said_of_its_fit() -> None:
+    scope = replace(SCOPE, interaction=pm.Interaction("hertz", bias=1.0))
+    data = {**distance(FILM, "approach", 5), "scope": scope}
+    fit = pm.fit_distance(OFFSETS, **data, start=FILM, laws=["cone"], parameters=("modulus",), starts=1)
+    assert fit.status.endswith("for cone contact refuses it: bias.")
 
 
 def test_of_all_laws_those_are_compared_that_may_have_the_material() -> None:

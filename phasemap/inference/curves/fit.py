@@ -16,7 +16,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
-from phasemap.inference.curves.recorded import EVERY, begun, check_unsaid, compared, of_curve, under, with_law
+from phasemap.inference.curves.recorded import EVERY, begun, check_unsaid, compared, of_curve, refused, under, with_law
 from phasemap.inference.curves.residuals import CurveProblem
 from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.determined import PRIOR
@@ -124,7 +124,8 @@ def fit_distance(
     start : Material
         Of one that relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
     laws : sequence of str or Interaction, optional
-        Contact laws to compare, or "all", for a material that relaxes all that know it; by default that of `scope`.
+        Contact laws to compare, or "all", for a material that relaxes all that know it; by default that of `scope`. One
+        by name keeps the rest of the interaction of `scope` but for what it refuses, which `Fit.status` says.
         Each starts, too, from what the best before it found, so name simple ones first. Besides `parameters`, decay
         lengths are fitted and the own numbers of "neck", "lossy dmt" and films, of "capillary" the film of tip and
         sample together. "lossy dmt" and "capillary" are marched in time, which takes minutes.
@@ -184,7 +185,9 @@ def fit_distance(
         beneath, first, more = under(law, scope, start)
         asked = with_law(parameters, first, more)
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
-        fits.append(_fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known))
+        fit = _fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known)
+        said = refused(scope.interaction, beneath.interaction) if isinstance(law, str) else ""
+        fits.append(replace(fit, status=f"{fit.status} {said}".rstrip()))
     best, *others = sorted(fits, key=lambda one: -one.evidence)
     return replace(best, rivals=tuple(others), status=f"{best.status} {left_out}".rstrip())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ import xarray as xr
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import number_of
+from phasemap._shared.notices import unquestioned
 from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Neck, may_remember
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
@@ -33,6 +35,8 @@ BEGUN = {"neck": Neck(NECK), "capillary": Capillary(tip_film=0.0), "lossy dmt": 
 """Laws with parameters; a liquid film is that of tip and sample together, which a curve does not tell apart."""
 FITTED = ("neck_length", "adhesion_ratio", "outer_loss")
 """Numbers of contact laws that are fitted unasked where they are above their least value."""
+PARTS = ("decay_length", "damping_exponent", "bias", "longrange", "withdrawal")
+"""What an interaction says beside its contact law; a withdrawal is refused by what stands before it."""
 EVERY = (*dict.fromkeys(("dmt", *LAWS)), "neck", "lossy dmt")
 
 
@@ -164,7 +168,7 @@ def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, 
     names = dict.fromkeys((*EVERY, *BEGUN))
     if isinstance(law, str) and law.lower() not in names:
         raise InputError("law", law, "one of " + ", ".join(names))
-    own = law if isinstance(law, Interaction) else Interaction(BEGUN.get(str(law).lower(), str(law)))
+    own = law if isinstance(law, Interaction) else _named(str(law), scope.interaction)
     more: dict[str, float | None] = {}
     if own.law.takes_film:
         start, more["thickness"] = replace(start, thickness=start.thickness or FILM), None
@@ -173,8 +177,26 @@ def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, 
     for name, field in numbers_of_law(own).items():
         if name in FITTED and getattr(own.contact, field) > number_of(type(own.contact), field).ends[0]:
             more[name] = None
-    if isinstance(law, str) and own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
-        own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
     if own.decay_length is not None:
         more["decay_length"] = 2.0
     return replace(scope, interaction=own), start, more
+
+
+def _named(name: str, given: Interaction) -> Interaction:
+    """Interaction with a law of `EVERY` or `BEGUN`, and else as given, but for what the law refuses."""
+    own = Interaction(BEGUN.get(name.lower(), name))
+    for part in PARTS:
+        with suppress(InputError), unquestioned():
+            changed = replace(own, **{part: getattr(given, part)})
+            changed.law.pull(np.array([PRIOR.modulus]), np.array([PRIOR.adhesion]), FILM)  # a cone's needs its reach
+            own = changed
+    if own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
+        own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
+    return own
+
+
+def refused(given: Interaction, own: Interaction) -> str:
+    """What is said of the parts of a given interaction that a law could not keep."""
+    lost = [part for part in PARTS if getattr(own, part) != getattr(given, part)]
+    said = f"Not as in the microscope's interaction, for {own.law.name} contact refuses it: {', '.join(lost)}."
+    return said if lost else ""
