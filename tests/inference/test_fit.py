@@ -501,6 +501,15 @@ def test_of_a_curve_that_was_read_one_direction_or_some_parameters_are_fitted() 
     assert of_curve(one, scope, FILM, {"radius": 1.1}).parameters["radius"] == 1.1
 
 
+@pytest.mark.parametrize("fitted", ["modulus", "adhesion", "damping"])
+def test_what_is_not_fitted_to_a_curve_that_was_read_stays_as_given(fitted: str) -> None:
+    start, more = pm.Material(2e9), () if fitted == "modulus" else ("modulus",)
+    fit = pm.fit_distance(recorded(SCOPE, 25), scope=SCOPE, start=start, parameters=(fitted, *more), starts=1)
+    for name in {"adhesion", "damping"} - {fitted}:
+        assert getattr(fit.material, name) == 0.0
+    assert getattr(fit.material, fitted) > 0
+
+
 def test_a_law_that_is_not_there_is_refused() -> None:
     with pytest.raises(pm.InputError, match="law is 'wet'; allowed: one of dmt, hertz"):
         pm.fit_distance(recorded(SCOPE, 22), scope=SCOPE, laws="wet")

@@ -122,7 +122,8 @@ def fit_distance(
     scope : Microscope
         Its free amplitude is not used for a curve that was read.
     start : Material
-        Of one that relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
+        Adhesion or damping of 0 is put at that of the default where it is fitted to a curve that was read. Of one that
+        relaxes the modulus is fitted with the shape of its relaxation kept, in time, which takes minutes.
     laws : sequence of str or Interaction, optional
         Contact laws to compare, or "all", for a material that relaxes all that know it; by default that of `scope`. One
         by name keeps the rest of the interaction of `scope` but for what it refuses, which `Fit.status` says.
@@ -172,7 +173,7 @@ def fit_distance(
             height, amplitude=amplitude, amplitude_error=amplitude_error, phase=phase, phase_error=phase_error,
             direction=direction,
         )  # fmt: skip
-        start = begun(start)
+        start = begun(start, parameters)
         tip_offsets, given, direction, scope, height, parameters = of_curve(tip_offsets, scope, start, parameters)
     direction = "approach" if direction is None else direction
     if as_asked:

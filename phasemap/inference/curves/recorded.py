@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -141,12 +141,17 @@ def _repeats(means: np.ndarray, name: str) -> float:
     return float(max(FLOORS[name], apart / (np.nanmax(means) if name == "amplitude" else 1.0)))
 
 
-def begun(start: Material) -> Material:
-    """Material to start from; adhesion and damping that it lacks are those of the prior."""
-    adhesion = start.adhesion or PRIOR.adhesion
-    if start.damping or start.viscosity or relaxes(start):
-        return replace(start, adhesion=adhesion)
-    return replace(start, adhesion=adhesion, damping=PRIOR.damping, viscosity=None)
+def begun(start: Material, asked: Any) -> Material:
+    """Material to start from; adhesion and damping that it lacks are those of the prior, where they are fitted.
+
+    `asked`: as of `of_curve`.
+    """
+    fitted = asked if isinstance(asked, Sequence) else ("adhesion", "damping")
+    if "adhesion" in fitted:
+        start = replace(start, adhesion=start.adhesion or PRIOR.adhesion)
+    if "damping" not in fitted or start.damping or start.viscosity or relaxes(start):
+        return start
+    return replace(start, damping=PRIOR.damping, viscosity=None)
 
 
 def compared(laws: Any, scope: Microscope, start: Material) -> tuple[list[Any], str]:
