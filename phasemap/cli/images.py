@@ -52,7 +52,7 @@ def plot(arguments: argparse.Namespace) -> None:
     from phasemap.io.netcdf import load
     from phasemap.plot import plot as draw
     from phasemap.plot import trace
-    from phasemap.plot.images import limits_for_all
+    from phasemap.plot.images import colours_for_all
 
     files = arguments.files
     for file in files:
@@ -66,19 +66,16 @@ def plot(arguments: argparse.Namespace) -> None:
         check_target(output, arguments.overwrite)
     each = [_load(arguments, one) if arguments.sample is None else load(one, arguments.sample) for one in files]
     wanted = arguments.quantities and [name.strip() for name in arguments.quantities.split(",")]
-    colours = {name: one for name, one in colours_of(arguments).items() if one is not None}
+    colours = [{name: one for name, one in colours_of(arguments).items() if one is not None}] * len(each)
     if len(each) > 1 and all({"y", "x"} <= set(ds.dims) and "flag" not in ds and "residual" not in ds for ds in each):
-        colours = {**limits_for_all(each, wanted, arguments.lag), **colours}
-    for file, ds, output in zip(files, each, outputs, strict=True):
+        colours = colours_for_all(each, wanted, arguments.lag, colours[0])
+    for file, ds, output, own in zip(files, each, outputs, colours, strict=True):
         with _as_written_by_phasemap(file):
             if arguments.trace is not None:
                 trace(ds, arguments.trace, output, arguments.overwrite)
             else:
-                names = wanted
-                if wanted is None and "vendor_metadata" in ds.attrs:  # a measured image may lack one of them
-                    names = [name for name in ("height", "phase") if name in ds]
-                options = {"variables": names, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}
-                draw(ds, output, arguments.overwrite, **options, **colours)
+                options = {"variables": wanted, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}
+                draw(ds, output, arguments.overwrite, **options, **own)
         print(f"written to  {output}")
 
 

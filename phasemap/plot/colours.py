@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -92,17 +92,18 @@ class Scale:
         return (values - self.offset) * self.factor
 
 
-def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:
-    """Check limits, in SI units or with a unit, and names of colour maps of matplotlib, for what is drawn in its units.
+def by_name(given: Any, variables: Collection[str]) -> Mapping[str, Any]:
+    """Limits or colour maps by variables; one alone is of the phase, or of the first variable where there is none."""
+    if given is None or isinstance(given, Mapping):
+        return given or {}
+    return {"phase" if "phase" in variables else next(iter(variables)): given}
 
-    One alone is of the phase, or of the first variable where there is no phase.
-    """
+
+def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, str]) -> dict[str, Colours]:
+    """Check limits, in SI units or with a unit, and names of colour maps of matplotlib, for what is drawn."""
     asked: dict[str, dict[str, Any]] = {name: {} for name in variables}
-    first = "phase" if "phase" in variables else next(iter(variables))
     for what, given in (("vmin", vmin), ("vmax", vmax), ("cmap", cmap)):
-        if given is None:
-            continue
-        for name, value in (given if isinstance(given, Mapping) else {first: given}).items():
+        for name, value in by_name(given, variables).items():
             check_choice(what, name, variables)
             if what != "cmap":
                 unit = variables[name]

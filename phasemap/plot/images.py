@@ -17,7 +17,17 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.units import say
 from phasemap.io.measured import level_plane
-from phasemap.plot.colours import FAILED, FAILED_TEXT, Given, Scale, colour_scale, given_colours, units_of, words_of
+from phasemap.plot.colours import (
+    FAILED,
+    FAILED_TEXT,
+    Given,
+    Scale,
+    by_name,
+    colour_scale,
+    given_colours,
+    units_of,
+    words_of,
+)  # fmt: skip
 from phasemap.plot.contrasts import contrast, is_contrast
 from phasemap.plot.curves import fit, force, is_force_curve, is_measured_curve
 from phasemap.plot.materials import inversion, is_inversion
@@ -75,9 +85,10 @@ def plot(
     ----------
     ds : xarray.Dataset or xarray.DataArray
         What `phasemap.simulate` or `phasemap.io.netcdf.load` returned, with ``height`` and ``phase`` over ("y", "x");
-        leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or what a
-        sweep, `phasemap.contrast`, `phasemap.compare`, `phasemap.series` or `phasemap.invert` returned; or one
-        variable of an image; or what `phasemap.force_curve`, `phasemap.read_curve` or ``Fit.to_dataset()`` returned.
+        leading dimensions "setpoint" and "direction" give rows, and ``amplitude_error`` a third column. Or a measured
+        image, which may lack height or phase. Or what a sweep, `phasemap.contrast`, `phasemap.compare`,
+        `phasemap.series` or `phasemap.invert` returned; or one variable of an image; or what `phasemap.force_curve`,
+        `phasemap.read_curve` or ``Fit.to_dataset()`` returned.
     path : path-like, optional
         Where to save the picture; the suffix chooses the format (.png, .pdf, .svg and others).
     overwrite : bool
@@ -131,12 +142,10 @@ def plot(
     for asks, draw, what in ((is_inversion, inversion, "an inversion"), (is_series, series, "a series")):
         if asks(ds):
             return draw(ds, path, overwrite=overwrite, **_refuse_colours(colours, what))
-    usual = ("phase",) if ax is not None and np.size(np.asarray(ax, object)) == 1 else ("height", "phase")
-    names = usual if variables is None else tuple(variables)
+    on_axes = ("phase",) if np.size(np.asarray(ax, object)) == 1 else ("height", "phase")
+    names = tuple(variables) if variables is not None else _usual(ds) if ax is None else on_axes
     _check(ds, names, mark_irregular)
     ds = _as_shown(ds, lag)
-    if variables is None and ax is None:
-        names = _usual(ds)
     asked = given_colours(**colours, variables={name: units_of(ds[name]) for name in names})
     scales = {name: colour_scale(ds[name], asked[name]) for name in names}
     if ax is not None:
@@ -144,15 +153,21 @@ def plot(
     return _page(ds, scales, mark_irregular).finished(path, overwrite)
 
 
-def limits_for_all(images: Sequence[xr.Dataset], variables: Sequence[str] | None, lag: bool) -> dict[str, Any]:
-    """Arguments `vmin` and `vmax` of `plot` with which these images have the same colours for the same values."""
+def colours_for_all(
+    images: Sequence[xr.Dataset], variables: Sequence[str] | None, lag: bool, given: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Colours of each image, as arguments of `plot`: those given, and else the same in all for the same values."""
     shown = [_as_shown(one, lag) for one in images]
-    names = [name for name in variables or _usual(shown[0]) if all(name in one for one in shown)]
-    scales = {name: [colour_scale(ds[name]) for ds in shown] for name in names}
-    return {
+    drawn = [tuple(variables or _usual(one)) for one in shown]
+    shared = [name for name in drawn[0] if all(name in one for one in (*shown, *drawn))]
+    scales = {name: [colour_scale(ds[name]) for ds in shown] for name in shared}
+    limits = {
         "vmin": {name: min(one.low / one.factor for one in every) for name, every in scales.items()},
         "vmax": {name: max(one.high / one.factor for one in every) for name, every in scales.items()},
     }
+    return [
+        {**given, **{what: {**limits[what], **by_name(given.get(what), names)} for what in limits}} for names in drawn
+    ]
 
 
 def _as_shown(ds: xr.Dataset, lag: bool) -> xr.Dataset:
@@ -164,8 +179,9 @@ def _as_shown(ds: xr.Dataset, lag: bool) -> xr.Dataset:
 
 
 def _usual(ds: xr.Dataset) -> tuple[str, ...]:
-    """What is drawn of an image where nothing else is asked for."""
-    return ("height", "phase", *(name for name in ("amplitude_error", *_of_second_mode(ds)) if name in ds))
+    """What is drawn of an image where nothing else is asked for; a measured one may lack height or phase."""
+    both = [name for name in ("height", "phase") if name in ds or "vendor_metadata" not in ds.attrs]
+    return (*both, *(name for name in ("amplitude_error", *_of_second_mode(ds)) if name in ds))
 
 
 def _refuse_colours(colours: dict[str, Any], what: str) -> dict[str, Any]:

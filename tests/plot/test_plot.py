@@ -22,7 +22,7 @@ from phasemap.cli import main
 from phasemap.experiment.described import describe
 from phasemap.plot import plot
 from phasemap.plot.colours import FAILED
-from phasemap.plot.images import limits_for_all
+from phasemap.plot.images import colours_for_all
 from phasemap.plot.page import Page
 from phasemap.results.descriptions import describe_failures, describe_flags, describe_irregular
 from phasemap.scenes.scene import load_scene
@@ -353,9 +353,8 @@ def test_a_colour_bar_is_pointed_where_values_are_beyond_it(limits: dict[str, fl
 
 def test_images_in_one_command_share_their_colours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     several = [image(20.0, 35.0), image(-10.0, 28.0).drop_vars("solver")]
-    limits = limits_for_all(several, None, False)
-    for ds in several:
-        norms = [axes.images[0].norm for axes in plot(ds, **limits).axes if axes.images]
+    for ds, colours in zip(several, colours_for_all(several, None, False, {}), strict=True):
+        norms = [axes.images[0].norm for axes in plot(ds, **colours).axes if axes.images]
         assert (norms[1].vmin, norms[1].vmax) == pytest.approx((-10 - 0.04 * 38, 35 + 0.04 * 15))
     for i, ds in enumerate(several):
         ds.to_netcdf(tmp_path / f"at{i}.nc")
@@ -365,6 +364,36 @@ def test_images_in_one_command_share_their_colours(tmp_path: Path, capsys: pytes
     capsys.readouterr()
     assert main(["plot", *files, "-o", str(tmp_path / "one.png")]) == 2
     assert "-o is for one FILE: of several, each is drawn into FILE.png." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "low", "high"),
+    [({}, 18.9, 36.1), ({"vmin": -30.0}, -30.0, 36.1), ({"vmax": {"height": "5 nm"}, "cmap": "gray"}, 18.9, 36.1)],
+)
+def test_limits_of_one_variable_leave_those_of_the_others_shared(
+    given: dict[str, Any], low: float, high: float
+) -> None:
+    several = [image(20.0, 35.0), image(22.0, 28.0)]
+    several[1] = several[1].assign(height=2 * several[1].height)
+    own = colours_for_all(several, None, False, given)
+    norms: list[list[Any]] = []
+    for ds, colours in zip(several, own, strict=True):
+        norms.append([axes.images[0].norm for axes in plot(ds, **colours).axes if axes.images])
+    assert [(norm.vmin, norm.vmax) for norm in norms[0]] == [(norm.vmin, norm.vmax) for norm in norms[1]]
+    assert (norms[0][1].vmin, norms[0][1].vmax) == pytest.approx((low, high), abs=0.6)
+    assert norms[0][0].vmax == pytest.approx(5.0 if "vmax" in given else 4.08 + 0.08)
+
+
+def test_measured_images_share_the_colours_of_all_that_is_drawn_of_them(tmp_path: Path) -> None:
+    measured = image().assign_attrs(vendor_metadata="{}", configuration="{}", source="flake.nid")
+    measured["amplitude_error"] = measured.phase.assign_attrs(units="V")
+    several = [measured, measured.assign(phase=-measured.phase), measured.drop_vars("phase")]
+    files = [str(tmp_path / f"at{i}.nc") for i in range(3)]
+    for ds, file in zip(several, files, strict=True):
+        ds.to_netcdf(file)
+    assert main(["plot", *files, "--vmin", "amplitude_error=-90"]) == 0
+    drawn = [axes.get_title(loc="left") for axes in plot(several[2]).axes if axes.images]
+    assert drawn == ["Height", "Amplitude error"]
 
 
 def test_an_image_without_any_value_is_not_green() -> None:
