@@ -226,6 +226,8 @@ def _hold(feedback: SlowFeedback, place: TipPlace, order: range, direction: int)
         held = feedback.seek(place, k, direction)
         status[k] = held.status
         if held.jump is not None:
+            if jumps and jumps[-1].after is None and np.array_equal(jumps[-1].before, held.jump.before, equal_nan=True):
+                jumps.pop()  # a jump that led to nothing at the value before, and goes on from there
             jumps.append(held.jump)
         if held.place is not None and held.row is not None:
             place, rows[k] = held.place, held.row

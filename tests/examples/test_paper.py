@@ -212,9 +212,13 @@ def test_the_start_is_attractive_and_jumps_to_repulsive_at_a() -> None:
 
 
 def test_the_phase_tends_to_90_degrees_at_the_smallest_setpoints() -> None:
-    last = float(setpoint_sweep(0.0).phase.sel(direction="down")[-1])
+    sweep = setpoint_sweep(0.0)
+    last = float(sweep.phase.sel(direction="down")[-1])
     assert last == pytest.approx(np.degrees(np.arccos(fig7.SETPOINTS[-1])), abs=0.01)
     assert 89.7 < last < 90
+    # Between 0.015 and 0.03 no orbit is met: the tip jumps across, once in each direction.
+    across = sweep.jump_to_phase[(sweep.jump_setpoint < 0.04)]
+    assert len(across) == 2 and float(across.min()) > 88
 
 
 def test_the_phase_passes_a_maximum_and_may_return_to_the_attractive_curve() -> None:
