@@ -55,7 +55,7 @@ class Complaints:
 
 def check_keys(name: str, table: object, allowed: Iterable[str], required: Iterable[str] = ()) -> None:
     """Refuse a table, named as the user writes it ("[drive]"), that has unknown keys or lacks required ones."""
-    allowed = list(allowed)
+    allowed = list(dict.fromkeys(allowed))
     if not isinstance(table, dict):
         named = "preset" in allowed and isinstance(table, str)
         hint = f"A preset is {name.strip('[]')}.preset={table}." if named else ""

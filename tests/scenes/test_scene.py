@@ -429,3 +429,13 @@ def test_a_scene_says_how_much_its_materials_vary() -> None:
     )
     with pytest.raises(InputError, match=r"\[surface.variation\] modulos is unknown.*Did you mean 'modulus'"):
         load_scene(SAMPLES / "step.toml", ["surface.variation.modulos=0.3"])
+
+
+def test_each_key_of_a_generated_surface_is_listed_once(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    text = (Path(__file__).parents[2] / "samples" / "blend.toml").read_text()
+    path.write_text(text.replace("[surface]", "[surface]\nsquares = 3", 1))
+    with pytest.raises(pm.InputError, match="squares") as caught:
+        load_scene(path)
+    listed = str(caught.value).partition("allowed: ")[2].partition(".")[0].split(", ")
+    assert len(listed) == len(set(listed)) > 5
