@@ -6,7 +6,6 @@ kept and never interpolated; and pixel by pixel that of `solve_pixel`.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ import dask.array as da
 import numpy as np
 import pytest
 import xarray as xr
+from pairs import Case, Options, Pairs
 
 import phasemap as pm
 from phasemap._kernels.columns import INTERPOLATED
@@ -28,8 +28,7 @@ from phasemap.imaging.feedback import simulator as feedback
 from phasemap.imaging.imperfections import drifted
 from phasemap.imaging.interpolation import atlas
 
-Case = dict[str, str]
-OPTIONS: dict[str, tuple[str, ...]] = {  # the first of each is the plain one
+OPTIONS: Options = {  # the first of each is the plain one
     "control": ("engage", "raster line", "raster image", "feedback line", "feedback image"),
     "contact": ("dmt", "jkr", "film", "films", "liquid"),
     "loss": ("none", "damping", "viscosity", "relaxation", "spectrum", "ting"),
@@ -49,7 +48,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {  # the first of each is the plain one
 RASTER, FEEDBACK = ("raster line", "raster image"), ("feedback line", "feedback image")
 IN_TIME, WET, SECOND = ("relaxation", "spectrum", "ting"), ("liquid",), ("fm", "am")
 LAZY, LABELS = ("blocks", "labels in blocks"), ("labels", "labels in blocks")
-REFUSED: list[tuple[str, dict[str, tuple[str, ...]]]] = [  # what the sentence is about, and options that it refuses
+REFUSED: list[tuple[str, Options]] = [  # what the sentence is about, and options that it refuses
     ("checkpoint", {"maps": LAZY, "checkpoint": ("killed",)}),
     ("strict", {"maps": LAZY, "strict": ("yes",)}),
     ("progress", {"maps": LAZY, "progress": ("told",)}),
@@ -72,7 +71,7 @@ REFUSED: list[tuple[str, dict[str, tuple[str, ...]]]] = [  # what the sentence i
     ("temperature", {"control": ("engage", *RASTER), "realism": ("noise",)}),
     ("solver", {"control": RASTER, "solver": ("march",), "lever": SECOND}),
 ]
-IDLE: list[dict[str, tuple[str, ...]]] = [  # options that do nothing together, cannot be asked for, or take too long
+IDLE: list[Options] = [  # options that do nothing together, cannot be asked for, or take too long
     {"materials": ("interpolated",), "solver": ("orbit", "averaging", "march")},
     {"materials": ("interpolated",), "control": FEEDBACK},
     {"materials": ("interpolated",), "control": RASTER, "lever": SECOND},
@@ -95,54 +94,7 @@ THREES: list[Case] = [  # that met in a fault: plans of images in blocks or of m
 ]
 
 
-def asks_for(case: Case, options: dict[str, tuple[str, ...]]) -> bool:
-    return all(case.get(name) in values for name, values in options.items())
-
-
-def refusals(case: Case) -> list[str]:
-    """What a sentence that refuses these options may be about."""
-    return [about for about, options in REFUSED if asks_for(case, options)]
-
-
-def allowed(case: Case) -> bool:
-    return not refusals(case) and not any(asks_for(case, options) for options in IDLE)
-
-
-def cases_with_all_pairs() -> list[Case]:
-    """Few cases that have all pairs of values which are allowed in some case."""
-    names = list(OPTIONS)
-    pairs = [(a, b) for m, n in itertools.combinations(names, 2) for a in values(m) for b in values(n)]
-    left, cases = dict.fromkeys(pairs), list[Case]()
-    for begin in [*THREES, *map(dict, pairs)]:
-        if len(begin) == 2 and tuple(begin.items()) not in left:
-            continue
-        case = dict(begin)
-        for name in names:
-            if name not in case:
-                found = [value for _, value in values(name) if allowed({**case, name: value})] or OPTIONS[name][:1]
-                turn = len(cases) % len(found)  # of several that are as good, now this one and now that
-                case[name] = max(found[turn:] + found[:turn], key=lambda value: gain(case, name, value, left))
-        if allowed(case):
-            cases.append({name: case[name] for name in names})
-            for pair in itertools.combinations(cases[-1].items(), 2):
-                left.pop(pair, None)
-    return cases
-
-
-def values(name: str) -> list[tuple[str, str]]:
-    return [(name, value) for value in OPTIONS[name]]
-
-
-def gain(case: Case, name: str, value: str, left: dict[Any, None]) -> int:
-    """Number of pairs still left that a value adds to a case."""
-    new = (name, value)
-    return sum((one, new) in left or (new, one) in left for one in case.items())
-
-
-def label(case: Case) -> str:
-    return ", ".join(value for name, value in case.items() if value != OPTIONS[name][0]) or "plain"
-
-
+PAIRS = Pairs(OPTIONS, REFUSED, IDLE)
 SHAPE = (2, 3)
 RNG = np.random.default_rng(1)
 WHICH = np.array([[0, 1, 2], [2, 1, 0]])
@@ -380,15 +332,9 @@ def expected_to_be_interpolated(case: Case) -> bool:
 
 
 BRANCHES = {-1: "none", 0: "attractive", 1: "repulsive"}
-CASES = cases_with_all_pairs()
-NEVER = [
-    {name: first for name, (first, *_) in OPTIONS.items()} | dict(zip(options, found, strict=True))
-    for _, options in REFUSED
-    for found in itertools.product(*options.values())
-]
 
 
-@pytest.mark.parametrize("case", CASES, ids=label)
+@pytest.mark.parametrize("case", PAIRS.cases(THREES), ids=PAIRS.label)
 def test_numbers_are_those_of_the_plain_way(case: Case, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     plain = in_the_plain_way(case)
     if case["strict"] == "yes" and plain.status.any():
@@ -410,7 +356,7 @@ def test_numbers_are_those_of_the_plain_way(case: Case, monkeypatch: pytest.Monk
     assert all(0 <= done <= total for done, total in said) and all(done == total for done, total in said[-1:])
 
 
-@pytest.mark.parametrize("case", NEVER, ids=label)
+@pytest.mark.parametrize("case", PAIRS.never(), ids=PAIRS.label)
 def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
     case: Case, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -421,4 +367,4 @@ def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
         options["checkpoint"] = tmp_path
     with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
         pm.simulate(surface_of(case), scope_of(case), SETPOINTS[case["setpoints"]], **options)
-    assert raised.value.name in refusals(case)
+    assert raised.value.name in PAIRS.refusals(case)
