@@ -90,6 +90,16 @@ def test_each_point_of_the_map_is_what_a_pixel_shows(jumping: xr.Dataset) -> Non
             assert float(here.contrast) == pixels[1].phase - pixels[0].phase
 
 
+@pytest.mark.parametrize("solver", ["auto", "march"])
+def test_a_viscous_material_beside_one_that_relaxes_lets_go_as_it_does_alone(solver: str) -> None:
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 30.0), TIP, pm.Drive(20e-9))
+    relaxing = pm.Material(1e9, 0.02, relaxed_modulus=0.5e9, relaxation_time=1e-7)
+    viscous = pm.Material(2e9, 0.02, viscosity=100.0)
+    found = pm.contrast(relaxing, viscous, scope, [0.6, 0.7], solver=solver)
+    alone = [pm.solve_pixel(viscous, scope, setpoint, solver).phase for setpoint in (0.6, 0.7)]
+    assert found.phase.sel(material="second").values.tolist() == alone
+
+
 def test_regimes_are_those_of_all_stable_orbits(jumping: xr.Dataset) -> None:
     assert set(np.unique(jumping.regime.sel(material="particle"))) == {REPULSIVE, BISTABLE}
     for amplitude in AMPLITUDES[[0, -1]]:

@@ -1,4 +1,4 @@
-"""Any two options of a sweep together: each point is an orbit that the plain way knows, or one sentence refuses first.
+"""Any two options of a sweep or of a contrast together: each point is what the plain way knows, or a sentence refuses.
 
 The plain way is `solve_pixel` of the material and microscope of that point, or at a tip offset `orbits`, and where only
 time knows the motion there, a tip that is lowered to it from nearby.
@@ -18,6 +18,7 @@ from pairs import Case, Options, Pairs
 
 import phasemap as pm
 from phasemap.sweeps import follow
+from phasemap.sweeps.contrasts import contrast_map, pair
 
 OPTIONS: Options = {  # the first of each is the plain one
     "swept": (
@@ -214,3 +215,67 @@ def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
     with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
         swept(case)
     assert raised.value.name in PAIRS.refusals(case)
+
+
+MAPS: Options = {
+    "axis": ("setpoints", "free_amplitudes", "frequencies"),
+    "contact": ("dmt", "wet", "film"),
+    "loss": OPTIONS["loss"],  # of the first material
+    "second": ("none", "viscosity", "relaxation"),
+    "lever": OPTIONS["lever"],
+    "excitation": OPTIONS["excitation"],
+    "order": OPTIONS["order"],
+    "solver": ("auto", "orbit", "averaging", "march"),
+    "threads": ("one", "two"),
+}
+UNTIMED = ("orbit", "averaging")
+MAP_PAIRS = Pairs(
+    MAPS,
+    [
+        ("solver", {"solver": UNTIMED, "loss": (*RELAXES, "ting")}),
+        ("solver", {"solver": UNTIMED, "second": ("relaxation",)}),
+        ("solver", {"solver": UNTIMED, "contact": ("wet",)}),
+        ("contact", {"contact": ("film",), "loss": ("ting",)}),
+    ],
+    [],
+)
+AVERAGED = {"orbit": (1e-3, 1e-12)}  # errors that the cheap path may leave, of which `solve_pixel` has none
+
+
+def mapped(case: Case) -> tuple[xr.Dataset, tuple[pm.Material, pm.Material], list[tuple[pm.Microscope, float]]]:
+    """The map of a contrast with all options together, its materials, and microscope and setpoint of each point."""
+    scope, axis = scope_of(case), case["axis"]
+    of_drive = axis.removesuffix("s") if axis == "free_amplitudes" else "frequency"
+    values = values_of({**case, "swept": "setpoint" if axis == "setpoints" else of_drive})
+    materials = material_of(case), material_of({**case, "loss": case["second"]}, 2e9)
+    given: dict[str, Any] = {"setpoints": [0.7, 0.6]} | {axis: values}
+    threads = 1 if case["threads"] == "one" else 2
+    found = pm.contrast(*materials, scope, **given, solver=case["solver"], threads=threads)
+    if axis == "setpoints":
+        return found, materials, [(scope, value) for value in values]
+    drives = (replace(scope.drive, **{of_drive: value}) for value in values)
+    return found.isel(setpoint=0), materials, [(replace(scope, drive=drive), 0.7) for drive in drives]
+
+
+@pytest.mark.parametrize("case", MAP_PAIRS.cases([]), ids=MAP_PAIRS.label)
+def test_each_point_of_a_contrast_is_what_a_pixel_shows(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pair, "HALVINGS", 0)  # jumps and inversions are not asked for
+    found, materials, points = mapped(case)
+    for i, (scope, setpoint) in enumerate(points):
+        for k, material in enumerate(materials):
+            here = found.isel(material=k, **dict.fromkeys(found.contrast.dims, i))
+            pixel = pm.solve_pixel(material, scope, setpoint, case["solver"])
+            assert int(here.status) == pixel.status.code
+            errors = np.nansum([(pixel.error_phase, pixel.error_height), AVERAGED.get(case["solver"], (0, 0))], axis=0)
+            for name, error, least in zip(("phase", "height"), errors, (1e-6, 1e-16), strict=True):
+                np.testing.assert_allclose(here[name], getattr(pixel, name), rtol=0, atol=error + least)
+
+
+@pytest.mark.parametrize("case", MAP_PAIRS.never(), ids=MAP_PAIRS.label)
+def test_what_does_not_go_together_in_a_contrast_is_refused_before_work_starts(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(contrast_map, "_mapped", lambda *_: pytest.fail("work has started"))
+    with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
+        mapped(case)
+    assert raised.value.name in MAP_PAIRS.refusals(case)

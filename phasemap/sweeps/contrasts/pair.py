@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
+from phasemap._kernels.law import Law
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress, spread
@@ -48,6 +49,7 @@ class Pair:
     """Two materials, and how they are solved."""
 
     materials: Work  # a row for each
+    laws: tuple[Law, Law]  # of each by itself: one that remembers would let a viscous one go as after Ting
     scope: Microscope  # its drive is replaced by that of the working point
     solver: Solver
     accuracy: Accuracy
@@ -59,7 +61,7 @@ class Pair:
         # The same law, and knowing a memory if one of them has one.
         law = max(one.law, other.law, key=lambda law: (law.memory, law.arms))
         both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
-        return cls(both, scope, solver, accuracy)
+        return cls(both, (one.law, other.law), scope, solver, accuracy)
 
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
         """Work of both materials at each setpoint: n rows of the first, then n of the second.
@@ -75,8 +77,13 @@ class Pair:
 
     def engage(self, work: Work, solver: Solver | None = None) -> Answers:
         """The orbits that the controller finds on both, shape (2, n); on one thread, for callers have theirs."""
-        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1)
-        return Answers(rows.reshape(2, -1, rows.shape[-1]), status.reshape(2, -1), used.reshape(2, -1))
+        count = len(work) // 2
+        own = (work.part(slice(k * count, (k + 1) * count)) for k in range(2))
+        found = [
+            run(solver or self.solver, replace(part, law=law), self.accuracy, threads=1)
+            for part, law in zip(own, self.laws, strict=True)
+        ]
+        return Answers(*(np.stack(both) for both in zip(*found, strict=True)))
 
     def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
         """Phases [degree] of both materials at one working point, shape (2,); NaN where there is no orbit.
