@@ -168,9 +168,10 @@ class Variation(Shown):
     def of(self, maps: Mapping[str, Any], shape: tuple[int, int], sides: tuple[float, float]) -> dict[str, Any]:
         """The maps of a surface that varies so, of arguments of `Surface`; `sides`: of a pixel, (dy, dx) [m]."""
         factors: dict[str, NDArray[np.float64] | float] = {}
-        for i, name in enumerate(("modulus", "adhesion", "loss")):
-            size = getattr(self, name)
-            length, seed = self.correlation_length, 3 * self.seed + i
+        for name in ("modulus", "adhesion", "loss"):
+            size, length = getattr(self, name), self.correlation_length
+            # Of no other noise: labels and topography of the same seed would go with it.
+            seed = int(np.random.SeedSequence([self.seed, *f"variation of {name}".encode()]).generate_state(1)[0])
             field = roughness(shape, sides, rms=1.0, correlation_length=length, seed=seed) if size else 0.0
             factors[name] = np.exp(size * field)
         return {key: value * factors[VARIED[key]] if key in VARIED else value for key, value in maps.items()}

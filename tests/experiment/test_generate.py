@@ -16,6 +16,7 @@ from scipy import ndimage
 from phasemap import generate
 from phasemap._shared.errors import InputError
 from phasemap.experiment.generate import discs
+from phasemap.experiment.labels import Variation
 from phasemap.experiment.material import Material
 from phasemap.experiment.surface import Surface
 
@@ -364,3 +365,20 @@ def test_a_gradient_is_of_one_quantity() -> None:
     assert line.tolist() == generate.gradient((1, 3), start="1 GPa", stop=3e9).tolist() == [[1e9, 2e9, 3e9]]
     with pytest.raises(InputError, match="stop is '10 nm'; allowed: a value in GPa as start is, or in another unit of"):
         generate.gradient((1, 3), start="1 GPa", stop="10 nm")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_varies_within_materials_goes_with_neither_labels_nor_topography_of_the_same_seed(seed: int) -> None:
+    shape, side = (256, 256), 4e-9
+    labels = generate.blend(shape, side, spacing=100e-9, seed=seed)
+    materials = [Material(3e9, 0.05, damping=0.02), Material(0.3e9, 0.05, damping=0.02)]
+    surface = Surface.from_labels(labels, materials, pixel_size=side, variation=Variation(seed=seed))
+    relief = [
+        generate.roughness(shape, side, rms=1e-9, correlation_length=25e-9, seed=s)
+        for s in range(3 * seed, 3 * seed + 3)
+    ]
+    for name in ("modulus", "adhesion", "damping"):
+        noise = np.log(getattr(surface, name) / np.array([getattr(one, name) for one in materials])[labels])
+        # By chance 0.06, of some 270 areas that vary together.
+        for other in (labels.astype(float), *relief):
+            assert abs(np.corrcoef(noise.ravel(), other.ravel())[0, 1]) < 0.3
