@@ -124,7 +124,7 @@ def image(setting: Setting) -> xr.Dataset:
     from phasemap.imaging.simulation import simulate
 
     subject = setting.subject
-    if subject.scene is not None and isinstance(setting.scope.interaction.contact, str):
+    if subject.scene is not None and setting.fits_a_scene:
         surface = seen_by_tip(subject.scene.config["surface"], setting.surface, setting.scope, setting.setpoint)
         return scene_from_tables(setting.tables(), subject.folder, surface).simulate()
     return simulate(setting.surface, setting.scope, **setting.options)

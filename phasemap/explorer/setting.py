@@ -194,10 +194,16 @@ class Setting:
         materials = list(self.materials.values())
         return Surface.from_labels(labels, materials, pixel_size=grid, topography=relief, variation=variation)
 
+    @property
+    def fits_a_scene(self) -> bool:
+        """True if a scene file can say its contact law."""
+        contact = self.scope.interaction.contact
+        return not isinstance(contact, ContactLaw) or type(contact) in WITH_PARAMETERS.values()
+
     def tables(self) -> Table:
         """The tables of the scene that this setting is; the surface's are those of the subject's scene, if any."""
         interaction = self.scope.interaction
-        if isinstance(interaction.contact, ContactLaw) and type(interaction.contact) not in WITH_PARAMETERS.values():
+        if not self.fits_a_scene:
             raise InputError("contact", interaction.contact, "what a scene file can say", "Copy the Python instead.")
         scene, options = self.subject.scene, self.options
         kept = {} if scene is None else {name: table for name, table in scene.config.items() if name != "files"}

@@ -39,7 +39,7 @@ def channels(
     scope: Microscope | None = None,
     setpoint: Scalar | None = None,
     phase_zero: Scalar | None = None,
-    sign: int = 1,
+    sign: int | None = None,
     uncertainty: Mapping[str, Scalar] | None = None,
 ) -> xr.Dataset:
     """Derive energies and loss tangents from an image.
@@ -57,8 +57,9 @@ def channels(
         Amplitude over the free amplitude at the drive frequency [1], where the image has no amplitude and does not say.
     phase_zero : float, optional
         Phase that was recorded of the free lever [degree]; by default the image's attribute ``phase_zero``.
-    sign : 1 or -1
-        -1 if a measured phase counts the lag: if it falls where repulsion grows.
+    sign : 1 or -1, optional
+        -1 if a measured phase counts the lag: if it falls where repulsion grows. By default the image's attribute
+        ``phase_sign``, or 1.
     uncertainty : mapping of str to float, optional
         Standard deviations of "phase" [degree], "amplitude", "free_amplitude" [m], "stiffness" [N/m] and
         "quality_factor" [1], taken as independent; the phase of a simulated image has its ``error_phase`` by default.
@@ -105,7 +106,7 @@ def channels(
     """
     if "phase" not in getattr(image, "data_vars", ()):
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
-    if not is_sign(sign):
+    if sign is not None and not is_sign(sign):
         raise InputError("sign", sign, "1 or -1")
     lever, said = _scope_and_settings(image, scope)
     wanted = _chosen(names, image, lever)
@@ -164,9 +165,10 @@ def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Mi
 
 
 def _phase(
-    image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: Scalar | None, sign: int
+    image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: Scalar | None, sign: int | None
 ) -> xr.DataArray:
     """The phase [degree], 0 at free resonance, positive repulsive."""
+    sign = (-1 if said.get("phase_sign") == -1 else 1) if sign is None else sign
     free = scope.free_phase
     recorded = said.get("phase_zero") if zero is None else number("phase_zero", zero, "degree")
     if recorded is None:

@@ -72,6 +72,13 @@ def test_edges_as_wide_as_the_tip_are_in_the_image_and_the_page_says_that_it_sho
     assert len(np.unique(answers.picture(moved).phase)) == 2 < len(np.unique(answers.image(moved).phase))
 
 
+def test_the_image_of_a_law_with_parameters_is_that_of_its_scene_too() -> None:
+    overrides = [SMALL, 'interaction.contact={law="capillary", humidity=0.3}', "surface.seen_by_tip=true"]
+    shown = answers.image(Setting.of(subject_of(STEP, overrides=overrides), {"changes": {}}))
+    xr.testing.assert_equal(shown, load_scene(STEP, overrides).simulate())
+    assert "scene" in shown.attrs
+
+
 def test_exact_orbits_are_solved_where_they_are_asked_for() -> None:
     assert {found.solver for found in shown(step(exact=True))} <= {"orbit", "corrected"}
     assert answers.image(step(exact=True)).attrs["configuration"].count('"solver": "orbit"') == 1

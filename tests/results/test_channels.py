@@ -206,6 +206,8 @@ def test_a_measured_image_has_the_channels_of_amplitude_and_phase() -> None:
     found, known = pm.channels(measured(image), sign=-1), pm.channels(image)
     assert "loss_tangent_corrected" not in found
     np.testing.assert_allclose(found.loss_tangent, known.loss_tangent, rtol=1e-12)
+    says = pm.channels(measured(image).assign_attrs(phase_sign=-1.0))  # as an instrument records it
+    np.testing.assert_array_equal(says.virial, found.virial)
     assert found.dissipation.attrs["derived_from"] == "amplitude and phase"
     np.testing.assert_allclose(found.dissipation, known.dissipation, rtol=1e-5)  # an averaged orbit is found to 1e-6
     without = measured(image, setpoint=0.6).drop_vars("amplitude")
