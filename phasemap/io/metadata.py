@@ -141,6 +141,11 @@ def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     return {name: value for name, value in found.items() if name != "phase_zero" or "levelled" not in attrs}
 
 
+def recorded_sign(attrs: Mapping[Any, Any]) -> int:
+    """Sign of a recorded phase: -1 where the file says that lag counts positive, else 1."""
+    return -1 if attrs.get("phase_sign") == -1 else 1
+
+
 @unquestioned()  # who made the image was told then
 def microscope_of_configuration(told: Mapping[str, Any]) -> Microscope:
     """Lever, radius, drive and detector of a configuration of `describe`, whatever its interaction."""

@@ -64,9 +64,8 @@ def contrast(
     at most four frequencies where both were given). The solid line is the inversion, where the contrast passes 0;
     dashed lines are jumps of one material's phase, dotted ones where it passes 0 between the regimes, hatched areas
     those in which a material is bistable, and words say in which regimes the tip engages. Green points have no orbit.
-    Where only
-    the setpoint was given, lines show the phases of both materials, their regimes, and the contrast. The star is the
-    point recommended; the sentences below say why, and by which rule.
+    Where only the setpoint was given, lines show the phases of both materials, their regimes, and the contrast. The
+    star is the point recommended; the sentences below say why, and by which rule.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.described import describe
 from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.io.metadata import microscope_of_configuration, of_simulation
+from phasemap.io.metadata import microscope_of_configuration, of_simulation, recorded_sign
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_seen
 from phasemap.results.variables import MODAL, all_variables_of, check_variables, provenance, variables_of
 
@@ -168,7 +168,7 @@ def _phase(
     image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: Scalar | None, sign: int | None
 ) -> xr.DataArray:
     """The phase [degree], 0 at free resonance, positive repulsive."""
-    sign = (-1 if said.get("phase_sign") == -1 else 1) if sign is None else sign
+    sign = recorded_sign(said) if sign is None else sign
     free = scope.free_phase
     recorded = said.get("phase_zero") if zero is None else number("phase_zero", zero, "degree")
     if recorded is None:

@@ -225,8 +225,7 @@ def float_attributes(name: str) -> dict[str, str]:
 
 def branch_of(rows: Array) -> Array:
     """Branch codes: 0 attractive, 1 repulsive, -1 where there is no orbit."""
-    stiffening = rows[..., col.STIFFENING]
-    return np.where(np.isnan(stiffening), -1, stiffening > 0).astype(np.int8)
+    return np.where(np.isnan(rows[..., col.STIFFENING]), -1, col.is_repulsive(rows)).astype(np.int8)
 
 
 def motion_of(rows: Array, lever: Array | None = None) -> Array:

@@ -26,7 +26,7 @@ from phasemap._shared.units import say
 from phasemap.experiment.presets import preset_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.measured import APART, level_height, one_scan, segment_height, segment_phase, separation_of
-from phasemap.io.metadata import of_simulation
+from phasemap.io.metadata import of_simulation, recorded_sign
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 from phasemap.scenes.objects import microscope_of
@@ -296,8 +296,7 @@ def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:
     }
     if "phase" in scan:
         about = {"long_name": "recorded phase, its zero arbitrary, repulsive positive", "units": "degree"}
-        sign = -1.0 if scan.attrs.get("phase_sign") == -1 else 1.0  # -1 where lag counts positive
-        maps["phase"] = (sign * scan["phase"].values, about)
+        maps["phase"] = (recorded_sign(scan.attrs) * scan["phase"].values, about)
     return xr.Dataset(
         {name: (("y", "x"), *one) for name, one in maps.items()},
         {dim: scan[dim] for dim in ("y", "x")},

@@ -13,6 +13,7 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import damping_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
+from phasemap.io.metadata import recorded_sign
 from phasemap.scenes.scene import Scene
 from phasemap.scenes.tables import Table
 
@@ -27,7 +28,7 @@ def placeholders(phases: int, by: str, attrs: Mapping[str, Any]) -> list[str]:
     if phases == 1:
         return [ONE]
     first = list(PLACEHOLDERS[:phases])
-    return first[::-1] if by == "phase" and attrs.get("phase_sign") == -1 else first
+    return first[::-1] if by == "phase" and recorded_sign(attrs) < 0 else first
 
 
 def placeholder_with(preset: str, given: Any) -> Any:

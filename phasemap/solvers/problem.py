@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +90,11 @@ def work_of(
     if relaxation is not None:
         law = law._replace(arms=most_arms(relaxation))
     return Work(law, rows, lever_of(scope), amplitudes)
+
+
+def longest_memory(laws: Iterable[Law]) -> Law:
+    """The law, of laws that are alike but for what they remember, that remembers most."""
+    return max(laws, key=lambda law: (law.memory, law.arms))
 
 
 def check_marched(marched: bool, scope: Microscope, remembers: bool = False) -> None:

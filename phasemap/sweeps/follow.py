@@ -37,7 +37,7 @@ from phasemap.solvers.continuation.visit import (
     walk,
 )
 from phasemap.solvers.continuation.whole_curves import distance_curves, held_curves, swept_curves
-from phasemap.solvers.problem import Work
+from phasemap.solvers.problem import Work, longest_memory
 
 NAMES = (
     "amplitude", "phase", "height", "tip_offset", "mean_deflection", "indentation", "dissipation", "virial",
@@ -81,7 +81,7 @@ def dataset(
     """
     order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order
     rows = np.stack([visit.rows for visit in visits])
-    rows = (curves.seen(rows) if levers is None else np.stack([seen(one, levers) for one in rows]))[:, order]
+    rows = (curves.seen(rows) if levers is None else seen(rows, levers))[:, order]
     dims = ("direction", axis.name)
     data = _variables("", rows, dims, axis.name)
     status = np.stack([visit.status[order] for visit in visits]).astype(np.int8)
@@ -201,7 +201,7 @@ def parameter(
     if any(one.only_in_time for one in every):
         _check_no_samples(samples)
         works, n = [one.work(marched=True) for one in every], len(axis)
-        most = max((work.law for work in works), key=lambda law: (law.memory != 0, law.arms))
+        most = longest_memory(work.law for work in works)
         visits = [  # each direction is begun far above the surface
             _visit_in_time(
                 far_state(works[order[0]].oscillator(0), height, most), order,

@@ -8,6 +8,11 @@ from phasemap.cli import main
 from phasemap.inference import sampling
 from phasemap.inference.series import likelihood as of_series
 
+MICROSCOPE = (
+    "[cantilever]\nstiffness = 26.0\nresonance_frequency = 300e3\nquality_factor = 400.0\n"
+    "[tip]\nradius = 10e-9\n[drive]\nfree_amplitude = 20e-9\n"
+)
+
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
@@ -46,10 +51,7 @@ def test_files_become_a_summary_a_dataset_and_a_page(files, tmp_path, capsys):
 @pytest.mark.slow
 def test_a_known_region_as_the_advice_says_is_a_preset_or_a_material_of_the_scene(files, tmp_path, capsys):
     scene = tmp_path / "scene.toml"
-    scene.write_text(
-        "[cantilever]\nstiffness = 26.0\nresonance_frequency = 300e3\nquality_factor = 400.0\n[tip]\nradius = 10e-9\n"
-        "[drive]\nfree_amplitude = 20e-9\n[materials.matrix]\nmodulus = 2e9\nadhesion = 0.05\ndamping = 0.01\n"
-    )
+    scene.write_text(MICROSCOPE + "[materials.matrix]\nmodulus = 2e9\nadhesion = 0.05\ndamping = 0.01\n")
     for more in (["--known", "0=PS"], ["--known", "0=matrix", "--scene", str(scene)]):
         assert main(["series", *files, "--sign", "1", *more]) == 0
         assert "Region 0: given." in capsys.readouterr().out
@@ -74,9 +76,6 @@ def test_what_cannot_be_is_said_in_a_sentence(files, words, message, capsys):
 @pytest.mark.slow
 def test_a_microscope_of_a_scene_serves_a_series(files, tmp_path, capsys):
     scene = tmp_path / "lever.toml"
-    scene.write_text(
-        "[cantilever]\nstiffness = 26.0\nresonance_frequency = 300e3\nquality_factor = 400.0\n"
-        "[tip]\nradius = 10e-9\n[drive]\nfree_amplitude = 20e-9\n"
-    )
+    scene.write_text(MICROSCOPE)
     assert main(["series", *files, "--sign", "1", "--scene", str(scene), "--quiet"]) == 0
     assert capsys.readouterr().out == ""

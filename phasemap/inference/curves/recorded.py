@@ -20,6 +20,7 @@ from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import numbers_of_law, spreads_of
 from phasemap.inference.determined import PRIOR
+from phasemap.io.metadata import recorded_sign
 
 BINS, FLAT = 30, 5  # of the distances at which something acts on the tip, and of those beyond
 FINE = 100  # parts of a curve, whose means tell where something acts
@@ -69,9 +70,7 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any =
     z = curve["distance"].values
     values = {"amplitude": sensitivity * curve["amplitude"].values}
     if "phase" in curve and "phase_zero" in attrs:
-        values["phase"] = within_half_a_turn(
-            attrs.get("phase_sign", 1.0) * (curve["phase"].values - attrs["phase_zero"])
-        )
+        values["phase"] = within_half_a_turn(recorded_sign(attrs) * (curve["phase"].values - attrs["phase_zero"]))
     end = float(np.nanmin(np.nanmax(z, axis=1)))
     fine = np.linspace(0.0, end, FINE + 1)
     means_of = [_binned(*one, fine)[0] for one in zip(z, values["amplitude"], strict=True)]

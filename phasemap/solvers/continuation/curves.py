@@ -29,10 +29,7 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.collocation.near import tolerance_of
-from phasemap._kernels.orbits.collocation.path import (
-    Path,
-    standing_at,
-)
+from phasemap._kernels.orbits.collocation.path import Path, standing_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
     HOLD_AMPLITUDE,

@@ -120,7 +120,7 @@ class Visit:
     ended: Segment | OffOrbit | None = None
 
 
-Landing = Callable[[np.ndarray, float], Segment | OffOrbit | None]
+Landing = Callable[[np.ndarray, float], Segment | OffOrbit]
 
 
 def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
@@ -228,10 +228,10 @@ def _passed(here: Segment, wanted: np.ndarray, k: int, down: bool) -> int:
     return max(int(np.searchsorted(wanted, here.x[-1], side="right")), k + 1)
 
 
-def _after(curves: Curves, here: Segment | OffOrbit | None, x: float) -> np.ndarray | None:
+def _after(curves: Curves, here: Segment | OffOrbit, x: float) -> np.ndarray | None:
     """The row of a tip just after a jump; None if it comes to no steady motion."""
-    if here is None or isinstance(here, Segment):
-        return None if here is None else here.row_at(x)
+    if isinstance(here, Segment):
+        return here.row_at(x)
     status, row = here.go(curves, curves.column, x)
     return row if status == col.GOOD else None
 

@@ -24,7 +24,7 @@ from phasemap.experiment.lever import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.both_branches import stable_branches
-from phasemap.solvers.problem import Work, work_of_material
+from phasemap.solvers.problem import Work, longest_memory, work_of_material
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import Averaging, Orbit, Solver
 
@@ -58,9 +58,9 @@ class Pair:
     def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
         """Make a pair."""
         one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
-        # The same law, and knowing a memory if one of them has one.
-        law = max(one.law, other.law, key=lambda law: (law.memory, law.arms))
-        both = Work(law, np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2))
+        both = Work(
+            longest_memory((one.law, other.law)), np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2)
+        )
         return cls(both, (one.law, other.law), scope, solver, accuracy)
 
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
@@ -112,8 +112,8 @@ def regimes(work: Work, periods: int = MOST_PERIODS) -> Array:
 
 def regime_of(rows: Array) -> Array:
     """Regime of each orbit, NONE where there is none; shape (...) of rows of shape (..., COLUMNS)."""
-    stiffening = rows[..., col.STIFFENING]
-    return np.where(np.isnan(stiffening), NONE, np.where(stiffening > 0, REPULSIVE, ATTRACTIVE)).astype(np.int8)
+    side = np.where(col.is_repulsive(rows), REPULSIVE, ATTRACTIVE)
+    return np.where(np.isnan(rows[..., col.STIFFENING]), NONE, side).astype(np.int8)
 
 
 class PhaseJump(NamedTuple):
