@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ class Work:
     rows: Array  # shape (n, 16); their parameters, one row a pixel
     lever: Array  # see `phasemap.experiment.lever.lever_of`
     amplitudes: Array  # shape (n,); setpoint amplitude of each pixel [m], as the detector sees it
+    ting: bool = False  # whether damped contacts let go as after Ting; else only those that relax remember
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -46,7 +47,14 @@ class Work:
     def part(self, chosen: Array | slice, amplitudes: Array | None = None) -> Work:
         """Work of some of the pixels, at their setpoint amplitudes or at other ones."""
         wanted = self.amplitudes[chosen] if amplitudes is None else amplitudes
-        return Work(self.law, np.ascontiguousarray(self.rows[chosen]), self.lever, wanted)
+        return replace(self, rows=np.ascontiguousarray(self.rows[chosen]), amplitudes=wanted)
+
+    @property
+    def remembers(self) -> Array:
+        """Which contacts remember; shape (n,)."""
+        relaxes, damped = self.rows[:, col.RELAXATION] > 0, self.rows[:, col.DAMPING] > 0
+        found: Array = bool(self.law.memory) & (relaxes | (self.ting & damped))
+        return found
 
     @property
     def in_time(self) -> bool:
@@ -89,7 +97,7 @@ def work_of(
     law = scope.interaction.token(remembers)
     if relaxation is not None:
         law = law._replace(arms=most_arms(relaxation))
-    return Work(law, rows, lever_of(scope), amplitudes)
+    return Work(law, rows, lever_of(scope), amplitudes, scope.interaction.withdrawal == "ting")
 
 
 def longest_memory(laws: Iterable[Law]) -> Law:

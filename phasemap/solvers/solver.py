@@ -235,12 +235,13 @@ class OnlyInTime(FromFar):
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
         """See `Solver`."""
-        rows = work.rows
+        rows, remembers = work.rows, work.remembers
+        forgetful = replace(work, law=work.law._replace(memory=0))
         lossy = bool(work.law.lossy) & ((rows[:, col.WITHDRAWN] > 0) | (rows[:, col.LOSS] > 0))
         engaged = lossy | (rows[:, col.FORMING] < 0)
-        self.engage(work, np.flatnonzero(engaged), answers, accuracy.periods)
-        remembers = ~engaged & bool(work.law.memory) & ((rows[:, col.RELAXATION] > 0) | (rows[:, col.DAMPING] > 0))
-        far = np.flatnonzero(remembers)
+        self.engage(forgetful, np.flatnonzero(engaged & ~remembers), answers, accuracy.periods)
+        self.engage(work, np.flatnonzero(engaged & remembers), answers, accuracy.periods)
+        far = np.flatnonzero(remembers & ~engaged)
         one_mode = work.lever[col.MODES] < 2 and sees_tip(work.lever)
         if len(far) and one_mode and not isinstance(self.other, FromFar):
             from phasemap._kernels.rows.marched import remembering_rows
@@ -251,7 +252,7 @@ class OnlyInTime(FromFar):
         rest = np.flatnonzero(~(remembers | engaged))
         if not len(rest):
             return
-        plain = replace(work.part(rest), law=work.law._replace(memory=0, lossy=0))
+        plain = replace(forgetful.part(rest), law=forgetful.law._replace(lossy=0))
         some = answers.of(rest)
         self.other.solve(plain, accuracy, some)
         answers.put(rest, some)

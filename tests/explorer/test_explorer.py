@@ -93,6 +93,18 @@ def test_the_losses_that_are_stated_give_the_phase_that_is_stated(setpoint: floa
         assert (found.lost + found.air) / found.most == pytest.approx(math.cos(math.radians(found.tip_phase)), abs=2e-3)
 
 
+@pytest.mark.parametrize("contact", ["dmt", "capillary"])
+def test_a_viscous_material_beside_one_that_relaxes_is_shown_as_it_is_alone(contact: str) -> None:
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 30.0), pm.Tip(10e-9), pm.Drive(20e-9), pm.Interaction(contact))
+    viscous = pm.Material(2e9, 0.02, viscosity=100.0)
+    changes = {"relaxed_modulus": 0.5e9, "relaxation_time": 1e-7, "viscosity": 0.0}
+    subject = subject_of(surface_of(replace(viscous, modulus=1e9), viscous), scope, 0.6)
+    setting = Setting.of(subject, {"changes": {f"materials.0.{name}": value for name, value in changes.items()}})
+    assert [one.phase for one in shown(setting)] == [
+        pm.solve_pixel(one, scope, 0.6).phase for one in setting.materials.values()
+    ]
+
+
 def test_a_lossier_material_is_darker_where_both_are_repulsive_and_the_reason_is_said() -> None:
     lossy = replace(HARD, damping=0.1)
     subject = subject_of(surface_of(HARD, lossy), replace(SCOPE, drive=pm.Drive(40e-9)), 0.7)

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phasemap._kernels import columns as col
-from phasemap._kernels.law import Law
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress, spread
@@ -49,7 +48,6 @@ class Pair:
     """Two materials, and how they are solved."""
 
     materials: Work  # a row for each
-    laws: tuple[Law, Law]  # of each by itself: one that remembers would let a viscous one go as after Ting
     scope: Microscope  # its drive is replaced by that of the working point
     solver: Solver
     accuracy: Accuracy
@@ -58,10 +56,9 @@ class Pair:
     def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
         """Make a pair."""
         one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
-        both = Work(
-            longest_memory((one.law, other.law)), np.concatenate([one.rows, other.rows]), one.lever, np.zeros(2)
-        )
-        return cls(both, (one.law, other.law), scope, solver, accuracy)
+        law = longest_memory((one.law, other.law))
+        both = replace(one, law=law, rows=np.concatenate([one.rows, other.rows]), amplitudes=np.zeros(2))
+        return cls(both, scope, solver, accuracy)
 
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
         """Work of both materials at each setpoint: n rows of the first, then n of the second.
@@ -73,17 +70,13 @@ class Pair:
             drive = replace(self.scope.drive, free_amplitude=free_amplitude, frequency=frequency)
             scope = replace(self.scope, drive=drive)
         rows = np.repeat(self.materials.rows, len(setpoints), axis=0)
-        return Work(self.materials.law, rows, lever_of(scope), np.tile(setpoints * scope.driven_amplitude, 2))
+        amplitudes = np.tile(setpoints * scope.driven_amplitude, 2)
+        return replace(self.materials, rows=rows, lever=lever_of(scope), amplitudes=amplitudes)
 
     def engage(self, work: Work, solver: Solver | None = None) -> Answers:
         """The orbits that the controller finds on both, shape (2, n); on one thread, for callers have theirs."""
-        count = len(work) // 2
-        own = (work.part(slice(k * count, (k + 1) * count)) for k in range(2))
-        found = [
-            run(solver or self.solver, replace(part, law=law), self.accuracy, threads=1)
-            for part, law in zip(own, self.laws, strict=True)
-        ]
-        return Answers(*(np.stack(both) for both in zip(*found, strict=True)))
+        rows, status, used = run(solver or self.solver, work, self.accuracy, threads=1)
+        return Answers(rows.reshape(2, -1, rows.shape[-1]), status.reshape(2, -1), used.reshape(2, -1))
 
     def phases(self, frequency: float, free_amplitude: float, setpoint: float) -> Array:
         """Phases [degree] of both materials at one working point, shape (2,); NaN where there is no orbit.
