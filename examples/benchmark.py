@@ -34,7 +34,7 @@ from scipy.optimize import linear_sum_assignment
 import phasemap as pm
 from phasemap.io.measured import segment_phase
 
-NAME, VERSION = "phasemap-benchmark", 3
+NAME, VERSION = "phasemap-benchmark", 4
 SIZES = {"small": 32, "medium": 64, "large": 128}  # pixels of 4 nm along each side
 PIXEL = 4e-9
 FACTOR = 1.5  # by which a modulus may be wrong

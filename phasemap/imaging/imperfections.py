@@ -10,17 +10,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from phasemap._shared.arrays import Array
+from phasemap._shared.random_numbers import generator
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.realism import DIGITISED, Realism
 from phasemap.experiment.seen_by_tip import seen_at
 from phasemap.experiment.surface import Surface
 
 FAR = 2.0**40  # pixels: drift beyond every image
-
-
-def generator(seed: int, purpose: str) -> np.random.Generator:
-    """Random numbers of their own for each purpose, such as "height": one kind of noise does not change another."""
-    return np.random.default_rng([seed, *purpose.encode()])
 
 
 def scopes_by_row(realism: Realism, scope: Microscope, lines: int) -> list[tuple[slice, Microscope]]:

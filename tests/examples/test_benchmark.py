@@ -95,7 +95,7 @@ def test_images_and_truth_are_written_apart(tmp_path: Path, monkeypatch: pytest.
             0.55,
         ]
         assert (
-            images.attrs["benchmark"] == "phasemap-benchmark 3" and images.attrs["phasemap_version"] == pm.__version__
+            images.attrs["benchmark"] == "phasemap-benchmark 4" and images.attrs["phasemap_version"] == pm.__version__
         )
         assert np.array_equal(truth.label, benchmark.make("stripes", "small")[1].labels)
         assert images.x.identical(truth.x)

@@ -368,17 +368,21 @@ def test_a_gradient_is_of_one_quantity() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_varies_within_materials_goes_with_neither_labels_nor_topography_of_the_same_seed(seed: int) -> None:
+def test_images_of_the_same_seed_have_nothing_in_common(seed: int) -> None:
+    """Neither domains with each other, nor a relief with them, nor what varies within materials with any of these."""
     shape, side = (256, 256), 4e-9
-    labels = generate.blend(shape, side, spacing=100e-9, seed=seed)
-    materials = [Material(3e9, 0.05, damping=0.02), Material(0.3e9, 0.05, damping=0.02)]
+    patterns = {
+        "blend": generate.blend(shape, side, spacing=100e-9, seed=seed),
+        "lamellae": generate.lamellae(shape, side, period=100e-9, seed=seed),
+        "particles": generate.particles(shape, side, radius=30e-9, area_fraction=0.3, seed=seed),
+        "roughness": generate.roughness(shape, side, rms=1e-9, correlation_length=25e-9, seed=seed),
+    }
+    assert set(patterns) == set(SEEDED)
+    materials, labels = [Material(3e9, 0.05, damping=0.02), Material(0.3e9, 0.05, damping=0.02)], patterns["blend"]
     surface = Surface.from_labels(labels, materials, pixel_size=side, variation=Variation(seed=seed))
-    relief = [
-        generate.roughness(shape, side, rms=1e-9, correlation_length=25e-9, seed=s)
-        for s in range(3 * seed, 3 * seed + 3)
-    ]
     for name in ("modulus", "adhesion", "damping"):
-        noise = np.log(getattr(surface, name) / np.array([getattr(one, name) for one in materials])[labels])
-        # By chance 0.06, of some 270 areas that vary together.
-        for other in (labels.astype(float), *relief):
-            assert abs(np.corrcoef(noise.ravel(), other.ravel())[0, 1]) < 0.3
+        own = np.array([getattr(one, name) for one in materials])[labels]
+        patterns[name] = np.log(getattr(surface, name) / own)
+    together = np.corrcoef([pattern.ravel() for pattern in patterns.values()])
+    # By chance 0.1, of some 100 areas that vary together; with one noise for all of a seed 0.4 to 0.9.
+    assert np.abs(together - np.eye(len(patterns))).max() < 0.3

@@ -13,12 +13,13 @@ import scipy.ndimage
 import xarray as xr
 
 import phasemap as pm
+from phasemap._shared.random_numbers import generator
 from phasemap.cli import main
 from phasemap.experiment.realism import check_realism
 from phasemap.imaging import raster
 from phasemap.imaging.canvas import Canvas
 from phasemap.imaging.feedback import simulator as feedback
-from phasemap.imaging.imperfections import drifted, finish, generator, scopes_by_row
+from phasemap.imaging.imperfections import drifted, finish, scopes_by_row
 from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import Survey
 from phasemap.io import netcdf

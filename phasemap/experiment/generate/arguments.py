@@ -1,4 +1,4 @@
-"""Arguments of generators, checked: an image that fits into memory, lengths that pixels can show, a seed."""
+"""Arguments of generators, checked: an image that fits into memory, lengths that pixels can show."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._shared.checks import number, pixel_pair, shape_pair, whole
+from phasemap._shared.checks import number, pixel_pair, shape_pair
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
 from phasemap._shared.quantities import Scalar
@@ -56,8 +56,3 @@ def is_x(axis: str) -> bool:
     if not isinstance(axis, str) or axis not in {"x", "y"}:
         raise InputError("axis", axis, "'x' or 'y'")
     return axis == "x"
-
-
-def generator(seed: int) -> np.random.Generator:
-    """Return the source of random numbers of a seed."""
-    return np.random.default_rng(whole("seed", seed, 0))

@@ -13,7 +13,8 @@ from phasemap._shared.checks import WIDEST, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.memory import check_fits
 from phasemap._shared.quantities import Scalar
-from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, generator, pixel_centres
+from phasemap._shared.random_numbers import generator
+from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, pixel_centres
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -67,7 +68,7 @@ def particles(
     radius = number("radius", at_least("radius", radius, max(dy, dx), "one pixel"), "m", maximum=WIDEST)
     area_fraction = number("area_fraction", area_fraction, "1", above=0, maximum=_DENSEST)
     spread = number("spread", spread, "1", minimum=0, maximum=0.5)
-    rng = generator(seed)
+    rng = generator(seed, "particles")
     discs = area_fraction * float(sides.prod()) / (math.pi * radius**2)
     check_fits(f"an image of {discs:.3g} discs", _DISC * discs, "Take fewer or larger discs.")
     radii = _radii(rng, radius, spread, area_fraction * float(sides.prod()))

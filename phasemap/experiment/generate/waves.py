@@ -10,7 +10,8 @@ import numpy as np
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import WIDEST, number, pixel_pair, whole
 from phasemap._shared.quantities import Scalar
-from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, generator, sized, wave_length
+from phasemap._shared.random_numbers import generator
+from phasemap.experiment.generate.arguments import Field, Labels, PixelSize, at_least, sized, wave_length
 
 _LONGEST = 10_000  # steps of relaxation; after some hundreds a pattern hardly changes
 
@@ -64,7 +65,7 @@ def lamellae(
     wave = _wavenumber(ny_nx, sides) * period
     time, drive = 2.0, 0.3
     growth = np.exp(time * (drive - (1 - wave**2) ** 2))
-    u: Field = 0.1 * generator(seed).standard_normal(ny_nx)
+    u: Field = 0.1 * generator(seed, "lamellae").standard_normal(ny_nx)
     for _ in range(annealing):
         u = np.fft.irfft2(np.fft.rfft2(u) * growth, ny_nx)
         u /= np.sqrt(1 + 2 * time * u * u)  # the exact step of du/dt = -u^3
@@ -113,7 +114,7 @@ def blend(
     spacing = wave_length("spacing", spacing, ny_nx, sides)
     fraction = number("fraction", fraction, "1", minimum=0.05, maximum=0.95)
     wave = _wavenumber(ny_nx, sides) * spacing
-    early = _filtered_noise(generator(seed), ny_nx, np.exp(-0.5 * ((wave - 1) / 0.25) ** 2))
+    early = _filtered_noise(generator(seed, "blend"), ny_nx, np.exp(-0.5 * ((wave - 1) / 0.25) ** 2))
     u: Field = np.where(_highest(early, fraction), 1.0, -1.0)
     width, time = 0.05, 0.02  # lengths in units of the spacing
     q2 = (2 * math.pi * wave) ** 2
@@ -176,7 +177,7 @@ def roughness(
     correlation_length = at_least("correlation_length", correlation_length, max(sides), "one pixel")
     number("correlation_length", correlation_length, "m", maximum=extent)
     q = 2 * math.pi * correlation_length * _wavenumber(ny_nx, sides)
-    z = _filtered_noise(generator(seed), ny_nx, (1 + q * q) ** (-0.5 * (1 + hurst)))
+    z = _filtered_noise(generator(seed, "roughness"), ny_nx, (1 + q * q) ** (-0.5 * (1 + hurst)))
     z -= z.mean()
     deviation = z.std()
     return z * (rms / deviation) if deviation else z

@@ -17,6 +17,7 @@ from phasemap._kernels.scanning.line import Program, Recorded, Start, scan_line
 from phasemap._kernels.scanning.periods import begin_periods, new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap._shared.errors import InputError
+from phasemap._shared.random_numbers import generator
 from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.control import Feedback
@@ -24,7 +25,6 @@ from phasemap.experiment.lever import lever_of, offset_and_factor
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.engaged import stiffening
-from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run

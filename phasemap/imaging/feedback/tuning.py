@@ -25,10 +25,10 @@ from phasemap._kernels.scanning.line import engage_in_time
 from phasemap._kernels.scanning.slow_flow import FlowMemory, Sample, slow_flow_rhs
 from phasemap._shared.arrays import Array
 from phasemap._shared.errors import InputError
+from phasemap._shared.random_numbers import generator
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.feedback.lines import LoopState, first_orbits, lifts_by_stiffness, loop_of, tau_per_second
-from phasemap.imaging.imperfections import generator
 from phasemap.imaging.job import Job
 from phasemap.solvers.problem import Work
 
