@@ -18,10 +18,10 @@ from phasemap.experiment.control import Engage
 from phasemap.experiment.microscope import PARTS, Mode
 from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
-from phasemap.explorer.setting import Setting, without_none
+from phasemap.explorer.setting import Setting
 from phasemap.io.netcdf import save
 from phasemap.scenes.scene import scene_from_tables
-from phasemap.scenes.tables import read_tables, toml_of, written
+from phasemap.scenes.tables import read_tables, toml_of, without_none, written
 
 HEADING = ["Saved from phasemap explore.", "Every length is in m, every other quantity in SI units."]
 

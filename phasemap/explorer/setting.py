@@ -28,8 +28,8 @@ from phasemap.experiment.realism import Realism
 from phasemap.experiment.surface import Surface
 from phasemap.explorer.limits import check_frequency
 from phasemap.explorer.subject import Subject
-from phasemap.scenes.objects import control_of, microscope_tables
-from phasemap.scenes.tables import Table, check_keys, construct
+from phasemap.scenes.objects import control_of, written_microscope
+from phasemap.scenes.tables import Table, check_keys, construct, without_none
 from phasemap.solvers.continuation.path import Question
 from phasemap.solvers.problem import check_setpoint
 
@@ -202,9 +202,9 @@ class Setting:
 
     def tables(self) -> Table:
         """The tables of the scene that this setting is; the surface's are those of the subject's scene, if any."""
-        interaction = self.scope.interaction
         if not self.fits_a_scene:
-            raise InputError("contact", interaction.contact, "what a scene file can say", "Copy the Python instead.")
+            law = self.scope.interaction.contact
+            raise InputError("contact", law, "what a scene file can say", "Copy the Python instead.")
         scene, options = self.subject.scene, self.options
         kept = {} if scene is None else {name: table for name, table in scene.config.items() if name != "files"}
         renamed = dict(zip(self.subject.materials, self.materials, strict=True))
@@ -219,19 +219,11 @@ class Setting:
             **kept,
             "scan": {**kept.get("scan", {}), "setpoint": self.setpoint, "solver": options["solver"]},
             "materials": others | {name: asdict(one) for name, one in self.materials.items()},
-            **(scope := microscope_tables(self.scope)),
-            "interaction": scope["interaction"] | {"decay_length": interaction.decay_length or "none"},
+            **written_microscope(self.scope),
         }
         if kept.get("drive", {}).get("second") and self.scope.drive.second is None:
             tables["drive"] = tables["drive"] | {"second": "none"}
         return without_none(tables)
-
-
-def without_none(value: Any) -> Any:
-    """Tables without the keys that TOML could not have."""
-    if isinstance(value, Mapping):
-        return {key: without_none(one) for key, one in value.items() if one is not None}
-    return type(value)(without_none(one) for one in value) if isinstance(value, list | tuple) else value
 
 
 def _renamed(table: Table, names: Mapping[str, str]) -> Table:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -130,15 +131,34 @@ class ScanData:
         self.values |= {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
 
 
+NOT_OURS = (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError)
+"""Errors of an attribute ``configuration`` that is not there, or somebody else's."""
+
+
 def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """Canonical values of a simulated image or sweep, but the zero of a levelled phase; empty for others."""
     try:
         told = json.loads(attrs["configuration"])
         scope = microscope_of_configuration(told["microscope"])
         found = _of_microscope(scope, told.get("setpoint"), told.get("control", {}))
-    except (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
-        return {}  # the attribute may be there and be somebody else's
+    except NOT_OURS:
+        return {}
     return {name: value for name, value in found.items() if name != "phase_zero" or "levelled" not in attrs}
+
+
+def recorded_microscope(attrs: Mapping[Any, Any]) -> tuple[Microscope, str] | None:
+    """Microscope of a simulated image or sweep, and the law that phasemap does not have, for which DMT stands there.
+
+    None of others.
+    """
+    try:
+        told = json.loads(attrs["configuration"])["microscope"]
+        with suppress(InputError):
+            return made(told, Microscope), ""
+        law = told["interaction"]["contact"]
+        return microscope_of_configuration(told), law["kind"] if isinstance(law, dict) else str(law)
+    except NOT_OURS:
+        return None
 
 
 def recorded_sign(attrs: Mapping[Any, Any]) -> int:

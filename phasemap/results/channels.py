@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +19,7 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.described import describe
 from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.io.metadata import microscope_of_configuration, of_simulation, recorded_sign
+from phasemap.io.metadata import of_simulation, recorded_microscope, recorded_sign
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_seen
 from phasemap.results.variables import MODAL, all_variables_of, check_variables, provenance, variables_of
 
@@ -148,10 +146,8 @@ def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Mi
     said = {**image.attrs, **of_simulation(image.attrs)}
     if scope is not None:
         return scope, said
-    with suppress(ArithmeticError, AttributeError, KeyError, RecursionError, TypeError, ValueError):
-        return microscope_of_configuration(
-            json.loads(image.attrs["configuration"])["microscope"]
-        ), said  # else it is somebody else's
+    if found := recorded_microscope(image.attrs):
+        return found[0], said
     missing = [name for name in SETTINGS if name not in said]
     if missing:
         hint = "Give scope=pm.Microscope(...)."

@@ -26,10 +26,10 @@ from phasemap._shared.units import say
 from phasemap.experiment.presets import preset_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.measured import APART, level_height, one_scan, segment_height, segment_phase, separation_of
-from phasemap.io.metadata import of_simulation, recorded_sign
+from phasemap.io.metadata import of_simulation, recorded_microscope, recorded_sign
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
-from phasemap.scenes.objects import microscope_of
+from phasemap.scenes.objects import microscope_of, written_microscope
 from phasemap.scenes.placeholders import placeholder_with, placeholders, starts_of_contrast, with_own_damping
 from phasemap.scenes.scene import Scene, load_scene, scene_from_tables
 from phasemap.scenes.tables import Table, construct, toml_of, with_override
@@ -113,9 +113,10 @@ def scene_from(
     materials from the lowest phase, or height; rows are aligned before thresholding (`phasemap.io.measured`). The
     materials are placeholders, presets of unequal stiffness, unless `overrides` say
     ``materials.material_0.modulus=...``; modulus and damping of all but the stiffest are moved to where they give the
-    contrast of the phase, if some do: the stiffest has the highest phase, or the lowest where the file says that its
-    phase counts lag positive. Where the file has no resonance frequency, the lever is taken as driven at resonance. A
-    free amplitude recorded off resonance is brought to resonance.
+    contrast of the phase, if some do (not under laws that are marched in time): the stiffest has the highest phase, or
+    the lowest where the file says that its phase counts lag positive. The contact is DMT unless a simulated image says
+    its law. Where the file has no resonance frequency, the lever is taken as driven at resonance. A free amplitude
+    recorded off resonance is brought to resonance.
 
     Examples
     --------
@@ -168,7 +169,9 @@ def scene_from(
         for name, preset in zip(names, presets, strict=True)
         for key in tables["materials"][name]
     }
-    if by == "phase" and phases > 1 and not given:
+    interaction = scene.microscope.interaction
+    in_time = interaction.law.in_time or interaction.withdrawal != "linear"  # where trying many starts takes hours
+    if by == "phase" and phases > 1 and not given and not in_time:
         levels = [np.median(maps["phase"].values[maps["labels"].values == label]) for label in range(phases)]
         for label, start in starts_of_contrast(tables["materials"], names, np.array(levels), scene).items():
             tables["materials"][label] |= start
@@ -203,16 +206,24 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     """The tables of the microscope and where their values come from; refused where one is missing."""
     tables: Table = {name: {} for name in ("scan", "surface", "materials", "cantilever", "tip", "drive", "interaction")}
     notes = {}
-    tables["interaction"]["contact"] = "dmt"
-    notes["interaction.contact"] = "assumed"
     for override in overrides:
         tables = with_override(tables, override)
         notes[override.partition("=")[0].strip()] = "given"
     lever, drive = tables["cantilever"], tables["drive"]
+    attrs = {**of_simulation(attrs), **attrs}
     nominal = str(attrs.get("nominal", "")).split()
     recorded = {key: float(attrs[name]) for key, name in RECORDED.items() if name in attrs}
     measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
     _fill(tables, notes, measured, "as recorded")
+    scope, law = recorded_microscope(attrs) or (None, "")
+    own = {} if scope is None else written_microscope(scope)
+    if law or not own:
+        own["interaction"] = {}
+        note = f"assumed, for {law} is not one of phasemap's laws" if law else "assumed"
+        _fill(tables, notes, {"interaction.contact": "dmt"}, note)
+    for part, table in own.items():
+        tables.setdefault(part, {})
+        _fill(tables, notes, {f"{part}.{name}": value for name, value in table.items()}, "as recorded")
     if "preset" in lever:
         named = lever.pop("preset")
         usual = construct("[cantilever]", {}, partial(preset_of, "levers", named)).values

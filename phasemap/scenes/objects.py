@@ -22,7 +22,7 @@ from phasemap.experiment.interaction.table import Table as ForceTable
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import IN_TIME, TYPICAL_SCAN, Realism, TipChange, check_realism
-from phasemap.scenes.tables import Complaints, Table, check_keys, construct, missing
+from phasemap.scenes.tables import Complaints, Table, check_keys, construct, missing, without_none
 
 T = TypeVar("T")
 
@@ -79,6 +79,14 @@ def microscope_tables(scope: Microscope) -> Table:
     """The tables of which `microscope_of` makes the same."""
     table = dataclasses.asdict(scope)
     return {**table, "interaction": interaction_table(scope.interaction), "detector": {"sees": scope.detector}}
+
+
+def written_microscope(scope: Microscope) -> Table:
+    """The same tables as a file has them, without what is None."""
+    tables = microscope_tables(scope)
+    tables["interaction"]["decay_length"] = scope.interaction.decay_length or "none"
+    found: Table = without_none(tables)
+    return found
 
 
 def _cantilever(tables: Table) -> Cantilever:

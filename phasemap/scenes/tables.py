@@ -220,6 +220,13 @@ BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
 UNITS = {"stiffness": "N/m", "adhesion": "J/m2", "modulus": "Pa", "radius": "m", "free_amplitude": "m, at resonance"}
 
 
+def without_none(value: Any) -> Any:
+    """Tables without the keys that TOML could not have."""
+    if isinstance(value, Mapping):
+        return {key: without_none(one) for key, one in value.items() if one is not None}
+    return type(value)(without_none(one) for one in value) if isinstance(value, list | tuple) else value
+
+
 def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iterable[str] = ()) -> str:
     """Write the tables of a scene as TOML below a heading, with notes on tables and keys ("tip.radius") as comments."""
     notes = {} if notes is None else notes

@@ -377,6 +377,38 @@ def test_lever_and_tip_of_simulated_files_are_theirs():
     assert found.tip == scope.tip and found.cantilever == scope.cantilever and not told
 
 
+def simulated_under(scope, at=0.5):
+    sample = pm.Surface.from_labels(labels_at(), {0: HARD, 1: SOFT}, pixel_size=4e-9)
+    return pm.simulate(sample, scope, at, "averaging")
+
+
+def test_the_microscope_of_simulated_files_is_theirs_with_its_law():
+    scope = pm.Microscope(
+        replace(LEVER, modes=2), pm.Tip(8e-9, modulus=70e9), pm.Drive(AMPLITUDE, 299.9e3, excitation="base"),
+        pm.Interaction(pm.interaction.MaugisDugdale(0.4e-9), 0.2e-9), detector="tip",
+    )  # fmt: skip
+    found, told = scope_of([simulated_under(scope, at) for at in (0.5, 0.7)], None)
+    assert replace(found, drive=scope.drive) == scope and found.drive.excitation == "base"
+    assert not [one for one in told if "law" in one or "assumed" in one]
+    wet = simulated_under(replace(scope, interaction=pm.Interaction("hertz")))
+    wet.attrs["configuration"] = wet.attrs["configuration"].replace('"hertz"', '"capillary"')
+    with pytest.raises(pm.InputError, match="contact is 'capillary'; allowed: a law that averaging knows"):
+        scope_of([wet], None)
+
+
+def test_laws_that_differ_between_files_or_are_the_users_own_are_said():
+    scope = pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE))
+    files = [simulated_under(replace(scope, interaction=pm.Interaction(law))) for law in ("dmt", "hertz")]
+    files[0].attrs["title"], files[1].attrs["title"] = "dry", "bare"
+    scope, told = scope_of(files, None)
+    assert scope.interaction == pm.Interaction("dmt")
+    assert told == ["The contact law differs: dmt in dry, hertz in bare; the first is taken."]
+    files[0].attrs["configuration"] = files[0].attrs["configuration"].replace('"dmt"', '"soft"')
+    scope, told = scope_of(files[:1], None)
+    assert scope.interaction == pm.Interaction("dmt") and scope.cantilever == LEVER
+    assert told == ["The contact law soft of dry is not one of phasemap's: dmt is assumed."]
+
+
 def test_a_typical_lever_of_quite_another_frequency_is_doubted():
     files = measure(phases(), resonance_frequency=1.44e6, drive_frequency=1.44e6)
     told = " ".join(scope_of(files, None)[1])

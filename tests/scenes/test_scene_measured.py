@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -200,6 +201,36 @@ def test_an_unedited_scene_has_a_contrast_of_the_sign_that_the_file_says(tmp_pat
         return [float(np.median(np.broadcast_to(scene.surface.modulus, labels.shape)[labels == k])) for k in (0, 1)]
 
     assert moduli()[0] < moduli()[1] and moduli(phase_sign=-1)[0] > moduli(phase_sign=-1)[1]
+
+
+@pytest.mark.parametrize("law", ["hertz", "maugis", pm.interaction.MaugisDugdale(0.4e-9)])
+def test_a_simulated_image_says_its_law_and_how_its_lever_is_driven(tmp_path: Path, law: Any) -> None:
+    drive = pm.Drive(20e-9, 299.9e3, excitation="base", second=pm.Mode(1e-9))
+    reach = None if law == "hertz" else 0.2e-9
+    scope = pm.Microscope(
+        pm.Cantilever(26.0, 300e3, 300.0, modes=2), pm.Tip(8e-9, 70e9), drive, pm.Interaction(law, reach), "tip"
+    )
+    image = pm.simulate(pm.Surface(1e9, pixel_size=4e-9, shape=(3, 4)), scope, 0.6)
+    assert scene_from(image, tmp_path / "mine.toml", 1).microscope == scope
+    given = scene_from(image, tmp_path / "given.toml", 1, ["interaction.contact=dmt", "tip.radius=9e-9"]).microscope
+    assert given == replace(scope, tip=pm.Tip(9e-9, 70e9), interaction=pm.Interaction("dmt", reach))
+
+
+@needs_skimage
+@pytest.mark.parametrize("changed", [{"contact": "capillary"}, {"withdrawal": "ting"}])
+def test_under_a_law_that_is_marched_in_time_no_starts_are_tried(tmp_path: Path, changed: Any) -> None:
+    words = [TIP, *(f"interaction.{name}={value}" for name, value in changed.items())]
+    scene = scene_from(measured(), tmp_path / "scene.toml", 2, words)
+    assert scene.microscope.interaction == pm.Interaction(**changed)
+    assert "start that gives the measured contrast" not in (tmp_path / "scene.toml").read_text()
+
+
+def test_a_law_of_a_simulated_image_that_phasemap_does_not_have_is_said(tmp_path: Path) -> None:
+    scope = pm.Microscope(pm.Cantilever(26.0, 300e3, 300.0), pm.Tip(8e-9), pm.Drive(20e-9, 300e3))
+    image = pm.simulate(pm.Surface(1e9, pixel_size=4e-9, shape=(3, 4)), scope, 0.6)
+    image.attrs["configuration"] = image.attrs["configuration"].replace('"dmt"', '"soft"')
+    assert scene_from(image, tmp_path / "mine.toml", 1).microscope == scope
+    assert 'contact = "dmt"  # assumed, for soft is not one of phasemap\'s laws' in (tmp_path / "mine.toml").read_text()
 
 
 @needs_skimage

@@ -213,8 +213,8 @@ def series(
     files : sequence of path-like or xarray.Dataset
         Two at least, as of `phasemap.read_image`, in any order.
     scope : Microscope, optional
-        Its drive's amplitude is not used. By default lever and frequency of the files; what they do not say is
-        assumed, and said in the attribute ``notes``.
+        Its drive's amplitude is not used. By default lever and frequency of the files, and DMT contact but where a
+        simulated image says another law; what they do not say of the lever is assumed, and said in ``notes``.
     regions : int
         How many to find, 2 to 4.
     by : {"phase", "height"}, optional

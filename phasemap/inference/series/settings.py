@@ -20,7 +20,7 @@ from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microsc
 from phasemap.experiment.presets import levers
 from phasemap.inference.images.stack import FREE, SHARED, of_each_image
 from phasemap.inference.series.recorded import recorded_of
-from phasemap.io.metadata import of_simulation
+from phasemap.io.metadata import of_simulation, recorded_microscope
 
 HELD = "held"  # beside the words of `stack`
 RADIUS = 10e-9  # of a tip of which nothing is said [m]
@@ -141,15 +141,22 @@ def scope_of(
         raise InputError(
             "the drive frequency", Word(listed), "the same in all files", "A series is of one sample and one lever."
         )
-    if scope is not None:
-        if (law := scope.interaction.law).in_time:
-            hint = "Fit single curves with phasemap.fit_distance instead."
-            raise InputError("contact", law.name, "a law that averaging knows: no films, no losses of its own", hint)
-        return scope, []
+    scope, told = (scope, []) if scope is not None else _scope_of_files(images, known, names, given)
+    if (law := scope.interaction.law).in_time:
+        hint = "Fit single curves with phasemap.fit_distance instead."
+        raise InputError("contact", law.name, "a law that averaging knows: no films, no losses of its own", hint)
+    return scope, told
+
+
+def _scope_of_files(
+    images: Sequence[xr.Dataset], known: list[dict[str, Any]], names: list[str], given: Collection[str]
+) -> tuple[Microscope, list[str]]:
+    """The microscope of files, and sentences on it, as of `scope_of`; `known`: what each file says."""
     said, told = _lever_properties(known, names, given)
+    frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
     resonance = said.get("resonance_frequency", frequencies[0] if frequencies else 300e3)
-    drive = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
-                  one.get("resonance_frequency") == resonance), None)  # fmt: skip
+    frequency = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
+                      one.get("resonance_frequency") == resonance), None)  # fmt: skip
     nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
     own = nearest.values["resonance_frequency"]
     far = f", though that has {say(own, 'Hz', 3)} and not {say(resonance, 'Hz', 3)}: say what yours has"
@@ -166,12 +173,22 @@ def scope_of(
         told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
     if "resonance_frequency" not in said:
         told.append("The lever is taken to be driven at its resonance, which the files do not say.")
-    elif drive is not None and abs(away := 2 * values["quality_factor"] * (drive / resonance - 1)) > AWAY:
+    elif frequency is not None and abs(away := 2 * values["quality_factor"] * (frequency / resonance - 1)) > AWAY:
         told.append(
-            f"The lever is driven at {drive / 1e3:.5g} kHz, {abs(away):.2g} half widths "
+            f"The lever is driven at {frequency / 1e3:.5g} kHz, {abs(away):.2g} half widths "
             f"{'above' if away > 0 else 'below'} its resonance at {resonance / 1e3:.5g} kHz, as the files say."
         )
-    return Microscope(Cantilever(**values), Tip(said.get("tip_radius", RADIUS)), Drive(GUESS, drive)), told
+    recorded = {of: found for of, one in zip(names, images, strict=True) if (found := recorded_microscope(one.attrs))}
+    laws = {of: law or found.interaction.law.name for of, (found, law) in recorded.items()}
+    if len(set(laws.values())) > 1:
+        listed = ", ".join(f"{law} in {of}" for of, law in laws.items())
+        told.append(f"The contact law differs: {listed}; the first is taken.")
+    scope, lost = next(iter(recorded.values()), (Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS)), ""))
+    if lost:
+        told.append(f"The contact law {lost} of {next(iter(laws))} is not one of phasemap's: dmt is assumed.")
+    lever, tip = replace(scope.cantilever, **values), replace(scope.tip, radius=said.get("tip_radius", RADIUS))
+    drive = replace(scope.drive, free_amplitude=GUESS, frequency=frequency, second=None)
+    return replace(scope, cantilever=lever, tip=tip, drive=drive), told
 
 
 def _lever_properties(
