@@ -51,7 +51,7 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
         "--sign", default="recorded", choices=("recorded", "free", "1", "-1"),
         help="sign of the recorded phase; default: from the file, else the one that fits better",
     )  # fmt: skip
-    about = "number of materials to distinguish, at most 4; default: 2"
+    about = "number of materials to distinguish, at most 4, region 0 the largest; default: 2"
     parser.add_argument("--regions", type=whole_number, default=2, metavar="N", help=about)
     about = "longest shift to align the images; 0 for none; default: a tenth of the side"
     parser.add_argument("--limit", type=number_in("--limit", "m"), metavar="METRES", help=about)

@@ -19,7 +19,7 @@ from phasemap._shared.pixels import coordinates
 from phasemap.comparison.pair import Directions, common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
 from phasemap.comparison.scores import correlation_of, is_varied, outlier_lines, share_explained, similarity_of
-from phasemap.io.measured import segment_phase
+from phasemap.io.measured import largest_first, segment_phase
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import provenance
 
@@ -78,10 +78,10 @@ def compare(
         "free", which takes what fits better: 1 unless -1 leaves a mean square residual lower by a tenth. The attribute
         ``sign_from`` says how it was found, and the verdict says first that it was turned.
     regions : int, array_like of int or None
-        How many materials to tell apart in the measured phase (2 to 4; multi-Otsu), or their labels, shape of
-        `measured`, negative where there is none; None has one region, all pixels. Regions are always
-        found: in a homogeneous sample they hold little of the variance (``region_share_of_variance``). They are found
-        in the measured image, so its noise makes its contrast look a little larger.
+        How many materials to tell apart in the measured phase (2 to 4; multi-Otsu), 0 the largest, or their labels,
+        shape of `measured`, negative where there is none; None has one region, all pixels. Regions are always found: in
+        a homogeneous sample they hold little of the variance (``region_share_of_variance``). They are found in the
+        measured image, so its noise makes its contrast look a little larger.
     limit : float, optional
         The longest shift looked for [m]; 0 does not register. Default: a tenth of the shorter side.
     direction : str or pair of str, optional
@@ -213,7 +213,8 @@ def _regions(first: xr.Dataset, phase: Array, known: Array, regions: Any) -> Arr
     elif "label" in first:
         labels = first["label"].values
     else:
-        labels = segment_phase(np.where(known, phase, np.median(phase[known])), regions)
+        found = segment_phase(np.where(known, phase, np.median(phase[known])), regions)
+        labels = largest_first([np.where(known, found, LEFT_OUT)], 0)[0]
     known = known & (labels >= 0)
     if not known.any():
         raise InputError("number of pixels in regions that both images show", 0, "at least 1")

@@ -279,6 +279,17 @@ def test_identical_images_correlate_fully_and_leave_no_residual() -> None:
 
 
 @needs_skimage
+@pytest.mark.parametrize("sign", [1, -1])
+def test_regions_that_are_found_are_numbered_by_area_as_those_of_a_series(sign: int) -> None:
+    height, phase = 1e-9 * blobs(32, 40), np.full((32, 40), 40.0)
+    phase[:, :10] = 10.0
+    one = image(height, sign * phase).assign_attrs(phase_sign=sign)
+    found = pm.compare(one, image(height, phase), limit=0)
+    np.testing.assert_array_equal(found["label"], phase < 20)
+    assert found["region_share"].values.tolist() == [0.75, 0.25]
+
+
+@needs_skimage
 @pytest.mark.parametrize(("sign", "offset"), [(1, -35.0), (-1, 62.0)])
 def test_offset_and_sign_of_the_instrument_are_recovered(sign: int, offset: float) -> None:
     one = grains()
