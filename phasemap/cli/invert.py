@@ -86,7 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, metavar=metavar, help=about)
     about = "the true surface is flat: heights of regions differ by indentation only"
     parser.add_argument("--flat", action="store_true", help=about)
-    parser.add_argument("--sign", default="1", choices=("1", "-1"), help="sign of the recorded phase; default: 1")
+    about = "sign of the recorded phase, -1 where lag counts positive; default: as recorded, else 1"
+    parser.add_argument("--sign", choices=("1", "-1"), help=about)
     about = "factor within which the first guess is right; default: 10"
     parser.add_argument("--prior-factor", type=float, default=10.0, metavar="F", help=about)
     add_files(parser)
@@ -131,7 +132,9 @@ def _load(paths: list[Path], setup: SceneSetup, arguments: argparse.Namespace, o
 
     if not paths:
         raise PhasemapError(f"there is no image behind the scene. {NEEDED}")
-    images = [_with_sign(one_scan(read_image(path), ["phase"], arguments.direction), arguments.sign) for path in paths]
+    images = [one_scan(read_image(path), ["phase"], arguments.direction) for path in paths]
+    if arguments.sign is not None:
+        images = [image.assign_attrs(phase_sign=int(arguments.sign)) for image in images]
     scope = setup.microscope
     loss = scope.drive.free_amplitude / scope.driven_amplitude
     setpoints, amplitudes = (
@@ -151,14 +154,6 @@ def _load(paths: list[Path], setup: SceneSetup, arguments: argparse.Namespace, o
             raise PhasemapError(f"{path} does not say its setpoint: give --setpoints, one number an image.")
         scopes.append(replace(scope, drive=replace(scope.drive, free_amplitude=amplitudes[i])))
     return _Given(images, scopes, setpoints)
-
-
-def _with_sign(image: xr.Dataset, sign: str) -> xr.Dataset:
-    """Image whose phase, and its zero, have the sign asked for."""
-    if sign == "1":
-        return image
-    turned = image.assign(phase=-image["phase"])
-    return turned.assign_attrs(phase_zero=-image.attrs["phase_zero"]) if "phase_zero" in image.attrs else turned
 
 
 def _invert(
@@ -217,12 +212,13 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
     import numpy as np
 
     from phasemap.io.measured import largest_first, segment_phase
+    from phasemap.io.metadata import recorded_sign
 
     if not text.isdecimal():
         return labels_in(text)
     if text == "0":
         raise InputError("--regions", text, "a whole number of at least 1, or a netCDF file with a map of labels")
-    phase = image["phase"].values
+    phase = recorded_sign(image.attrs) * image["phase"].values
     labels = np.zeros(phase.shape, np.int64) if text == "1" else segment_phase(phase, int(text)).astype(np.int64)
     return largest_first([labels], 0)[0]
 

@@ -71,12 +71,13 @@ def compare(
         ``amplitude_error`` or ``amplitude`` [m] is used where it is there.
     offset : "recorded", "free", "fixed" or float
         Recorded phase at which the simulation's is 0 [degree]: "fixed" is the attribute ``phase_zero`` of `measured`
-        (less that of `simulated`, which phasemap knows of its own images), "free" the one that makes the RMSE least,
-        and "recorded" the attribute where it is there, else as "free"; or a number.
+        less that of `simulated` (0 if it says none), "free" the one that makes the RMSE least, and "recorded" is
+        "fixed" where both are known, as that of phasemap's own images is, else "free"; or a number.
     sign : "recorded", "free", 1 or -1
-        -1 if the instrument counts lag positive. "recorded" is the attribute ``phase_sign`` of `measured`, else as
-        "free", which takes what fits better: 1 unless -1 leaves a mean square residual lower by a tenth. The attribute
-        ``sign_from`` says how it was found, and the verdict says first that it was turned.
+        -1 if the two count the phase in opposite directions. "recorded" are the attributes ``phase_sign`` of both
+        (images of phasemap need none), else as "free", which takes what fits better: 1 unless -1 leaves a mean square
+        residual lower by a tenth. The attribute ``sign_from`` says how it was found, and the verdict says first that it
+        was turned.
     regions : int, array_like of int or None
         How many materials to tell apart in the measured phase (2 to 4; multi-Otsu), 0 the largest, or their labels,
         shape of `measured`, negative where there is none; None has one region, all pixels. Regions are always found: in
@@ -157,17 +158,18 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
         return None
     if not isinstance(offset, str) or offset not in ("fixed", "recorded"):
         raise InputError("offset", offset, "'recorded', 'free', 'fixed' or a number of degrees")
-    zeros = [of_simulation(ds.attrs) | ds.attrs for ds in (measured, simulated)]
-    if offset == "recorded" and "phase_zero" not in zeros[0]:
+    zeros = {name: of_simulation(ds.attrs) | ds.attrs for name, ds in zip(NAMES, (measured, simulated), strict=True)}
+    if offset == "recorded" and not all("phase_zero" in known for known in zeros.values()):
         return None
-    if "phase_zero" not in zeros[0]:
-        hint = "Give the phase recorded in free air as a number, or leave the offset free."
-        allowed = "an attribute in degrees for offset='fixed'"
-        raise InputError("phase_zero of measured", Word("not recorded"), allowed, hint)
-    return (
-        number("phase_zero of measured", zeros[0]["phase_zero"], "degree"),
-        number("phase_zero of simulated", zeros[1].get("phase_zero", 0.0), "degree"),
+    for name, known in zeros.items():
+        if "phase_zero" not in known and (name == "measured" or "levelled" in known):
+            hint = "Give the phase recorded in free air as a number, or leave the offset free."
+            allowed = "an attribute in degrees for offset='fixed'"
+            raise InputError(f"phase_zero of {name}", Word("not recorded"), allowed, hint)
+    first, second = (
+        number(f"phase_zero of {name}", known.get("phase_zero", 0.0), "degree") for name, known in zeros.items()
     )
+    return first, second
 
 
 def _sign(sign: str | int, measured: xr.Dataset, simulated: xr.Dataset) -> tuple[str | int, str]:
@@ -175,9 +177,9 @@ def _sign(sign: str | int, measured: xr.Dataset, simulated: xr.Dataset) -> tuple
     if not isinstance(sign, str):
         return sign, "given"
     known = [ds.attrs.get("phase_sign", 1 if of_simulation(ds.attrs) else None) for ds in (measured, simulated)]
-    if sign == "free" or known[0] not in (1, -1):
+    if sign == "free" or not all(one in (1, -1) for one in known):
         return "free", "fitted"
-    return int(known[0] * (known[1] if known[1] in (1, -1) else 1)), "recorded"
+    return int(known[0] * known[1]), "recorded"
 
 
 def _frame(measured: Array, simulated: Array, zero: tuple[float, float] | None, sign: str | int) -> _Frame:

@@ -104,7 +104,7 @@ def test_regions_need_no_zero(folder: Path, tmp_path: Path, capsys: pytest.Captu
     assert main(command(folder, "measured", "--regions", regions, "--known", "0=soft", "-o", str(output))) == 0
     said = capsys.readouterr().out
     assert "region 0    modulus 0.15 GPa (given), adhesion 0.05 J/m² (given), damping 0.02 (given)" in said
-    assert "phase zero  30.0" in said and "Region 1: modulus, adhesion and damping determined." in said
+    assert "phase zero  -30.0" in said and "Region 1: modulus, adhesion and damping determined." in said
     found = xr.load_dataset(output)
     for name, true in (("modulus", 0.6e9), ("adhesion", 0.07), ("damping", 0.01)):
         # without noise the fit is off by what the prior pulls, less than a standard error
@@ -128,8 +128,31 @@ def test_pixels_take_the_zeros_that_regions_find(
 def test_measured_heights_without_zeros_are_left_out_and_that_is_said(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(command(folder, "measured", f"--phase-zero={ZERO}")) == 0
+    assert main(command(folder, "measured", f"--phase-zero={-ZERO}")) == 0
     assert "Heights are not used" in capsys.readouterr().out
+
+
+def test_the_sign_that_a_file_records_is_taken_unless_another_is_given(folder: Path, tmp_path: Path) -> None:
+    """The zero is what the instrument says of the free lever, whichever way its phase counts."""
+    images = []
+    for i in range(len(SETTINGS)):
+        images.append(pm.read_image(folder / f"measured{i}.nc").assign_attrs(phase_sign=-1, phase_zero=-ZERO))
+        images[-1].to_netcdf(tmp_path / f"measured{i}.nc")
+    (tmp_path / "scene.toml").write_text(SCENE)
+    options = command(tmp_path, "measured", "-o", str(tmp_path / "found.nc"), "--quiet")
+    at = options.index("--sign")
+    assert main(options[:at] + options[at + 2 :]) == 0
+    found = xr.load_dataset(tmp_path / "found.nc")
+    true = np.where(LABELS == 0, 0.15e9, 0.6e9)
+    assert (abs(np.log(found.modulus / true)) < found.modulus_error).all()
+    scope = load_setup(folder / "scene.toml").microscope
+    scopes = [pm.Microscope(scope.cantilever, scope.tip, pm.Drive(amplitude)) for amplitude, _ in SETTINGS]
+    once = pm.fit_regions(images, LABELS, scopes)
+    shared = pm.fit_regions(images, LABELS, scopes, phase_zero="shared")
+    turned = pm.fit_regions([one.assign(phase=one.phase + 360) for one in images], LABELS, scopes)
+    np.testing.assert_allclose(once.modulus, turned.modulus, rtol=1e-9)
+    np.testing.assert_allclose(once.phase_zero, -ZERO)
+    assert abs(shared.phase_zero.values + ZERO).max() < 3 * shared.phase_zero_error.values.max()
 
 
 def test_what_is_missing_is_asked_for_by_name(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

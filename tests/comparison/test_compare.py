@@ -410,10 +410,10 @@ def test_a_sign_is_never_turned_in_silence() -> None:
     assert value(fitted, "sign") == -1 and fitted.attrs["sign_from"] == "fitted"
     assert verdict_of(fitted).startswith("The sign of the measured phase was TURNED")
     assert "is -1.00." in verdict_of(fitted)
-    kept = pm.compare(other.assign_attrs(phase_sign=1), one, limit=0)
+    kept = pm.compare(other.assign_attrs(phase_sign=1), one.assign_attrs(phase_sign=1), limit=0)
     assert value(kept, "sign") == 1 and value(kept, "correlation") == pytest.approx(-1)
     assert verdict_of(kept).startswith("The simulated image explains nothing")
-    known = pm.compare(other.assign_attrs(phase_sign=-1), one, limit=0)
+    known = pm.compare(other.assign_attrs(phase_sign=-1), one.assign_attrs(phase_sign=1), limit=0)
     assert "the other way round, as its file records" in verdict_of(known)
     assert "TURNED" not in verdict_of(pm.compare(one, one, limit=0))
 
@@ -421,11 +421,24 @@ def test_a_sign_is_never_turned_in_silence() -> None:
 def test_a_recorded_zero_is_used_unless_another_is_asked_for() -> None:
     one = grains()
     recorded = one.assign(phase=one["phase"] + 62.0).assign_attrs(phase_zero=60.0)
+    one = one.assign_attrs(phase_zero=0.0)
     used, free = pm.compare(recorded, one, limit=0), pm.compare(recorded, one, limit=0, offset="free")
     assert value(used, "offset") == 60.0 and value(used, "rmse") == pytest.approx(2.0)
     assert value(free, "offset") == pytest.approx(62.0) and used.attrs["offset_from"] == "recorded"
     assert "With the zero that is recorded, the measured phase is +2° from the simulated one" in verdict_of(used)
     assert "With the zero" not in verdict_of(free)
+
+
+def test_what_only_one_of_two_images_records_is_fitted_not_assumed_of_the_other() -> None:
+    one = grains()
+    recorded = one.assign(phase=62.0 - one["phase"]).assign_attrs(phase_zero=60.0, phase_sign=-1)
+    for known, unknown, sign in ((recorded, one, -1), (one, recorded, -1)):
+        found = pm.compare(known, unknown, limit=0)
+        assert (found.attrs["offset_from"], found.attrs["sign_from"]) == ("fitted", "fitted")
+        assert value(found, "sign") == sign and value(found, "rmse") < 1e-10
+        assert "as its file records" not in verdict_of(found) and "With the zero" not in verdict_of(found)
+    with pytest.raises(InputError, match="phase_zero of simulated is not recorded"):
+        pm.compare(recorded, pm.level(one), limit=0, offset="fixed")
 
 
 @pytest.mark.parametrize(("low", "offset"), [(-180.0, 180.0), (0.0, 360.0)])

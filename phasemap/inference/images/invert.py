@@ -245,7 +245,7 @@ def invert(
     phase_zero, height_zero : float or sequence of float, optional
         What the instrument says where the phase, or the height of the undeformed surface, is 0 [degree, m], of all
         images or of each. The phase's is taken from the attribute ``phase_zero`` if missing. Only differences between
-        the height zeros count.
+        the height zeros count. Which way the phase counts is the attribute ``phase_sign``, -1 where lag is positive.
     phase_zero_error, height_zero_error : float or sequence of float
         Their standard errors [degree, m], in each image by itself. They are the same for all pixels of an image, and so
         is what they do to the maps.

@@ -202,7 +202,8 @@ def fit_regions(
         what the model leaves out.
     phase_zero : "shared", "free", float or sequence of float, optional
         What the instrument says where the phase is 0 [degree]: one unknown of all images, one unknown in each, or
-        numbers. By default the attribute ``phase_zero`` of the images, and "shared" if they have none.
+        numbers. By default the attribute ``phase_zero`` of the images, and "shared" if they have none. Which way the
+        phase counts is the attribute ``phase_sign``, -1 where lag is positive.
     height_zero : "free", float or sequence of float
         What it says where the undeformed surface is [m]: one unknown in each image, or numbers of which only the
         differences count.
@@ -318,7 +319,9 @@ def add_data(ds: xr.Dataset, problem: RegionProblems, found: Fitted, stack: Stac
     """Put zeros, and measured values beside fitted ones, into the Dataset of materials."""
     columns = plan.zeros(len(stack)).columns
     moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
-    zero, error = moments_of_zeros(found, np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T))
+    zero, error = moments_of_zeros(
+        found, plan.signs * np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T)
+    )
     said = "what the instrument says where the phase is 0"
     add_variable(ds, "phase_zero", "image", within_half_a_turn(zero), said, "degree")
     add_variable(ds, "phase_zero_error", "image", error, "its standard error", "degree")

@@ -20,6 +20,7 @@ from phasemap._shared.arrays import Array, as_array, as_list, within_half_a_turn
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.microscope import Microscope
+from phasemap.io.metadata import recorded_sign
 from phasemap.solvers.problem import check_setpoint
 
 PHASE, HEIGHT = 0, 1
@@ -174,9 +175,11 @@ def make_stack(
         scale = np.radians(1.0) if channel == PHASE else 1.0
         errors[:, :, channel] = scale * np.hypot(noise, wrong)
         for i, (one, microscope, ratio) in enumerate(zip(images, scopes, ratios, strict=True)):
-            values[:, i, channel] = scale * (one[name].values.reshape(-1) - below[i])
-            if channel == HEIGHT:  # the tip offset, up to topography
-                values[:, i, channel] += ratio * microscope.driven_amplitude
+            recorded = one[name].values.reshape(-1) - below[i]
+            if channel == PHASE:
+                values[:, i, channel] = within_half_a_turn(recorded_sign(one.attrs) * scale * recorded, 2 * np.pi)
+            else:  # the tip offset, up to topography
+                values[:, i, channel] = recorded + ratio * microscope.driven_amplitude
     missing = ~np.isfinite(values)
     values[missing], errors[missing] = 0.0, np.inf
     return Stack(values, errors, scopes, ratios)
@@ -222,7 +225,8 @@ class ZeroPlan:
     # phase, height: "shared" for one unknown of all images, "free" for one in each, None where it is known
     phase: str | None
     height: str | None
-    # phase_given, height_given: shape (m,) [rad, m]; 0 where it is not known
+    signs: Array  # shape (m,); 1, or -1 where the recorded phase counts lag positive
+    # phase_given, height_given: shape (m,) [rad, m], the phase as a simulation counts it; 0 where it is not known
     phase_given: Array
     height_given: Array
     # phase_error, height_error: shape (m,); standard errors in each image by itself [rad, m]
@@ -281,10 +285,12 @@ def make_plan(
     if phase[0] is None:
         phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]
     kinds = _kind("phase_zero", phase[0], (SHARED, FREE)), _kind("height_zero", height[0], (FREE,))
+    signs = np.array([recorded_sign(one.attrs) for one in images])
     none, unknown = np.zeros(count), isinstance(topography_error, float) and topography_error == np.inf
     return ZeroPlan(
         *kinds,
-        none if kinds[0] else np.radians(zeros_of(images, "phase_zero", phase[0], "degree")),
+        signs,
+        none if kinds[0] else signs * np.radians(zeros_of(images, "phase_zero", phase[0], "degree")),
         none if kinds[1] else zeros_of(images, "height_zero", height[0], "m"),
         np.radians(of_each_image("phase_zero_error", phase[1], "degree", count, minimum=0)),
         of_each_image("height_zero_error", height[1], "m", count, minimum=0),
