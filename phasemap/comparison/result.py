@@ -176,7 +176,7 @@ def _sign(sign: str | int, measured: xr.Dataset, simulated: xr.Dataset) -> tuple
     """The sign to be taken, or "free", and where it comes from."""
     if not isinstance(sign, str):
         return sign, "given"
-    known = [ds.attrs.get("phase_sign", 1 if of_simulation(ds.attrs) else None) for ds in (measured, simulated)]
+    known = [ds.attrs.get("phase_sign", 1 if of_simulation(ds.attrs) else 0) for ds in (measured, simulated)]
     if sign == "free" or not all(one in (1, -1) for one in known):
         return "free", "fitted"
     return int(known[0] * known[1]), "recorded"
