@@ -18,11 +18,11 @@ class Chosen:
     def of(self, kind: type) -> Callable[[Any], Any]:
         """Make a function the kernel for this class of named tuples."""
 
-        def take(one: Any) -> Any:
+        def register(one: Any) -> Any:
             self.kernels[kind] = one
             return one
 
-        return take
+        return register
 
     def __call__(self, first: Any, *more: Any) -> Any:
         """Kernel of the first argument's class, called as kernels call it."""

@@ -69,6 +69,7 @@ def kind_of(annotation: str) -> Kind | None:
 
 
 def _kind(node: ast.expr) -> Kind | None:
+    """The kind that a parsed annotation names, with unions and lists of kinds; None where it names none."""
     name = ast.unparse(node)
     if isinstance(node, ast.BinOp):
         one, other = _kind(node.left), _kind(node.right)
@@ -82,6 +83,7 @@ def _kind(node: ast.expr) -> Kind | None:
 
 
 def _either(one: Kind, other: Kind) -> Kind:
+    """Kind of values that are of one kind or of another."""
     return Kind(
         f"{one.words} or {other.words}",
         f"{one.several} or {other.several}",
@@ -90,6 +92,8 @@ def _either(one: Kind, other: Kind) -> Kind:
 
 
 def _list_of(one: Kind) -> Kind:
+    """Kind of lists and tuples of values of one kind."""
+
     def takes(value: object) -> bool:
         if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) > MOST:
             return False
@@ -169,5 +173,6 @@ def _call(of: str, asked: Signature, needed: list[str]) -> str:
 
 
 def _ordered(asked: Signature) -> list[str]:
+    """Names of the arguments that may be given by their order."""
     every = asked.parameters.items()
     return [name for name, one in every if one.kind is Parameter.POSITIONAL_OR_KEYWORD and name != "self"]

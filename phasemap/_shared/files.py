@@ -134,6 +134,7 @@ def _host() -> str:
 
 
 def _is_alive(process: int) -> bool:
+    """True if a process of this number is running, or may be."""
     import psutil  # on Windows os.kill would end it
 
     try:

@@ -138,6 +138,7 @@ class _Parser(argparse.ArgumentParser):
     """Complains in one sentence."""
 
     def error(self, message: str) -> NoReturn:
+        """Print one sentence instead of the usage, and exit."""
         self.exit(_complain(f"{message}; see {self.prog} --help."))
 
 

@@ -224,6 +224,7 @@ def _labels(text: str, image: xr.Dataset) -> np.ndarray:
 
 
 def _material(setup: SceneSetup, option: str, name: str) -> Material:
+    """The material of the scene with this name; of others an error that names the option."""
     check_choice(option, name, setup.materials)
     return setup.materials[name]
 
@@ -235,6 +236,7 @@ def _numbers_of(name: str, arguments: argparse.Namespace, count: int) -> Any:
 
 
 def _said_images(given: _Given) -> list[tuple[str, str]]:
+    """A line on each image: what it shows, at which setpoint and free amplitude."""
     said = []
     for image, scope, setpoint in zip(given.images, given.scopes, given.setpoints, strict=True):
         heights = "phase and height" if "height" in image else "phase"
@@ -291,4 +293,5 @@ def _said_zeros(found: xr.Dataset) -> str:
 
 
 def _sentences(found: xr.Dataset, name: str) -> list[tuple[str, str]]:
+    """Lines of an attribute of the findings, each with the attribute's name."""
     return [(name, line) for line in str(found.attrs.get(name, "")).splitlines()]

@@ -31,22 +31,27 @@ class _Own(pm.ContactLaw):
 
     @staticmethod
     def force(d: float, p: np.ndarray) -> float:
+        """Force [N] without a slope of its own, so that the quotient for that is compiled too."""
         return float(0.3 * p[0] * d * d)
 
 
 def _image(*more: Any) -> Any:
+    """Image of two materials."""
     return pm.simulate(TWO, SCOPE, 0.8, *more)
 
 
 def _distances(scope: pm.Microscope = SCOPE) -> Any:
+    """Distance sweep of one material."""
     return pm.sweep_distance(MATERIAL, scope, np.linspace(30e-9, 5e-9, 20))
 
 
 def _under(contact: str | pm.ContactLaw, bias: float = 0.0) -> pm.Microscope:
+    """The microscope with another contact law."""
     return replace(SCOPE, interaction=pm.Interaction(contact, bias=bias))
 
 
 def _pixel(contact: str | pm.ContactLaw, bias: float = 0.0) -> Any:
+    """One pixel under another contact law."""
     return pm.solve_pixel(MATERIAL, _under(contact, bias), 0.8)
 
 

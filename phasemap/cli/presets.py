@@ -80,6 +80,7 @@ def _number_in_words(name: str, preset: Preset) -> str:
 
 
 def _in_unit(name: str, value: float) -> str:
+    """A number of a preset in text, with its unit and prefix."""
     unit = number_of(Material if name in Material.__annotations__ else Cantilever, name).unit
     return say(value, UDUNITS.get(unit, unit))
 

@@ -113,8 +113,8 @@ def pitch_of(ds: xr.Dataset, dim: str) -> float:
 def common_grid(fixed: xr.Dataset, moving: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Two images on the pixels of `fixed` that lie within `moving`.
 
-    Returns `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and
-        interpolated linearly.
+    Returns `fixed` cropped; `moving` averaged over the pixels of `fixed` where its own are much finer, and interpolated
+    linearly.
     """
     same = all(
         fixed.sizes[dim] == moving.sizes[dim]

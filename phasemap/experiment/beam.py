@@ -185,6 +185,7 @@ def hydrodynamic_function(reynolds: float) -> complex:
 
 
 def _rational(coefficients: tuple[tuple[float, ...], tuple[float, ...]], x: float) -> float:
+    """Quotient of two polynomials at x, with coefficients in rising order."""
     upper, lower = (sum(one * x**i for i, one in enumerate(part)) for part in coefficients)
     return upper / lower
 

@@ -115,6 +115,7 @@ def _read() -> dict[str, Mapping[str, Preset]]:
 
 
 def _preset(name: str, kind: str, table: dict[str, Any], sources: dict[str, str]) -> Preset:
+    """Preset of a table in the file, whose numbers name their source."""
     numbers = {
         key: Quoted(one["value"], one["range"][0], one["range"][1], sources[one["source"]])
         for key, one in table.items() if key not in ("title", "also")

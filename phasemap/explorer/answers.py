@@ -19,7 +19,8 @@ from phasemap._shared.notices import untold
 from phasemap._shared.units import say
 from phasemap.experiment.cantilever import Cantilever
 from phasemap.experiment.described import describe
-from phasemap.experiment.lever import lever_of, lost_in_air, of_tip, supplied
+from phasemap.experiment.lever import lost_in_air, of_tip, supplied
+from phasemap.experiment.lever_modes import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, rows_of
 from phasemap.explorer.explanation import LAG, PHASE, PointMotion, lines_of, shown_number

@@ -82,6 +82,7 @@ class Offered:
         return found.subject.name
 
     def _found(self, name: object) -> Opened:
+        """The open subject of this name, or a sample, which is opened when it is first asked for."""
         if not isinstance(name, str) or name not in self.names():
             hint = "Open its file in the page, or start the explorer with it."
             raise InputError("sample", name, ", ".join(self.names()), hint)

@@ -118,6 +118,7 @@ class Count:
         self._add(-1)
 
     def _add(self, more: int) -> None:
+        """Count answers up or down, and set the event when none is left."""
         with self._lock:
             self._many += more
             (self.none.clear if self._many else self.none.set)()

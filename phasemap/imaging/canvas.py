@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinates
-from phasemap.experiment.lever import lever_of
+from phasemap.experiment.lever_modes import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, motion_seen, needs_of
@@ -84,8 +84,8 @@ class Canvas:
                 value = value + self._surface.topography.reshape(-1)[pixels]
             self._arrays[name][direction, pixels] = value
 
-    def take(self, pixels: slice, values: dict[str, Array], at: NDArray[np.integer], direction: int = 0) -> None:
-        """Fill in the variables that `values` gave for materials; `at` is the number of the material of each pixel."""
+    def put_solved(self, pixels: slice, values: dict[str, Array], at: NDArray[np.integer], direction: int = 0) -> None:
+        """Fill in variables solved for materials, one entry each; `at` is the number of the material of each pixel."""
         numbers = at.astype(np.intp, copy=False)
         for name, value in values.items():
             room = self._arrays[name][direction, pixels]

@@ -113,9 +113,11 @@ class Checkpoint:
         self._write(self._lines(lines.first, lines.last), {**variables, **notes, **state})
 
     def _lines(self, first: int, last: int) -> str:
+        """Name of the file of lines `first` to `last`, which `lines` reads back."""
         return f"{self._name}-lines-{first:08}-{last:08}.npz"
 
     def _write(self, name: str, values: Values) -> None:
+        """Write a file at once or not at all; after the first failure warn, and write no more."""
         if not self._writes:
             return
         try:

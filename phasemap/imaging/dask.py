@@ -102,7 +102,10 @@ def _delayed(key: Key, name: str, tasks: dict[Any, Any], below: list[Any]) -> An
 
 
 def _placeholder(surface: Surface) -> Surface:
-    """Surface of two pixels of the same kind, with films that differ unless they are known to be alike."""
+    """Surface of two pixels in place of one whose maps are not computed: the plan asks only which maps there are.
+
+    Films differ in it unless all are known to be alike, for the plan interpolates between alike ones only.
+    """
     more: dict[str, Any] = {"viscosity": 0.0} if surface.viscosity is not None else {"damping": 0.0}
     thickness = 1e-8 if films_alike(surface) else [[1e-8, 2e-8]]
     more |= {} if surface.thickness is None else {"thickness": thickness}
@@ -127,10 +130,12 @@ def _planned(job: Job, tiny: Any, maps: BlockMaps) -> Any:
 
 
 def _survey(most: int, place: Window, lines: slice, job: Job, pieces: list[Any]) -> Survey:
+    """Survey of one part of the image, in its task."""
     return survey(ImagePart(place, lines, pieces).surface(job.surface), most, place)
 
 
 def _join(most: int, surveys: list[Survey]) -> Survey:
+    """Survey of several parts together, in its task."""
     return reduce(lambda one, other: one.joined(other, most), surveys)
 
 
@@ -157,6 +162,7 @@ def _filling(job: Job, tiny: Any, maps: BlockMaps, plan: Any) -> Filling:
 
 
 def _fill(place: Window, lines: slice, job: Job, stretches: list[LineRun], state: Any, pieces: list[Any]) -> Filled:
+    """Variables, notes and the tip's state after one part of the image, in its task."""
     part = replace(job, surface=ImagePart(place, lines, pieces).surface(job.surface), place=place)
     canvas = Canvas(part.surface, job.names, job.control.directions)
     state = fill_part(part, stretches, canvas, state)
@@ -182,6 +188,7 @@ def _notes(job: Job, filled: Filling) -> dict[str, Any]:
 
 
 def _joined_notes(notes: list[dict[str, float]]) -> dict[str, Array]:
+    """Findings of the control over the whole image, in their task."""
     return {name: np.array(value, np.float64) for name, value in joined_notes(*notes).items()}
 
 
@@ -210,6 +217,7 @@ class ImagePart(NamedTuple):
             raise InputError(error.name, error.value, error.allowed, f"{error.hint} {where}".strip()) from error
 
     def _whole(self, blocks: list[Any]) -> Any:
+        """Map of the part from the blocks beside each other, of which it has some lines."""
         cut = [block[self.lines] for block in blocks]
         return cut[0] if len(cut) == 1 else np.concatenate(cut, axis=1)
 
@@ -282,6 +290,7 @@ class BlockMaps(NamedTuple):
             top += height
 
     def _pieces(self, row: int, columns: range, rows: slice, edges: list[int]) -> list[Any]:
+        """For each quantity, what `ImagePart.pieces` takes: for Dask arrays the keys of their blocks."""
         cut = np.s_[rows, edges[columns.start] : edges[columns.stop]]
 
         def piece(value: Any) -> Any:
@@ -323,8 +332,10 @@ def _again(arrays: list[Any], mark: str, after: Any) -> dict[Any, Any]:
 
 
 def _first(value: Any, _after: Any) -> Any:
+    """The value, once the task after which it has to be is done."""
     return value
 
 
 def _renamed(key: Any, mark: str) -> Any:
+    """Key of a task under the name that this mark gives it."""
     return (_renamed(key[0], mark), *key[1:]) if isinstance(key, tuple) else f"{key}-{mark}"

@@ -15,7 +15,8 @@ from phasemap._kernels.columns import ADHESION_LOSS, DRAG, GRADIENT, SIDEBANDS, 
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.lever import lever_of, of_tip
+from phasemap.experiment.lever import of_tip
+from phasemap.experiment.lever_modes import lever_of
 from phasemap.experiment.material_rows import film_of, liquid_of, relaxation_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, Values, values_of
@@ -25,7 +26,7 @@ from phasemap.imaging.job import Job, Simulator
 from phasemap.imaging.materials import BLOCK, Distinct, Survey, films_alike
 from phasemap.results.quantities import OF_SECOND, motion_seen
 from phasemap.results.variables import OF_ORBITS
-from phasemap.solvers.seen_by_detector import fill_energy_closure
+from phasemap.solvers.energy_balance import fill_energy_closure
 
 MaterialNumbers = Callable[[slice], NDArray[np.int32]]
 """Function that gives the number of the distinct material of each pixel of a range."""
@@ -197,7 +198,7 @@ def _put(job: Job, canvas: Canvas, values: Values, numbers: MaterialNumbers, fir
 
     def put(start: int, stop: int) -> None:
         part = slice(first + start, first + stop)
-        canvas.take(part, values, numbers(part))
+        canvas.put_solved(part, values, numbers(part))
 
     spread(put, [*range(0, last - first, BLOCK), last - first], job.workers, None)
 
@@ -228,7 +229,7 @@ def make_atlas(job: Job, materials: Array, count: int, liquid: dict[str, Any] | 
     properties = job.properties(materials)
     valid = np.isfinite(sum(properties))
     stiffness, adhesion, damping = (one[valid] for one in properties)
-    axes = Axes.around(stiffness, damping) if valid.any() else Axes(False, 0.0)
+    axes = Axes.covering(stiffness, damping) if valid.any() else Axes(False, 0.0)
     wet = liquid_of(materials)
     axes = replace(axes, **liquid or {})
     sample = axes.points(stiffness, adhesion, damping, None if wet is None else wet[valid]).T

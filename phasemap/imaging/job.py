@@ -114,6 +114,7 @@ class Job:
         return widened(rows, work, used, self.scope, partial(self._bare, materials), self.needs)
 
     def _bare(self, materials: Array) -> Array:
+        """Parameter rows of these materials without adhesion, damping and bias."""
         return bare_rows(self.properties(materials)[0], self.scope, film_of(materials))
 
     def in_chunks(
@@ -143,10 +144,12 @@ class Job:
 
 
 def _shifted(progress: Progress | None, start: int, total: int) -> Progress | None:
+    """Progress of a part that begins at `start`, as progress of the whole."""
     return None if progress is None else lambda done, _: progress(start + done, total)
 
 
 def _joined(parts: list[Values]) -> Values:
+    """Variables of parts, one after the other along the last axis."""
     if len(parts) == 1:
         return parts[0]
     return {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}

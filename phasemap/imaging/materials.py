@@ -64,6 +64,7 @@ class Distinct:
 
 
 def _bits(materials: Array) -> NDArray[np.uint64]:
+    """The same numbers as bits: to be told apart exactly, NaN as well."""
     return np.ascontiguousarray(materials).view(np.uint64)
 
 
@@ -157,6 +158,7 @@ def _all_of_few(surface: Surface, most: int, workers: int) -> Array | None:
 
 
 def _parts(first: int, last: int) -> list[slice]:
+    """Slices of BLOCK pixels at most, from `first` to `last`."""
     return [slice(start, min(start + BLOCK, last)) for start in range(first, last, BLOCK)]
 
 

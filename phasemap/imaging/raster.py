@@ -120,7 +120,7 @@ def _walk(job: Job, canvas: Canvas, block: Block, table: OrbitTable, tip: TipSta
         tip = TipState(*walk_line(materials, orbits, anew, tip.branch, tip.z0, slots))
         for direction in range(len(LINES)):
             at = (slots[direction] * np.int64(count) + materials).reshape(-1)
-            canvas.take(part, values, at, direction)
+            canvas.put_solved(part, values, at, direction)
     return tip
 
 

@@ -61,6 +61,7 @@ def of_archive(path: Path, number: int) -> tuple[Parts, ScanData]:
 
 
 def _read(path: Path, archive: zipfile.ZipFile, number: int) -> tuple[Parts, ScanData]:
+    """Channels of curve `number`, each once per direction, and what headers say of the lever."""
     headers = [name for name in archive.namelist() if name.endswith("segment-header.properties")]
     curves = sorted({_curve_of(name) for name in headers}, key=lambda folder: [int(one) for one in _digits(folder)])
     if not curves:
@@ -83,7 +84,7 @@ def _read(path: Path, archive: zipfile.ZipFile, number: int) -> tuple[Parts, Sca
             if kind is not None and (kind, WAYS[style]) not in parts:
                 parts[kind, WAYS[style]] = _channel(archive, header, said, name, kind, scan)
         drives = (quantity(value) for key, value in said.items() if key.endswith("feedback-settings.frequency"))
-        scan.take(drive_frequency=next(drives, None))
+        scan.set_known(drive_frequency=next(drives, None))
     return parts, scan
 
 
@@ -93,6 +94,7 @@ def _curve_of(header: str) -> str:
 
 
 def _digits(name: str) -> list[str]:
+    """Numbers of the folders in a name, padded so that they sort as numbers."""
     return [one.zfill(9) for one in re.findall(r"(?<=/)\d+(?=/)", f"/{name}")]
 
 
@@ -160,6 +162,7 @@ def _slots(channel: Properties, encoder: str | None) -> list[Slot]:
 
 
 def _slot(channel: Properties, name: str, scaling: str) -> Slot:
+    """Calibration of a channel at one level of its chain."""
     unit = channel.get(f"{scaling}.unit.unit", channel.get(f"{scaling}.unit", ""))
     return Slot(name, float(channel[f"{scaling}.multiplier"]), float(channel[f"{scaling}.offset"]), unit)
 
@@ -168,9 +171,9 @@ def _say_lever(slots: list[Slot], kind: str, scan: ScanData) -> None:
     """Sensitivity of the amplitude, and stiffness: the factors that make metres of volts, and newtons of metres."""
     for before, slot in pairwise(slots):
         if kind == "amplitude" and (before.unit, slot.unit) == ("V", "m"):
-            scan.take(amplitude_sensitivity=abs(slot.factor))
+            scan.set_known(amplitude_sensitivity=abs(slot.factor))
         if kind == "deflection" and (before.unit, slot.unit) == ("m", "N"):
-            scan.take(stiffness=abs(slot.factor))
+            scan.set_known(stiffness=abs(slot.factor))
 
 
 MARK = b"\\*Force file list"
@@ -308,7 +311,7 @@ def _scan_data_of_header(path: Path, known: Fields) -> ScanData:
     scan = scan_data(path, plain)
     stiffness = quantity(plain.get("Spring Constant", plain.get("Spring constant")))
     if stiffness:
-        scan.take(stiffness=stiffness)
+        scan.set_known(stiffness=stiffness)
         scan.nominal.append("stiffness")
         scan.warnings.append(f"The stiffness {stiffness:g} N/m is what was typed into NanoScope, or its default.")
     return scan

@@ -163,17 +163,17 @@ def _say_more(ds: xr.Dataset, scan: ScanData) -> None:
             "The amplitude still changes at the far end: free amplitude and zero are not of this curve."
         )
     else:
-        scan.take(**{"free_amplitude_voltage" if volts else "free_amplitude": free})
+        scan.set_known(**{"free_amplitude_voltage" if volts else "free_amplitude": free})
     if "phase" not in ds:
         scan.warnings.append("There is no phase: only the amplitude is used.")
     elif is_free:
         zero = float(np.nanmedian(ds["phase"].values[far]))
         near = float(np.nanmedian(ds["phase"].values[z <= np.nanquantile(z, 0.02, axis=1, keepdims=True)]))
-        scan.take(phase_zero=zero)
+        scan.set_known(phase_zero=zero)
         if ds["phase"].attrs.get("counts") == "lag":
-            scan.take(phase_sign=-1.0)
+            scan.set_known(phase_sign=-1.0)
         if "phase_sign" not in scan.values:
-            scan.take(phase_sign=1.0 if near > zero else -1.0)
+            scan.set_known(phase_sign=1.0 if near > zero else -1.0)
             scan.warnings.append(
                 "The sign of the phase is not recorded: it is taken to be positive where the tip was nearest, as if "
                 "that were repulsive."
@@ -200,7 +200,7 @@ def _say_sensitivity(scan: ScanData, z: np.ndarray, amplitude: np.ndarray, free:
     if not steepest > 0:
         scan.warnings.append("The amplitude never falls: no sensitivity follows from it.")
     elif recorded is None:
-        scan.take(amplitude_sensitivity=1 / steepest)
+        scan.set_known(amplitude_sensitivity=1 / steepest)
         scan.warnings.append(
             f"The amplitude's sensitivity is not recorded: {1e9 / steepest:.3g} nm/V at most, for the amplitude falls "
             "no faster than the distance."

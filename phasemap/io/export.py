@@ -160,6 +160,7 @@ def _units(ds: xr.Dataset, name: str) -> str:
 
 
 def _status(ds: xr.Dataset) -> list[str]:
+    """The name "status" in a list, if there is one."""
     return ["status"] if "status" in ds else []
 
 

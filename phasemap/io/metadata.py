@@ -126,8 +126,8 @@ class ScanData:
     # Height and width of the image [m], where the file says it better than Gwyddion
     size: tuple[float, float] | None = None
 
-    def take(self, **found: float | None) -> None:
-        """Keep the values that are there."""
+    def set_known(self, **found: float | None) -> None:
+        """Set these values, but for those that a file does not say: None and NaN."""
         self.values |= {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
 
 
@@ -177,7 +177,7 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any])
     """The canonical values of a configuration."""
     lever = scope.cantilever
     scan = ScanData()
-    scan.take(
+    scan.set_known(
         drive_frequency=scope.drive.frequency or lever.resonance_frequency, free_amplitude=scope.driven_amplitude,
         setpoint=setpoint, stiffness=lever.stiffness, resonance_frequency=lever.resonance_frequency,
         quality_factor=lever.quality_factor, tip_radius=scope.tip.radius, line_rate=control.get("line_rate"),

@@ -49,15 +49,15 @@ def scan_data(path: Path, metadata: Mapping[str, str]) -> ScanData:
         if mark in metadata:
             vendor(scan, metadata, path)
             break
-    scan.take(day=day_of(metadata.get("Date")))
-    scan.take(**{name: quantity(metadata.get(name)) for name in CANONICAL})  # of a file that phasemap wrote
+    scan.set_known(day=day_of(metadata.get("Date")))
+    scan.set_known(**{name: quantity(metadata.get(name)) for name in CANONICAL})  # of a file that phasemap wrote
     scan.warnings += metadata.get("warnings", "").splitlines()
     scan.nominal += metadata.get("nominal", "").split()
     _doubt(scan)
     known = scan.values
     if "setpoint" not in known and {"setpoint_amplitude", "free_amplitude"} <= set(known):
         ratio = known["setpoint_amplitude"] / known["free_amplitude"]
-        scan.take(setpoint=ratio if ratio <= PRACTICE["setpoint"][1] else None)
+        scan.set_known(setpoint=ratio if ratio <= PRACTICE["setpoint"][1] else None)
     return scan
 
 
@@ -98,14 +98,14 @@ def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         return next((quantity(metadata[key]) for key in keys if key in metadata), None)
 
     time = value("Time/Line")  # of a line in one direction
-    scan.take(
+    scan.set_known(
         drive_frequency=value("Vibration freq."), free_amplitude_voltage=value("Vibration ampl."),
         lock_in_phase=value("Ref. phase"), line_rate=1 / (2 * time) if time else None,
         proportional_gain=value("P-Gain"), integral_gain=value("I-Gain"),
     )  # fmt: skip
     setpoint = metadata.get("Setpoint", metadata.get("Set point", "")).strip()  # in contact mode it is in volts
     if setpoint.endswith("%"):
-        scan.take(setpoint=quantity(setpoint))
+        scan.set_known(setpoint=quantity(setpoint))
     inputs = _section(
         path, rb"\[DataSet\\Calibration\\Scanhead\](.*?)\n\[", rb"=\d+,(TipSignalDC1?),Deflection,[mV],([^,]+),"
     )
@@ -118,9 +118,9 @@ def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
         scan.warnings.append(said + ".")
     lever = _section(path, rb"\[DataSet\\Calibration\\Cantilever\](.*?)\n\[", rb"(Prop[014])=D\[([^\]]+)\]")
     if len(lever) == 3:
-        scan.take(stiffness=lever["Prop0"], quality_factor=lever["Prop4"])
+        scan.set_known(stiffness=lever["Prop0"], quality_factor=lever["Prop4"])
         if _near(lever["Prop1"], scan.values.get("drive_frequency")):
-            scan.take(resonance_frequency=lever["Prop1"])
+            scan.set_known(resonance_frequency=lever["Prop1"])
         else:
             scan.nominal = ["stiffness", "quality_factor"]
             kind = metadata.get("Cantilever type", "this type")
@@ -145,7 +145,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     note = _section(path, rb"(.*)", rb"[\r\n](AmplitudeSetpointVolts|PhaseOffset): *([^\r\n]+)")
     volts = note.get("AmplitudeSetpointVolts")
     sensitivity = value("AmpInvOLS")
-    scan.take(
+    scan.set_known(
         drive_frequency=frequency,
         line_rate=value("ScanRate"),
         proportional_gain=value("ProportionalGain"),
@@ -167,7 +167,7 @@ def _asylum(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     thermal = value("ThermalFrequency"), value("ThermalQ")
     for resonance, quality in (thermal, (value("TuneFreqResult"), value("TuneQResult"))):
         if resonance and quality and _near(resonance, frequency):
-            scan.take(resonance_frequency=resonance, quality_factor=quality)
+            scan.set_known(resonance_frequency=resonance, quality_factor=quality)
             break
     sides = value("SlowScanSize"), value("FastScanSize")
     if sides[0] and sides[1]:  # Gwyddion's is a pixel longer: the wave's step is the size over N - 1
@@ -183,7 +183,7 @@ def _nanoscope(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     volts = value("TMSetAmplitude")
     calibrated = "/V" in metadata.get("Sens. AmplSens", "")
     sensitivity = value("Sens. AmplSens") if calibrated else None
-    scan.take(
+    scan.set_known(
         drive_frequency=value("CantFrequency", "Drive frequency", "Drive Frequency"),
         line_rate=value("Scan Rate", "Scan rate"),
         proportional_gain=value("TMFbPgain", "Proportional gain", "Proportional Gain"),  # the latter of version 4 and 5
@@ -207,7 +207,7 @@ def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     settings = _section(path, rb"(.*)", entry)
     free, volts = settings.get("reference-amplitude"), quantity(metadata.get("Feedback Setpoint"))
     sensitivity = amplitude_sensitivity(path)
-    scan.take(
+    scan.set_known(
         drive_frequency=settings.get("frequency", quantity(metadata.get("Feedback Frequency"))),
         line_rate=quantity(metadata.get("Scan Rate")), proportional_gain=quantity(metadata.get("Feedback PGain")),
         integral_gain=quantity(metadata.get("Feedback IGain")), setpoint_voltage=volts,
@@ -221,17 +221,17 @@ def _jpk(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
 
 def _park(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     """Park Systems, as Gwyddion's module names things."""
-    scan.take(line_rate=quantity(metadata.get("Scan rate")))
+    scan.set_known(line_rate=quantity(metadata.get("Scan rate")))
     setpoint = metadata.get("Set point", "").split()
     name = {"m": "setpoint_amplitude", "V": "setpoint_voltage"}.get(setpoint[-1][-1] if setpoint else "")
     if name:
-        scan.take(**{name: quantity(metadata["Set point"])})
+        scan.set_known(**{name: quantity(metadata["Set point"])})
 
 
 def _wsxm(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     """WSxM, whose files hold a channel each."""
     dynamic, feedback = "Dynamic settings::", "Feedback settings::"
-    scan.take(
+    scan.set_known(
         resonance_frequency=quantity(metadata.get(f"{dynamic}Resonance frequency")),
         quality_factor=quantity(metadata.get(f"{dynamic}Quality factor (Q)")),
         line_rate=quantity(metadata.get("Control::X-Frequency")),
@@ -258,7 +258,7 @@ _VENDORS: dict[str, Callable[[ScanData, Mapping[str, str], Path], None]] = {
 def _take_metres(scan: ScanData, free: float | None, volts: float | None, sensitivity: float) -> None:
     """Free amplitude and setpoint in metres, of those in volts, where they are known."""
     known = {"free_amplitude": free, "setpoint_amplitude": volts}
-    scan.take(**{name: one * sensitivity for name, one in known.items() if one})
+    scan.set_known(**{name: one * sensitivity for name, one in known.items() if one})
 
 
 def _near(resonance: float, frequency: float | None) -> bool:

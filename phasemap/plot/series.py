@@ -77,6 +77,7 @@ def _shape(ds: xr.Dataset, i: int) -> float:
 
 
 def _title(ds: xr.Dataset, i: int, wide: float) -> str:
+    """File, cut in the middle to fit, with its setpoint and free amplitude."""
     name = str(ds["file"].values[i])
     most = int(14 * wide)
     short = name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}"
@@ -141,6 +142,7 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
 
 
 def _finish(axes: Axes, ds: xr.Dataset) -> None:
+    """Label the setpoint axis, and add the legend."""
     axes.set_xlabel("setpoint", fontsize=9)
     axes.set_xlim(max(0.15, float(ds["setpoint_low"].min()) - 0.1), 1.0)
     axes.tick_params(labelsize=8)

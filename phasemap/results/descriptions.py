@@ -172,6 +172,7 @@ def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
 
 
 def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+    """Lines on depth, films, a second drive, long contacts, failures and averaging, where they exceed the model."""
     lever, tip = configuration["microscope"]["cantilever"], configuration["microscope"]["tip"]
     if "indentation" in ds:
         depths = ds["indentation"].values

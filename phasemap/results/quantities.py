@@ -16,7 +16,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
 from phasemap._shared.units import ELECTRONVOLT
-from phasemap.experiment.lever import drive_energy, lever_of, lost_in_air, modal_motion, of_tip, supplied, virial_of
+from phasemap.experiment.lever import drive_energy, lost_in_air, of_tip, supplied, virial_of
+from phasemap.experiment.lever_modes import lever_of, modal_motion
 from phasemap.experiment.microscope import Microscope, SecondMode
 from phasemap.results.variables import FLOATS
 

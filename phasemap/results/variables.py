@@ -18,7 +18,8 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import ERROR_HEIGHT, ERROR_PHASE
 from phasemap.experiment.control import Control
-from phasemap.experiment.lever import DETECTED, beat_of_second
+from phasemap.experiment.lever import DETECTED
+from phasemap.experiment.lever_modes import beat_of_second
 from phasemap.results.status import Status
 
 Array = np.ndarray

@@ -155,6 +155,7 @@ def _read(file: Path) -> tuple[Form, dict[str, np.ndarray], Table]:
 
 
 def _damaged(file: Path) -> PhasemapError:
+    """Error for a part that cannot be read."""
     return PhasemapError(f"the sample in {file} is damaged; remove this file and run again.")
 
 

@@ -51,7 +51,7 @@ class InTime:
 
     def _march(self, rows_of: Any, work: Work, chosen: np.ndarray, answers: Answers, periods: int) -> None:
         """Let a kernel of `rows.marched` fill the chosen rows."""
-        from phasemap._kernels.lever import slowest_decay
+        from phasemap._kernels.lever_modes import slowest_decay
 
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * slowest_decay(work.lever)) ** 0.125

@@ -15,12 +15,11 @@ from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import (
     in_proportion,
-    lost_in_air,
     offset_and_factor,
     seen,
-    supplied,
     tip_seen,
 )
+from phasemap.solvers.energy_balance import fill_energy_closure
 from phasemap.solvers.problem import Work
 
 SolvedRows = tuple[Array, NDArray[np.int8], NDArray[np.int8]]
@@ -32,21 +31,6 @@ def at_tip(work: Work) -> Work:
     if not in_proportion(work.lever):
         return work
     return replace(work, lever=tip_seen(work.lever), amplitudes=work.amplitudes / abs(offset_and_factor(work.lever)[1]))
-
-
-def fill_energy_closure(rows: Array, lever: Array) -> None:
-    """Fill in the energy closure of orbits whose solver knows the first harmonic only: averaged and interpolated ones.
-
-    `rows` (shape (..., COLUMNS)): result rows; those that have a closure keep it.
-    `lever` (shape (n,)): as in `phasemap.solvers.problem.Work`.
-    """
-    lacking = np.isnan(rows[..., col.CLOSURE])
-    if not lacking.any():
-        return
-    amplitude, phase = rows[..., col.AMPLITUDE], rows[..., col.PHASE]
-    given = supplied(lever, amplitude, phase)
-    left = (given - rows[..., col.DISSIPATION] - lost_in_air(lever, amplitude)) / given
-    rows[..., col.CLOSURE] = np.where(lacking, left, rows[..., col.CLOSURE])
 
 
 def shown(rows: Array, work: Work) -> Array:

@@ -64,7 +64,7 @@ class Orbit:
         self.complete, self.in_time = complete, in_time
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """Exact orbits, to `accuracy` or of all columns, and in time where no curve leads to one."""
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
         if self.in_time:
             solve_exactly(work, limits, False, accuracy.periods, answers)
@@ -128,7 +128,7 @@ class Averaging:
     rows_per_chunk = 2000
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """Averaged orbits on the branch on which the tip engages; means in time where motion is not periodic."""
         from phasemap._kernels.rows.by_response import averaged_near_rows
 
         if not engage_averaged(work, accuracy.periods, answers):
@@ -171,7 +171,7 @@ class Auto:
     rows_per_chunk = 500
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """The cheapest orbit that meets `accuracy`."""
         solve_exactly(work, (accuracy.phase, accuracy.height), True, accuracy.periods, answers)
 
 
@@ -187,7 +187,7 @@ class March(InTime):
     rows_per_chunk = 8
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """March from the orbit that another solver engages, or from far where none can."""
         # Averaging knows no harmonics of the higher modes, which may decide on the branch.
         if work.lever[col.MODES] > 1 or not near_resonance(work.lever):
             self.engage(work, np.arange(len(work)), answers, accuracy.periods)
@@ -208,7 +208,7 @@ class FromFar(March):
     rows_per_chunk = 1
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """March every material from far."""
         self.engage(work, np.arange(len(work)), answers, accuracy.periods)
 
 
@@ -216,7 +216,7 @@ class BothDrives(FromFar):
     """The march, engaged from far, under both drives of a lever whose second mode is driven too."""
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """March every material from far, with both drives on; amplitudes are the detector's, not the tip's."""
         self.engage_with_second_drive(work, np.arange(len(work)), answers, accuracy.periods)
 
 
@@ -234,7 +234,7 @@ class OnlyInTime(FromFar):
         self.other = other
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
-        """See `Solver`."""
+        """March what remembers or is wet, and let `other` solve the rest without memory."""
         rows, remembers = work.rows, work.remembers
         forgetful = replace(work, law=work.law._replace(memory=0))
         lossy = bool(work.law.lossy) & ((rows[:, col.WITHDRAWN] > 0) | (rows[:, col.LOSS] > 0))

@@ -162,7 +162,7 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
     curves = distance_curves(path_of(question), wanted, samples)
     parts = segments(curves)
     above = (part for part in parts if part.row_at(wanted[-1]) is not None)  # on the curve from far
-    first = next(above, None) or OffOrbit(state=far_state(curves.standing(0.0), wanted[-1]))
+    first = next(above, None) or OffOrbit(state=far_state(curves.oscillator_at(0.0), wanted[-1]))
     approach = walk(curves, first, parts, True, 0)
     retract = walk(curves, approach.ended, parts, False, 1)
     return dataset(curves, about, [approach, retract], question)
@@ -241,7 +241,7 @@ def _sweep_at_offset(curves: Curves, height: float) -> list[Visit]:
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         there = [(part.row_at(x), part) for part in parts]
         reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
-        far = OffOrbit(state=far_state(curves.standing(x), height))
+        far = OffOrbit(state=far_state(curves.oscillator_at(x), height))
         first: Segment | OffOrbit = there[min(reached)[1]][1] if reached else far
         visits.append(walk(curves, first, parts, direction == 1, direction))
     return visits

@@ -265,6 +265,7 @@ def orbits(
 
 
 def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
+    """Dataset along `orbit` of result rows, with their stability."""
     names = (
         "tip_offset", "amplitude", "height", "phase", "mean_deflection", "indentation", "dissipation", "virial",
         "floquet", "feedback_slope", "energy_closure", "branch",

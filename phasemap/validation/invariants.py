@@ -35,6 +35,7 @@ def layout(image: xr.Dataset, claims: Claims) -> Claim:
 
 
 def _dims(claims: Claims) -> tuple[str, ...]:
+    """Dims of every variable of an image under its control."""
     return ("direction", "y", "x") if claims.control.directions else ("y", "x")
 
 
@@ -63,6 +64,7 @@ def _faults_of_layout(image: xr.Dataset, claims: Claims) -> Iterator[str]:
 
 
 def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
+    """Sentences on coordinates that are missing or elsewhere."""
     for dim, count, step in zip(("y", "x"), claims.shape, claims.pixel_size, strict=True):
         if dim not in image.coords:
             yield f"there is no coordinate {dim}"
@@ -76,6 +78,7 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
 
 
 def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
+    """Sentences on a variable whose flags are not as agreed."""
     _, values, meanings = FLAGS[name]
     said = np.atleast_1d(variable.attrs.get("flag_values", ()))
     if said.tolist() != list(values) or not _has_attribute(variable, "flag_meanings", " ".join(meanings)):
@@ -191,5 +194,6 @@ def _one_material(picture: Picture, surface: Surface) -> Claim:
 
 
 def _metres(values: Array) -> str:
+    """Largest of some lengths in words, in pm."""
     known = values[np.isfinite(values)]
     return f"to within {1e12 * (float(known.max()) if known.size else 0.0):.2g} pm"

@@ -34,7 +34,7 @@ from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
 from phasemap.experiment.described import describe
 from phasemap.experiment.interaction import JKR, Capillary, ContactLaw, Interaction, MaugisDugdale, Neck
-from phasemap.experiment.lever import one_mode
+from phasemap.experiment.lever_modes import one_mode
 from phasemap.solvers.problem import make_work
 
 MODULUS, ADHESION, RADIUS = 1e9, 0.05, 20e-9

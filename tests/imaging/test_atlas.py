@@ -368,7 +368,7 @@ class TestParts:
     def test_coordinates_go_there_and_back(self) -> None:
         stiffness, adhesion, damping = np.array([0.0, 1e8, 1e11]), np.array([0.0, 0.1, 0.2]), np.array([0.0, 1e-3, 2])
         for first in (0, 1):
-            axes = Axes.around(stiffness[first:], damping[first:])
+            axes = Axes.covering(stiffness[first:], damping[first:])
             back = axes.materials(axes.points(stiffness[first:], adhesion[first:], damping[first:]))
             for given, got in zip((stiffness, adhesion, damping), back, strict=True):
                 assert np.allclose(given[first:], got, rtol=1e-12, atol=1e-15)

@@ -18,7 +18,8 @@ from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap._kernels.rows.answers import Answers
-from phasemap.experiment.lever import detected_signal, lever_of, of_tip, offset_and_factor, sees_tip
+from phasemap.experiment.lever import detected_signal, of_tip, offset_and_factor, sees_tip
+from phasemap.experiment.lever_modes import lever_of
 from phasemap.scenes.scene import load_scene
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.continuation.whole_curves import held_curves

@@ -20,7 +20,7 @@ from phasemap._kernels.orbits.time import march, period, runge_kutta
 from phasemap._kernels.orbits.time import tip as of_tip
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
-from phasemap.experiment.lever import one_mode
+from phasemap.experiment.lever_modes import one_mode
 
 Problem = Oscillator
 

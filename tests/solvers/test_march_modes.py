@@ -17,7 +17,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.engagement import holding_in_time
 from phasemap._kernels.excitation import detected_signal
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mode_of
+from phasemap._kernels.lever_modes import mode_of
 from phasemap._kernels.orbits.time import march, period_map
 from phasemap._kernels.orbits.time import tip as of_tip
 from phasemap._kernels.orbits.time.modes import drive_of_mode, harmonic_of_mode

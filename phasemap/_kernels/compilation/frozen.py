@@ -139,10 +139,12 @@ class _Copy:
         return copy, ("module", module.__name__, used)
 
     def _note(self, key: Any, given: Any, copy: Any) -> Any:
+        """Remember the copy of a function or module, with the number by which descriptions refer to it."""
         self._seen[key] = copy, len(self._seen), given
         return copy
 
     def _again(self, key: Any) -> tuple[Any, Any]:
+        """Return the copy made before, described by its number: functions may call each other."""
         copy, number, _ = self._seen[key]
         return copy, ("again", number)
 

@@ -179,6 +179,7 @@ class _Lower(lowering.Lower):
             self.context.nrt.decref(self.builder, kind, part)
 
     def _parts(self, of: types.Type, value: Any) -> Iterator[tuple[types.Type, Any]]:
+        """Yield type and LLVM value of each reference-counted part of a value: itself, or members of a tuple."""
         for path, kind in self._counted(of):
             yield kind, self.builder.extract_value(value, path) if path else value
 
@@ -200,6 +201,7 @@ class _Lowering(NativeLowering):
 
     @property
     def lowering_class(self) -> Any:
+        """Numba's hook: the class that writes LLVM code."""
         return _Lower
 
     def run_pass(self, state: Any) -> bool:

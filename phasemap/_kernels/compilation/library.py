@@ -22,7 +22,7 @@ MODULES = f"{__name__.partition('.')[0]}._kernels."
 C_TYPES = {"float64": ctypes.c_double, "int64": ctypes.c_int64, "bool": ctypes.c_bool}
 
 
-def found() -> Library | None:
+def best_library() -> Library | None:
     """The best library that this processor can run; None where there is none."""
     try:
         index = json.loads((FOLDER / INDEX).read_text())
@@ -102,7 +102,7 @@ class _Version:
         self._kinds, self._symbol = arguments, symbol
         self._pack = [_packer(kind) for kind in arguments]
         self._answer = type("Answer", (ctypes.Structure,), {"_fields_": [("value", _layout(answer))]})
-        self._take = _taker(answer, code.NRT_MemInfo_call_dtor)
+        self._unpack = _unpacker(answer, code.NRT_MemInfo_call_dtor)
         self._function = code[symbol]
         passed = (one for kind in arguments for one in _passed(kind))
         self._function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, *passed]
@@ -124,7 +124,7 @@ class _Version:
         for given, passed in arrays:
             if given is not passed:
                 given[...] = passed
-        return self._take(answer.value, arrays)
+        return self._unpack(answer.value, arrays)
 
 
 def _is_of(kind: Any, value: Any) -> bool:
@@ -200,6 +200,7 @@ def _random_numbers(generator: np.random.Generator) -> tuple[Any, ...]:
 
 
 def _address(value: Any) -> int:
+    """Address of the first element of an array or record."""
     return int(value.__array_interface__["data"][0])
 
 
@@ -218,7 +219,7 @@ def _layout(kind: Any) -> Any:
     return type("Parts", (ctypes.Structure,), {"_fields_": fields})
 
 
-def _taker(kind: Any, release: Any) -> Callable[[Any, list[Any]], Any]:
+def _unpacker(kind: Any, release: Any) -> Callable[[Any, list[Any]], Any]:
     """Function that makes an answer as Python has it: an array that was given stays that one, a new one is copied."""
     if kind == "none":
         return lambda _value, _arrays: None
@@ -227,18 +228,18 @@ def _taker(kind: Any, release: Any) -> Callable[[Any, list[Any]], Any]:
     if isinstance(kind, str):
         return lambda value, _: value
     if (parts := _parts(kind)) is not None:
-        takers = [_taker(part, release) for part in parts]
+        unpackers = [_unpacker(part, release) for part in parts]
         module, _, name = kind.get("class", "").rpartition(".")
         make = getattr(import_module(module), name) if module else lambda *members: members
 
-        def take_tuple(value: Any, arrays: list[Any]) -> Any:
-            return make(*(take(getattr(value, f"f{i}"), arrays) for i, take in enumerate(takers)))
+        def unpack_tuple(value: Any, arrays: list[Any]) -> Any:
+            return make(*(unpack(getattr(value, f"f{i}"), arrays) for i, unpack in enumerate(unpackers)))
 
-        return take_tuple
+        return unpack_tuple
     of = np.dtype(kind["array"])
     release.argtypes, release.restype = [ctypes.c_int64], None
 
-    def take_array(value: Any, arrays: list[Any]) -> np.ndarray:
+    def unpack_array(value: Any, arrays: list[Any]) -> np.ndarray:
         shape = tuple(value.shape)
         for given, passed in arrays:
             if value.data == _address(passed) and shape == passed.shape:
@@ -248,4 +249,4 @@ def _taker(kind: Any, release: Any) -> Callable[[Any, list[Any]], Any]:
             release(value.counted)
         return np.frombuffer(bytearray(content), of).reshape(shape)
 
-    return take_array
+    return unpack_array

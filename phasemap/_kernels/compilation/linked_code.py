@@ -62,6 +62,7 @@ class VectorCode(EntryCode):
     """Code of an entry, with statements that follow one another in vector instructions too, as C compilers have it."""
 
     def _optimize_final_module(self) -> None:
+        """Numba's hook, called once: optimise with LLVM's vectorizer of straight-line code (SLP) switched on."""
         before, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1
         try:
             super()._optimize_final_module()
@@ -149,6 +150,7 @@ class WholeCalls(CPUCallConv):
     """A convention of calls from kernel to kernel."""
 
     def _get_arg_packer(self, kinds: Sequence[types.Type]) -> _Whole:
+        """Numba's hook for how arguments are passed: here a tuple goes as one value, not member by member."""
         return _Whole(self.context.data_model_manager, kinds)
 
     def declare(self, module: Any, function: Any) -> Any:

@@ -152,6 +152,7 @@ def declare_rows(row: Any, cls: Any, place: int) -> None:
 
 
 def _zero(builder: Any, address: Any, kind: RecordType) -> None:
+    """Write the code that sets all words of a record to zero."""
     cgutils.memset(builder, builder.bitcast(address, cgutils.voidptr_t), cgutils.intp_t(kind.words * WORD), 0)
 
 
@@ -195,15 +196,19 @@ class _ChosenType(types.Callable, types.Dummy):
         super().__init__(f"chosen({function.__name__}, {id(function)})")
 
     def _kernel(self, args: Any) -> Any:
+        """Numba type of the kernel registered for the class of the first argument."""
         return numba.typeof(self.function.kernels[args[0].instance_class])
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Numba's hook: the signature of a call, which is that of the chosen kernel."""
         return self._kernel(args).get_call_type(context, args, kws)
 
     def get_call_signatures(self) -> tuple[tuple[()], bool]:
+        """Numba's hook: no signatures are known ahead, and any may come."""
         return (), True
 
     def get_impl_key(self, sig: Any) -> Any:
+        """Numba's hook: where the code of a call is found, as of the chosen kernel."""
         return self._kernel(sig.args).get_impl_key(sig)
 
 

@@ -42,12 +42,13 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
 from phasemap._kernels.numerics import copy, copy_rows, count_smaller, narrowed
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
-from phasemap._kernels.orbits.collocation.contacts import is_grazing
+from phasemap._kernels.orbits.collocation.contacts_and_necks import is_grazing
 from phasemap._kernels.orbits.collocation.errors import estimate_errors, fill_errors_as_seen, slopes_along_curve
+from phasemap._kernels.orbits.collocation.held_setpoint import hold_amplitude, hold_parameter
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, force_jumps, last_step_within_tolerance
 from phasemap._kernels.orbits.collocation.observables import complete_row, fill_observables, time_trace
-from phasemap._kernels.orbits.collocation.path import Path, standing_at
+from phasemap._kernels.orbits.collocation.path import Path, oscillator_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_KEPT,
     RIGHT,
@@ -57,8 +58,6 @@ from phasemap._kernels.orbits.collocation.system import (
     Head,
     Orbit,
     head_of,
-    hold_amplitude,
-    hold_parameter,
     new_orbit_like,
     no_drift,
 )
@@ -130,7 +129,7 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     """Write the full row of a marked orbit, and its time trace; returns how many rows there are."""
     if count == len(made.rows):
         return count
-    row, oscillator = made.rows[count], standing_at(path, head_of(orbit).parameter)
+    row, oscillator = made.rows[count], oscillator_at(path, head_of(orbit).parameter)
     lever = oscillator.lever
     row[:] = math.nan
     fill_observables(oscillator, orbit, row[: col.COLUMNS])
@@ -161,7 +160,7 @@ def fill_errors(oscillator: Oscillator, orbit: Orbit, asked: Asked, row: np.ndar
 @kernel
 def make_exact(path: Path, orbit: Orbit, point: Point, tolerance: float) -> bool:
     """Solve exactly, in the plane across the curve, for the orbit of a point that was solved coarsely on the way."""
-    lever, reach = standing_at(path, head_of(orbit).parameter).lever, natural_length(path, orbit)
+    lever, reach = oscillator_at(path, head_of(orbit).parameter).lever, natural_length(path, orbit)
     along = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
     turning = abs(point.rate[control_entry(path)]) < NEAR_FOLD * along
     if (
@@ -266,7 +265,7 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
         else:
             now = add_row(path, one, col.WANTED, k, made, count)
             if now > count and (index == ENTRY_A or index == ENTRY_SEEN):
-                fill_errors(standing_at(path, head_of(one).parameter), one, asked, made.rows[count])
+                fill_errors(oscillator_at(path, head_of(one).parameter), one, asked, made.rows[count])
             if now > count:
                 _keep_orbit(one, made.kept)
             count = now
@@ -295,7 +294,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
         good, step = next_exact_point(path, point, step, asked.tolerance, orbit, saved)
         if not good:
             made.rows[count - 1, col.KIND] = col.END
-            oscillator = standing_at(path, head_of(orbit).parameter)
+            oscillator = oscillator_at(path, head_of(orbit).parameter)
             grazes = force_jumps(oscillator) and is_grazing(oscillator.p, orbit, AT_JUMP * head_of(orbit).amplitude)
             return PIECE_AT_JUMP if grazes else PIECE_STUCK, count
         # Where the control or the entry wanted turns, the step is divided.
@@ -369,7 +368,7 @@ def collocation_orbits_at(
     """
     point, harmonic = Point(), HarmonicOrbit()
     for i in range(len(harmonics)):
-        oscillator, head, row = standing_at(path, m[i]), head_of(orbit), found[i]
+        oscillator, head, row = oscillator_at(path, m[i]), head_of(orbit), found[i]
         load_harmonic_orbit(harmonics[i], harmonic)
         if not harmonic.amplitude > 0.0:
             return i

@@ -9,6 +9,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
+from phasemap._kernels.orbits.collocation.held_setpoint import Equation
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.path import (
@@ -17,9 +18,9 @@ from phasemap._kernels.orbits.collocation.path import (
     Path,
     drift_at,
     held_equation,
-    standing_at,
+    oscillator_at,
 )
-from phasemap._kernels.orbits.collocation.system import EQUATIONS_OTHER, Equation, Orbit, head_of
+from phasemap._kernels.orbits.collocation.system import EQUATIONS_OTHER, Orbit, head_of
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.records import column, record
 
@@ -100,7 +101,7 @@ def natural_length(path: Path, orbit: Orbit) -> float:
     """Length [m] on which orbits change along the path, at an orbit."""
     if path.kind == FIXED_PATH:
         return path.reach
-    oscillator = standing_at(path, head_of(orbit).parameter)
+    oscillator = oscillator_at(path, head_of(orbit).parameter)
     return scale_of(oscillator)
 
 
@@ -121,7 +122,7 @@ def solve_in_plane(
 def solve_tangent(path: Path, orbit: Orbit, row: tuple[float, float, float]) -> bool:
     """Solve for the derivative along the curve with row (dz0, dA, dm) = 1, left in the last column of the system."""
     m = head_of(orbit).parameter
-    oscillator, drift = standing_at(path, m), drift_at(path, m)
+    oscillator, drift = oscillator_at(path, m), drift_at(path, m)
     if head_of(orbit).equations == EQUATIONS_OTHER and not linearise_orbit(oscillator, orbit, drift):
         return False
     across = Equation(row[0], row[1], row[2], 0.0, 0.0, 0.0)
@@ -136,7 +137,7 @@ def solve_far_from_surface(path: Path, orbit: Orbit, amplitude: float) -> int:
 
     The lowest point of the harmonic motion, z0 - A, is held there, as the lever swings almost freely.
     """
-    oscillator = standing_at(path, 0.0)
+    oscillator = oscillator_at(path, 0.0)
     free = free_amplitude(path.lever)
     harmonic = HarmonicOrbit()
     harmonic.tip_offset, harmonic.amplitude = free * ratio_far_from_surface(oscillator, amplitude), free

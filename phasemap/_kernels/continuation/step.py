@@ -37,10 +37,11 @@ from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_a
 from phasemap._kernels.law import has_hysteresis
 from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
-from phasemap._kernels.orbits.collocation.contacts import times_left
+from phasemap._kernels.orbits.collocation.contacts_and_necks import times_left
 from phasemap._kernels.orbits.collocation.elements import lay_again
+from phasemap._kernels.orbits.collocation.held_setpoint import Equation, hold_amplitude
 from phasemap._kernels.orbits.collocation.newton import NewtonLimits, solve_orbit
-from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, standing_at
+from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, oscillator_at
 from phasemap._kernels.orbits.collocation.stability import determinant_of_return, floquet
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_OTHER,
@@ -50,12 +51,10 @@ from phasemap._kernels.orbits.collocation.system import (
     RP,
     RS,
     RZ,
-    Equation,
     Head,
     Orbit,
     element_of,
     head_of,
-    hold_amplitude,
     mode_count,
     motion_of_mode,
     new_orbit_like,
@@ -125,14 +124,14 @@ def move_along(head: Head, by: float, point: Point) -> None:
 @kernel(shared=True)
 def relay_orbit(path: Path, orbit: Orbit) -> bool:
     """Lay the elements of an orbit anew where a change of its values has moved its contacts."""
-    return lay_again(standing_at(path, head_of(orbit).parameter), orbit, head_of(orbit).level)
+    return lay_again(oscillator_at(path, head_of(orbit).parameter), orbit, head_of(orbit).level)
 
 
 @kernel(shared=True)
 def predict(path: Path, orbit: Orbit, row: tuple[float, float, float], target: tuple[float, float, float]) -> bool:
     """Move an orbit whose equations are known along the curve's tangent, to row (z0, A, m) = row target."""
     m = head_of(orbit).parameter
-    lever, drift = standing_at(path, m).lever, drift_at(path, m)
+    lever, drift = oscillator_at(path, m).lever, drift_at(path, m)
     right = row[0] * target[0] + row[1] * target[1] + row[2] * target[2]
     held = held_equation(path, lever, orbit, drift), Equation(row[0], row[1], row[2], right, 0.0, 0.0)
     if not solve_step(lever, orbit, drift, held):
@@ -159,7 +158,7 @@ def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     point.tangent_u, point.tangent_v = t_u / length, t_v / length
     point.rate[ENTRY_Z0], point.rate[ENTRY_A], point.rate[ENTRY_M] = dz / length, da / length, dm / length
     point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
-    lever = standing_at(path, head.parameter).lever
+    lever = oscillator_at(path, head.parameter).lever
     of, by = (head.amplitude, head.push, head.drag), (point.rate[ENTRY_A], point.rate[ENTRY_P], point.rate[ENTRY_S])
     value[ENTRY_SEEN], point.rate[ENTRY_SEEN] = (
         detected_amplitude_of_orbit(lever, *of),
@@ -196,7 +195,7 @@ def next_point(path: Path, point: Point, step: float, orbit: Orbit, saved: Orbit
     assign(before, point)
     reach = natural_length(path, orbit)
     coarse = COARSELY * gap_scale(reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
-    left, hysteretic = times_left(head_of(orbit)), has_hysteresis(standing_at(path, head_of(orbit).parameter).p)
+    left, hysteretic = times_left(head_of(orbit)), has_hysteresis(oscillator_at(path, head_of(orbit).parameter).p)
     row = tangent_row(path, reach, before)
     while step > SMALLEST_ARC_STEP:
         move_along(head_of(orbit), step, before)

@@ -36,7 +36,7 @@ from phasemap._kernels.orbits.collocation.system import (
     head_of,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
+from phasemap._kernels.orbits.response.orbit_at_setpoint import ResponseWorkspace
 from phasemap._kernels.orbits.response.state import Along
 from phasemap._kernels.orbits.result_row import feedback_status
 

@@ -39,7 +39,7 @@ from phasemap._kernels.excitation import likely_amplitude, sees_tip
 from phasemap._kernels.law import Oscillator, has_longrange
 from phasemap._kernels.lever import FARTHEST_AT_ALL, free_amplitude, low_q, lowest_tip_offset, near_resonance
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
-from phasemap._kernels.orbits.collocation.contacts import PERMANENT
+from phasemap._kernels.orbits.collocation.contacts_and_necks import PERMANENT
 from phasemap._kernels.orbits.collocation.near import (
     MOST_STEPS_NEARBY,
     collocation_orbit_from_harmonic,
@@ -47,10 +47,10 @@ from phasemap._kernels.orbits.collocation.near import (
     tolerance_of,
 )
 from phasemap._kernels.orbits.collocation.newton import begin_harmonic, solve_at_amplitude
-from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
+from phasemap._kernels.orbits.collocation.path import Path, fixed_path, oscillator_at
 from phasemap._kernels.orbits.collocation.system import Orbit, head_of, new_orbit, new_orbit_like
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.orbit import largest_branch_distance
+from phasemap._kernels.orbits.response.orbit_at_setpoint import largest_branch_distance
 from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.records import assign, clear, record
 
@@ -171,7 +171,7 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWork
         if status == col.GOOD:
             status = descend_by_turn(path, wanted, Place(before, saved), point, orbit, way, found)
         if status != col.PENDING:
-            lost = status != col.GOOD and pressed_in(standing_at(path, 0.0), orbit)
+            lost = status != col.GOOD and pressed_in(oscillator_at(path, 0.0), orbit)
             return col.NO_STABLE_ORBIT if lost else status
         z0, a, contacts = point.value[ENTRY_Z0], point.value[ENTRY_A], head_of(orbit).contacts
         away = z0 > highest and contacts == 0 and a < 2.0 * free_amplitude(path.lever)
@@ -185,7 +185,7 @@ def lower_along_curve(path: Path, wanted: Wanted, point: Point, curve: CurveWork
 @kernel
 def start_on_branch(path: Path, wanted: Wanted, point: Point, orbit: Orbit) -> bool:
     """Begin the curve at an amplitude at which the tip is surely on the attractive branch; False if none is known."""
-    oscillator, harmonic, top = standing_at(path, 0.0), HarmonicOrbit(), Maximum()
+    oscillator, harmonic, top = oscillator_at(path, 0.0), HarmonicOrbit(), Maximum()
     law, p, lever = oscillator
     if (
         not has_longrange(p)

@@ -30,7 +30,11 @@ from phasemap._kernels.numerics import parabola
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, attractive_mismatch
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit, fill_row_from_harmonic
 from phasemap._kernels.orbits.response.nodes import OUT, Nodes, middle_of
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude, slope_is_clear
+from phasemap._kernels.orbits.response.orbit_at_setpoint import (
+    ResponseWorkspace,
+    exact_orbit_at_amplitude,
+    slope_is_clear,
+)
 from phasemap._kernels.orbits.response.passes import FOUND, converge_passes, start_passes
 from phasemap._kernels.orbits.response.state import PassState, fill_row_from_passes
 from phasemap._kernels.records import clear

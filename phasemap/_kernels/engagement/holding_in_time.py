@@ -80,19 +80,24 @@ def hold_over_remembering_surface(
 ) -> int:
     """Motion over a surface that remembers, started from the averaged orbit; PENDING where averaging is not sure of it.
 
-    Dents that last do not matter to averaging: the side of the resonance is decided before the tip has tapped.
+    Dents that last do not matter to averaging: the side of the resonance is decided before the tip has tapped. Where
+    nothing attracts and the drive is not above the resonance, repulsion moves that away from the drive: only one orbit
+    holds the amplitude, so that any motion in time is the answer. Elsewhere it has to be an orbit on the averaged
+    one's side, which three tries look for.
     """
     p, lever = oscillator.p, oscillator.lever
     if engage_by_averaging(oscillator, goal.amplitude, harmonic, top) != BY_AVERAGING:
         return col.PENDING
     attracted = p[col.PULL] != 0.0 or has_longrange(p) or p[col.BIAS] != 0.0
-    if not attracted and lever[col.OMEGA] <= 1.0:  # repulsion moves the resonance away from the drive: one orbit
+    if not attracted and lever[col.OMEGA] <= 1.0:
         fill_row_from_harmonic(lever, harmonic, row)
         return hold_from_row(oscillator, goal, row)
     near = min(goal.most_periods, int(NEAR_TIMES * ring_down_periods(lever)) + NEAR_PERIODS)
-    for finer, forms, most in ((1.0, False, near), (SECOND_TRY, False, near), (1.0, True, goal.most_periods)):
+    # By steps as asked, from the undented surface, for as long as it takes from next to an orbit; by finer steps; and
+    # with the dents of earlier taps formed first, which takes as many periods as are allowed.
+    for step, forms, most in ((1.0, False, near), (SECOND_TRY, False, near), (1.0, True, goal.most_periods)):
         fill_row_from_harmonic(lever, harmonic, row)
-        if hold_orbit_near_row(oscillator, Goal(goal.amplitude, finer * goal.step_size, most), forms, row):
+        if hold_orbit_near_row(oscillator, Goal(goal.amplitude, step * goal.step_size, most), forms, row):
             return col.GOOD
     return col.PENDING
 

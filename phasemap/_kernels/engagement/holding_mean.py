@@ -35,7 +35,8 @@ from phasemap._kernels.engagement.goal import COARSER_STEPS, Goal, fine_toleranc
 from phasemap._kernels.engagement.lowering import STILL_MOTION
 from phasemap._kernels.excitation import detected_phasor, sees_tip
 from phasemap._kernels.law import Oscillator, has_hysteresis
-from phasemap._kernels.lever import free_amplitude, mode_of
+from phasemap._kernels.lever import free_amplitude
+from phasemap._kernels.lever_modes import mode_of
 from phasemap._kernels.orbits.orbit_nodes import FELT_IM, FELT_RE, KEPT_COUNT, KEPT_NODES, SECOND_IN_TIME
 from phasemap._kernels.orbits.time.period_map import fill_row_at_rest, fill_row_of_period, skip_transient
 from phasemap._kernels.orbits.time.tip import Z0, MovingTip, divide_result
@@ -90,7 +91,7 @@ class Groups:
 
 
 @kernel
-def take_average(
+def average_and_control(
     oscillator: Oscillator, controller: Controller, tip: MovingTip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
     """Average over some periods, and let the controller act; False where the march fails, and the series with it.
@@ -110,14 +111,17 @@ def take_average(
 
 
 @kernel
-def take_group(
+def add_group_of_averages(
     oscillator: Oscillator, controller: Controller, tip: MovingTip, lock_in: LockIn, series: Series, groups: Groups
 ) -> tuple[bool, Series]:
-    """Take the averages of a group, and add it to the others; False where the march fails."""
+    """Take the averages of one group, and add their mean to the groups; False where the march fails.
+
+    Of the tip offset that is where the amplitude would be held: as A rises with z0 one to one, z0 and what A is short.
+    """
     lever, amplitude, count = oscillator.lever, controller.amplitude, controller.size * controller.block
     z0 = cosine = sine = 0.0
     for _ in range(controller.size):
-        good, series = take_average(oscillator, controller, tip, lock_in, series, groups)
+        good, series = average_and_control(oscillator, controller, tip, lock_in, series, groups)
         if not good:
             return False, series
         add_total(groups.total, lock_in.total)
@@ -129,9 +133,10 @@ def take_group(
     groups.full += 1
     groups.short += short
     groups.missed += short * short
-    off = z0 + short - groups.offset
+    held_at = z0 + short
+    off = held_at - groups.offset  # Welford's running mean and sum of squares
     groups.offset += off / groups.full
-    groups.offset_square += off * (z0 + short - groups.offset)
+    groups.offset_square += off * (held_at - groups.offset)
     lag = angle_between(lock_in.from_cos, lock_in.from_sin, x, y)
     off = lag - groups.lag
     groups.lag += off / groups.full
@@ -146,7 +151,7 @@ def come_to_mean(
     """Let the controller come to the setpoint, before averages count; False where the march fails."""
     lever, amplitude = oscillator.lever, controller.amplitude
     for j in range(3 * GROUP):
-        good, series = take_average(oscillator, controller, tip, lock_in, series, groups)
+        good, series = average_and_control(oscillator, controller, tip, lock_in, series, groups)
         if not good:
             return False, series
         off = abs(mean_amplitude(lever, lock_in) - amplitude)
@@ -251,7 +256,7 @@ def hold_mean(oscillator: Oscillator, goal: Goal, gain: float, tip: MovingTip, r
     begin_lock_in(lever, tip.acc, lock_in)
     good, series = come_to_mean(oscillator, at_first, tip, lock_in, series, groups)
     while good and says == col.PENDING and tip.periods.marched + slow.size * block <= most_periods:
-        good, series = take_group(oscillator, slow, tip, lock_in, series, groups)
+        good, series = add_group_of_averages(oscillator, slow, tip, lock_in, series, groups)
         still = good and lock_in.change < STILL_MOTION * mean_amplitude(lever, lock_in) and touches_alike(lock_in)
         if still and lever[col.SECOND_FORCE] == 0.0 and skip_transient(oscillator, tolerance, amplitude, tip):
             fill_row_at_rest(lever, tip, row)  # it repeats itself by now

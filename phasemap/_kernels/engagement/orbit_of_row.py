@@ -30,7 +30,11 @@ from phasemap._kernels.orbits.orbit_nodes import (
     nodes_from_response,
     read_nodes,
 )
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude, nodes_of_solution
+from phasemap._kernels.orbits.response.orbit_at_setpoint import (
+    ResponseWorkspace,
+    exact_orbit_at_amplitude,
+    nodes_of_solution,
+)
 from phasemap._kernels.orbits.result_row import same_orbit
 
 AGAIN_PHASE, AGAIN_HEIGHT = 1e-5, 1e-12  # [rad, m], errors of an orbit that is solved again by passes

@@ -29,7 +29,11 @@ from phasemap._kernels.orbits.averaged.sides import (
     mismatch_at_gap,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude, slope_is_clear
+from phasemap._kernels.orbits.response.orbit_at_setpoint import (
+    ResponseWorkspace,
+    exact_orbit_at_amplitude,
+    slope_is_clear,
+)
 from phasemap._kernels.records import assign, clear
 
 DAMPED = 0.05  # mismatch without a net force that leaves no doubt

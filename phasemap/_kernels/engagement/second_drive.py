@@ -19,7 +19,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.lever import dynamic_stiffness_at, mode_of
+from phasemap._kernels.lever_modes import dynamic_stiffness_at, mode_of
 from phasemap._kernels.orbits.time.tip import PLAIN_STATE
 
 LOOP_GAIN = 0.7  # of both loops: share of what an average asks for, by which they go

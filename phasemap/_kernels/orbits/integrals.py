@@ -32,7 +32,7 @@ from phasemap._kernels.law import (
     longrange_force,
     longrange_slope,
 )
-from phasemap._kernels.lever import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
+from phasemap._kernels.lever_modes import detected_compliance, dynamic_stiffness_of_mode, mode_of, modes_of
 from phasemap._kernels.neck_energy import loop_energy
 from phasemap._kernels.orbits.orbit_nodes import MOST_NODES, OrbitNodes
 

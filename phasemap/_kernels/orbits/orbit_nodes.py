@@ -79,20 +79,20 @@ def nodes_from_collocation(oscillator: Oscillator, orbit: Orbit, nodes: OrbitNod
     head = head_of(orbit)
     nodes.count, nodes.begins, nodes.ends = 0, 0.0, 0.0
     for e in range(head.count):
-        one, before = element_of(orbit, e), element_of(orbit, e - 1 if e > 0 else head.count - 1).side
-        if (one.side == OUT_OF_CONTACT) != (before == OUT_OF_CONTACT):
-            rate = 1.0 / abs(one.edge_u - head.amplitude * np.sin(one.edge))
+        element, before = element_of(orbit, e), element_of(orbit, e - 1 if e > 0 else head.count - 1).side
+        if (element.side == OUT_OF_CONTACT) != (before == OUT_OF_CONTACT):
+            rate = 1.0 / abs(element.edge_u - head.amplitude * np.sin(element.edge))
             nodes.begins += rate if before == OUT_OF_CONTACT else 0.0
-            nodes.ends += rate if one.side == OUT_OF_CONTACT else 0.0
-        if one.side == OUT_OF_CONTACT and not has_longrange(oscillator.p):
+            nodes.ends += rate if element.side == OUT_OF_CONTACT else 0.0
+        if element.side == OUT_OF_CONTACT and not has_longrange(oscillator.p):
             continue
         for j in range(NODES):
             k = nodes.count + j
-            nodes.cos[k], nodes.sin[k] = one.cos[j], one.sin[j]
-            nodes.depth[k] = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
-            nodes.rate[k] = one.u[j] - head.amplitude * one.sin[j]
-            nodes.weight[k] = one.scale * orbit.tables[one.table, T_END1, j]
-            nodes.touches[k] = 0.0 if one.side == OUT_OF_CONTACT else 1.0
+            nodes.cos[k], nodes.sin[k] = element.cos[j], element.sin[j]
+            nodes.depth[k] = head.amplitude * element.cos[j] + element.w[j] - head.tip_offset
+            nodes.rate[k] = element.u[j] - head.amplitude * element.sin[j]
+            nodes.weight[k] = element.scale * orbit.tables[element.table, T_END1, j]
+            nodes.touches[k] = 0.0 if element.side == OUT_OF_CONTACT else 1.0
         nodes.count += NODES
 
 

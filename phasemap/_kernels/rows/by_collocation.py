@@ -42,7 +42,7 @@ from phasemap._kernels.orbits.orbit_nodes import (
     keep_nodes,
     nodes_from_collocation,
 )
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace
+from phasemap._kernels.orbits.response.orbit_at_setpoint import ResponseWorkspace
 from phasemap._kernels.orbits.response.state import Along
 from phasemap._kernels.orbits.result_row import has_periodic_orbit
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of

@@ -25,7 +25,7 @@ from phasemap._kernels.orbits.harmonic_orbit import (
     store_harmonic_orbit,
 )
 from phasemap._kernels.orbits.orbit_nodes import FAINT_DRIVE, OrbitNodes, keep_nodes, nodes_from_response
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, nodes_of_solution
+from phasemap._kernels.orbits.response.orbit_at_setpoint import ResponseWorkspace, nodes_of_solution
 from phasemap._kernels.orbits.response.state import slopes_of
 from phasemap._kernels.rows.answers import Answers, Pixels, oscillator_of
 

@@ -28,6 +28,7 @@ from phasemap._kernels.orbits.averaged.branch import MEASURED_OFFSET, MEASURED_P
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.elements import lay_again
+from phasemap._kernels.orbits.collocation.held_setpoint import hold_detected_setpoint, hold_parameter
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.newton import share_motion
@@ -42,8 +43,6 @@ from phasemap._kernels.orbits.collocation.system import (
     RZ,
     Orbit,
     head_of,
-    hold_detected_amplitude,
-    hold_parameter,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.rows.derivatives import Derivatives, Setpoints
@@ -113,7 +112,7 @@ def fill_derivatives_by_property(
         drift[0, col.ROW + i] = drift[1, col.ROW + i] = lever[i]
     if not linearise_orbit(oscillator, orbit, drift):
         return False
-    if not curve_derivative(lever, orbit, drift, (hold_detected_amplitude(lever, orbit, held), hold_parameter(orbit))):
+    if not curve_derivative(lever, orbit, drift, (hold_detected_setpoint(lever, orbit, held), hold_parameter(orbit))):
         return False
     head, rate = head_of(orbit), orbit.system[:, RIGHT]
     _, turn = detected_rates(lever, (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS]))

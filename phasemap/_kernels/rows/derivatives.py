@@ -26,7 +26,7 @@ from phasemap._kernels.orbits.averaged.branch import (
     held_root,
 )
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude
+from phasemap._kernels.orbits.response.orbit_at_setpoint import ResponseWorkspace, exact_orbit_at_amplitude
 
 
 class Setpoints(NamedTuple):

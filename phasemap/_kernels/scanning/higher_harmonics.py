@@ -24,7 +24,7 @@ from phasemap._kernels.orbits.averaged.harmonics import longrange_integrals
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
 from phasemap._kernels.orbits.averaged.sides import fill_averaged_orbit_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height, load_harmonic_orbit
-from phasemap._kernels.orbits.response.orbit import ResponseWorkspace, exact_orbit_at_amplitude
+from phasemap._kernels.orbits.response.orbit_at_setpoint import ResponseWorkspace, exact_orbit_at_amplitude
 from phasemap._kernels.records import clear, record
 
 KAPPA_OF_SHORT_PUSH = 0.75  # kappa of the shortest push

@@ -11,7 +11,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.chosen import Chosen
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import free_amplitude, free_phasor, slowest_decay
+from phasemap._kernels.lever import free_amplitude, free_phasor
+from phasemap._kernels.lever_modes import slowest_decay
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.records import assign, clear
 from phasemap._kernels.scanning.feedback_loop import (

@@ -25,7 +25,8 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.lever import inverse_inertia, reach_of
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever_modes import inverse_inertia
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.records import assign, record

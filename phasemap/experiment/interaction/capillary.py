@@ -90,6 +90,7 @@ class Capillary(SphereLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """Force of the neck, beside Hertz and adhesion in contact, and van der Waals out of it."""
         gap = max(-d, 0.0)
         x = gap * p[BRIDGE_CURVE]
         bridge = p[BRIDGE] * (1.0 - x / math.sqrt(1.0 + x * x) - gap * p[BRIDGE_FALL])
@@ -102,6 +103,7 @@ class Capillary(SphereLaw):
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Of the same terms; the neck's force is constant in contact."""
         if d >= 0.0:
             return 1.5 * p[CONTACT] * math.sqrt(d)
         gap = -d

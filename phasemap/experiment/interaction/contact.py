@@ -36,6 +36,7 @@ class Hertz(DMT):
     name = "hertz"
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """No attraction, whatever the adhesion."""
         return 0.0 * adhesion
 
 
@@ -57,10 +58,12 @@ class FlatPunch(SphereLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """Linear in d, for the contact's radius is constant."""
         return p[CONTACT] * d - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Constant, twice E* R_c."""
         return p[CONTACT]
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array, ...]:
@@ -90,14 +93,17 @@ class Neck(SphereLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """Adhesion stays what it is in the neck, down to its end."""
         depth = max(d, 0.0)
         return p[CONTACT] * depth * math.sqrt(depth) - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """That of Hertz; 0 in the neck."""
         return 1.5 * p[CONTACT] * math.sqrt(max(d, 0.0))
 
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """Minus the length, where there is adhesion."""
         return -self.length * (adhesion > 0.0).astype(np.float64)
 
 
@@ -123,10 +129,12 @@ class Cone(ContactLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """Quadratic in d, for the contact's radius is proportional to it."""
         return p[CONTACT] * d * d - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Linear in d."""
         return 2.0 * p[CONTACT] * d
 
     def columns(self, contact_stiffness: Array, adhesion: Array, radius: float) -> tuple[Array | float, ...]:
@@ -135,6 +143,7 @@ class Cone(ContactLaw):
         return stiffness, self.pull(contact_stiffness, adhesion, radius)
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """2 pi w d0 tan(theta)^2 [N]: a cone has no attraction without a decay length d0, which adhesion needs."""
         if self._reach is None:
             if (adhesion > 0).any():
                 allowed = "a length in m where the contact is 'cone' and there is adhesion"
@@ -147,6 +156,7 @@ class Cone(ContactLaw):
         return 2 / math.pi * math.tan(math.radians(self.half_angle)) * depth
 
     def beside(self, decay_length: float | None) -> Cone:
+        """The law with the decay length, on which its adhesion depends."""
         law = copy(self)
         object.__setattr__(law, "_reach", decay_length)
         return law
@@ -187,12 +197,14 @@ class JKR(ContactLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """By s, the root of the contact's radius; below d = 0 in the neck."""
         _, s = _root(d, p)
         cube = s * s * s
         return p[CONTACT] * cube * (cube - 6.0 * p[S_C] * p[S_C] * p[S_C])
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """dF/ds over dd/ds, which grows without bound to where the neck breaks."""
         t, s = _root(d, p)
         s_c = p[S_C]
         rise = t * (t * t + 3.0 * s_c * t + 3.0 * s_c * s_c)  # s^3 - s_c^3
@@ -204,9 +216,11 @@ class JKR(ContactLaw):
         return contact_stiffness / radius, radius, s_c, -3 * s_c**4 / radius
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """2 pi w R [N], as of DMT."""
         return 2 * math.pi * radius * adhesion
 
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """d_c [m]: depth at which the neck breaks."""
         return -3 * self._least(contact_stiffness, adhesion, radius) ** 4 / radius
 
     @staticmethod
@@ -250,6 +264,7 @@ class LossyDMT(SphereLaw):
         return contact_stiffness * math.sqrt(radius), pull, (self.adhesion_ratio - 1.0) * pull
 
     def loss_outside(self) -> tuple[float, float]:
+        """1/Lambda [1/m] and Gamma [N s/m]."""
         return 1.0 / self.outer_length, self.outer_loss
 
 

@@ -70,11 +70,13 @@ class Film(SphereLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """Hertz times the film's series, less adhesion."""
         share, _, _ = film_series(p[THINNESS] * math.sqrt(d), p[FILM_SERIES])
         return p[CONTACT] * d * math.sqrt(d) * share - p[PULL]
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """By the series and its derivative."""
         root = math.sqrt(d)
         x = p[THINNESS] * root
         share, rise, _ = film_series(x, p[FILM_SERIES])
@@ -82,12 +84,14 @@ class Film(SphereLaw):
 
     @staticmethod
     def damping(d: float, p: Array) -> float:
+        """The power law times what the film adds to the slope of the force."""
         x = p[THINNESS] * math.sqrt(d)
         share, rise, _ = film_series(x, p[FILM_SERIES])
         return power_law(d, p) * (share + x * rise / 3.0)
 
     @staticmethod
     def damping_slope(d: float, p: Array) -> float:
+        """Product rule of the same; the film adds nothing at d <= 0."""
         if d <= 0.0:
             return power_law_slope(d, p)
         x = p[THINNESS] * math.sqrt(d)

@@ -110,10 +110,12 @@ class Inverse(InverseSquare):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """Falls as 1/g."""
         return -p[LONGRANGE] / (1.0 - d * p[INVERSE_REACH])
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Falls as 1/g^2."""
         s = 1.0 - d * p[INVERSE_REACH]
         return -p[LONGRANGE] * p[INVERSE_REACH] / (s * s)
 
@@ -131,12 +133,14 @@ class LennardJones(InverseSquare):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """With x = s^-2."""
         x = 1.0 - d * p[INVERSE_REACH]
         x = 1.0 / (x * x)
         return -p[LONGRANGE] * x * (4.0 - x * x * x) / 3.0
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """0 at contact, where attraction is largest."""
         s = 1.0 / (1.0 - d * p[INVERSE_REACH])
         x = s * s
         return -8.0 / 3.0 * p[LONGRANGE] * p[INVERSE_REACH] * x * s * (1.0 - x * x * x)
@@ -166,16 +170,19 @@ class Biased(LongRange):
         )
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
+        """Attraction of the voltage at d = 0 [N], over the gap d0."""
         x = (decay_length or CLOSEST) / radius
         return math.pi * VACUUM_PERMITTIVITY * self.bias**2 / (x * (1 + x))
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """van der Waals and voltage, at the same gap."""
         x = (1.0 / p[INVERSE_REACH] - d) * p[CURVATURE]
         return vanderwaals(d, p) - p[BIASED] / (x * (1.0 + x))
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Of both forces."""
         x = (1.0 / p[INVERSE_REACH] - d) * p[CURVATURE]
         y = x * (1.0 + x)
         return vanderwaals_slope(d, p) - p[BIASED] * p[CURVATURE] * (1.0 + 2.0 * x) / (y * y)
@@ -219,15 +226,18 @@ class DLVO(LongRange):
         return attraction, 1 / (decay_length or self.debye_length), 1 / self.debye_length, product
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
+        """Minus the double layer's force at d = 0 [N]."""
         return -sum(self._strengths(radius))
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """van der Waals and both exponentials of the double layer."""
         screened = math.exp(d * p[KAPPA])
         return vanderwaals(d, p) + screened * (p[CHARGES] - (p[BIAS] + p[CHARGES]) * screened)
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Of the same terms."""
         screened = math.exp(d * p[KAPPA])
         double_layer = p[KAPPA] * screened * (p[CHARGES] - 2.0 * (p[BIAS] + p[CHARGES]) * screened)
         return vanderwaals_slope(d, p) + double_layer
@@ -259,14 +269,17 @@ class Hydration(LongRange):
         return whole_attraction(pull, decay_length, other, abs(other)), 1 / (decay_length or self.decay), 1 / self.decay
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
+        """Minus the exponential force at d = 0 [N]."""
         return -2 * math.pi * radius * self.strength
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """van der Waals and one exponential."""
         return vanderwaals(d, p) - p[BIAS] * math.exp(d * p[HYDRATION_DECAY])
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Of the same terms."""
         return vanderwaals_slope(d, p) - p[BIAS] * p[HYDRATION_DECAY] * math.exp(d * p[HYDRATION_DECAY])
 
 
@@ -300,14 +313,17 @@ class Solvation(LongRange):
         return pull + other, max(wavenumber, 1 / self.decay), wavenumber, 1 / self.decay
 
     def in_contact(self, decay_length: float | None, radius: float) -> float:
+        """Attraction of W at d = 0 [N]; that of the material's adhesion is added."""
         return 2 * math.pi * radius * self.strength
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """A damped cosine of the gap, and nothing else."""
         return -p[LONGRANGE] * math.cos(d * p[WAVENUMBER]) * math.exp(d * p[SOLVATION_DECAY])
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """Of cosine and exponential."""
         x = d * p[WAVENUMBER]
         turn = p[SOLVATION_DECAY] * math.cos(x) - p[WAVENUMBER] * math.sin(x)
         return -p[LONGRANGE] * turn * math.exp(d * p[SOLVATION_DECAY])

@@ -98,6 +98,7 @@ class MaugisDugdale(SphereLaw):
 
     @staticmethod
     def force(d: float, p: Array) -> float:
+        """By s of `_sides`, which Newton's method finds; Hertz without adhesion."""
         if p[PER_DEPTH] == 0.0:  # no adhesion
             return p[CONTACT] * d * math.sqrt(d)
         s, lam = _solve(d, p)
@@ -106,6 +107,7 @@ class MaugisDugdale(SphereLaw):
 
     @staticmethod
     def slope(d: float, p: Array) -> float:
+        """dF/ds over dd/ds on the same branch."""
         if p[PER_DEPTH] == 0.0:
             return 1.5 * p[CONTACT] * math.sqrt(d)
         s, lam = _solve(d, p)
@@ -126,6 +128,7 @@ class MaugisDugdale(SphereLaw):
         return force, inverse, lam, self.release(contact_stiffness, adhesion, radius)
 
     def release(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """Least depth [m] of the branch, at its fold or where a is 0, by bisection of dD/ds; 0 without adhesion."""
         lam, scale = self._scales(contact_stiffness, adhesion, radius)
         with np.errstate(all="ignore"):  # without adhesion all is 0/0
             low, high = np.full_like(lam, 1e-9), np.where(lam > FLAT, FOLD * lam, 1e-9)

@@ -187,6 +187,7 @@ class Table(ContactLaw):
         return 0.0 * contact_stiffness, self.pull(contact_stiffness, adhesion, radius), radius, at_radius
 
     def pull(self, contact_stiffness: Array, adhesion: Array, radius: float) -> Array:
+        """Attraction of the table at d = 0 [N], whatever the adhesion."""
         return 0.0 * contact_stiffness - self.force(0.0, contact_stiffness)
 
     def radius_at(self, depth: Array, radius: float) -> Array:

@@ -114,6 +114,7 @@ def _packed(pieces: Sequence[FilledCell]) -> ChebyshevSeries:
 
 
 def _joined(parts: Sequence[Array], dtype: type) -> Array:
+    """Parts one after the other; an empty array of this type if there are none."""
     return np.concatenate([np.zeros(0), *parts]).astype(dtype)
 
 
@@ -140,6 +141,7 @@ def build(exact: ExactOrbits, sample: Array, count: int, tolerances: Array) -> A
 
 
 def _box_of(points: Array, lowest: Array) -> Box:
+    """Box of the points with some room, but not below the `lowest` coordinates."""
     low, high = points.min(axis=0), points.max(axis=0)
     room = ROOM * (high - low)
     low, high = np.maximum(low - room, np.minimum(lowest, low)), high + room
@@ -165,6 +167,7 @@ class _Builder:
         return len(self.nodes) - 1
 
     def _budget(self, materials: Array) -> int:
+        """Exact orbits that a cell with these materials may take: fewer than it saves; 0 if too few lie in it."""
         return int(WORTH * self.weight * len(materials)) if len(materials) * self.weight >= LEAST else 0
 
     def _few_above(self, box: Box, materials: Array) -> float:
@@ -233,6 +236,7 @@ class _Builder:
         return chain[0]
 
     def _layer(self, box: Box, lower: float | Border, upper: float | Border, materials: Array, depth: int) -> int:
+        """The cells between two borders, or a leaf without interpolant: its materials get exact orbits."""
         if not self._budget(materials):
             return self._node(LEAF, NO_PIECE)
         x0, x1 = materials[:, 0], materials[:, 1]
@@ -240,7 +244,7 @@ class _Builder:
         high = upper.height(x0, x1) if isinstance(upper, Border) else upper
         share = min(max(MARGIN, LEFT / (self.weight * len(materials))), WIDEST)
         cell = Cell.between(box[:4], lower, upper, float(np.min(high - low)), share, self.exact is not self.exact.bare)
-        outside = (abs(cell.inside(materials)) > 1).any(axis=1)
+        outside = (abs(cell.inside(materials)) > 1).any(axis=1)  # in the margins, where orbits stay exact
         return self.cell(cell, materials[~outside], depth)
 
     def cell(self, cell: Cell, materials: Array, depth: int) -> int:
@@ -273,6 +277,7 @@ class _Builder:
         return self.column((*cell.box[:4], low, high), materials, depth)
 
     def _number(self, border: Border) -> int:
+        """Add a border; returns its number."""
         self.borders.append(border)
         return len(self.borders) - 1
 

@@ -142,6 +142,7 @@ def _followed(
 
 
 def _check_order(lower: Border, upper: Border) -> None:
+    """Raise Undecided where one border comes too near to another, or crosses it."""
     grid = [chebyshev.nodes(9) if lower.box[2 * i] < lower.box[2 * i + 1] else np.zeros(1) for i in (0, 1)]
     x0, x1 = np.meshgrid(unscaled(grid[0], *lower.box[:2]), unscaled(grid[1], *lower.box[2:]), indexing="ij")
     below, above = lower.height(x0.ravel(), x1.ravel()), upper.height(x0.ravel(), x1.ravel())
@@ -165,11 +166,13 @@ class _Located:
     high: float
 
     def _nodes(self, sizes: tuple[int, int]) -> Array:
+        """Nodes (x0, x1) of a grid on the box, shape (n, 2)."""
         x0 = unscaled(chebyshev.nodes(sizes[0]), *self.box[:2])
         x1 = unscaled(chebyshev.nodes(sizes[1]), *self.box[2:])
         return np.stack(np.meshgrid(x0, x1, indexing="ij"), -1).reshape(-1, 2)
 
     def _sizes(self, size: int) -> tuple[int, int]:
+        """Size of a grid: one node along a coordinate that does not vary."""
         box = self.box
         return (size if box[1] > box[0] else 1), (size if box[3] > box[2] else 1)
 
@@ -272,6 +275,7 @@ class _Located:
         raise Undecided
 
     def _border(self, heights: Array, sudden: bool, error: float) -> Border:
+        """Interpolant through heights at nodes, whose error is at least its last coefficients."""
         coefs = chebyshev.coefficients(heights, [0, 1])
         tails = [float(chebyshev.tail(coefs, axis, 2)) for axis in (0, 1)]
         return Border(self.box, coefs, max(error, *tails), sudden)

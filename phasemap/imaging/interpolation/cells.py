@@ -119,11 +119,12 @@ class Rough:
 
 
 def _height(end: End, x0: Array, x1: Array) -> Array:
+    """Height in x2 of an end of a layer, above (x0, x1)."""
     return end.height(x0, x1) if isinstance(end, Border) else np.full(len(x0), end)
 
 
 def _share(u: Array, form: int) -> Array:
-    """Relative place in a layer of u; the reverse of `phasemap._kernels.materials.interpolate.layer_coordinate`."""
+    """Relative place in a layer of u; the reverse of `_place`, and of `layer_coordinate` in `_kernels`."""
     if form == ROOT_LOW:
         return u * u
     if form == ROOT_HIGH:
@@ -132,6 +133,7 @@ def _share(u: Array, form: int) -> Array:
 
 
 def _place(share: Array, form: int) -> Array:
+    """u of a relative place in a layer: the reverse of `_share`."""
     share = np.clip(share, 0, 1)
     if form == ROOT_LOW:
         return np.sqrt(share)
@@ -234,6 +236,7 @@ class _Trial:
     """Exact orbits at materials of the image, to measure an interpolant by; solved when first asked for."""
 
     def __init__(self, exact: ExactOrbits, cell: Cell, materials: Array, tolerances: Array) -> None:
+        """Choose from the `materials` in the cell, shape (n, 3), a share TRIED that is evenly spaced in their order."""
         self.exact, self.cell, self.tolerances = exact, cell, tolerances
         count = int(np.clip(len(materials) * TRIED, *TRIALS))
         chosen = np.unique(np.linspace(0, len(materials) - 1, count).astype(np.intp))

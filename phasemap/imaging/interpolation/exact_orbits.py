@@ -40,8 +40,8 @@ class Axes:
     same: tuple[float, ...] = (0.0, np.inf, np.inf)  # adhesion [J/m2], film of liquid [m] and its angle [degree]
 
     @classmethod
-    def around(cls, stiffness: Array, damping: Array) -> Axes:
-        """Axes for these materials."""
+    def covering(cls, stiffness: Array, damping: Array) -> Axes:
+        """Axes whose scales suit all of these materials."""
         return cls(bool(stiffness.min() > 0), SHARE * float(damping.max()))
 
     def points(self, stiffness: Array, adhesion: Array, damping: Array, liquid: Array | None = None) -> Array:
@@ -65,6 +65,7 @@ class Axes:
         return found if np.isfinite(found).any() else None
 
     def _each(self, points: Array) -> list[Array]:
+        """Adhesion, thickness and contact angle at coordinates: x2 is one of them, the others are `same` everywhere."""
         return [points[2] if i == self.third else np.full(points.shape[1], one) for i, one in enumerate(self.same)]
 
     @property
@@ -109,6 +110,7 @@ class ExactOrbits:
         self.errors = np.array([ERROR_HEIGHT, ERROR_PHASE]) if self.marched else np.zeros(2)  # of orbits [m, rad]
 
     def _work(self, points: Array, amplitude: float | None) -> Work:
+        """Work at points, which are counted in `asked`."""
         self.asked += len(points)
         given = *self.axes.materials(points.T), self.scope, amplitude or self.amplitude
         alike = _repeated(self.film, len(points)), _repeated(self.relaxation, len(points))
@@ -147,6 +149,8 @@ class ExactOrbits:
     def _functions(
         self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]
     ) -> Array:
+        """Values of the functions from result rows; NaN where no periodic orbit was found."""
+
         def bare() -> Array:
             return bare_rows(self.axes.materials(points.T)[0], self.scope, _repeated(self.film, len(points)))
 
@@ -156,6 +160,7 @@ class ExactOrbits:
 
 
 def _repeated(row: Array | None, count: int) -> Array | None:
+    """A row repeated for n materials, or None without one."""
     return None if row is None else np.repeat(row, count, axis=0)
 
 
@@ -197,6 +202,7 @@ def orbits_above(exact: ExactOrbits, bases: Array, heights: Array, function: int
 
 
 def _points(bases: Array, heights: Array) -> Array:
+    """Points (lines, points, 3) of heights above bases."""
     points = np.empty((*heights.shape, 3))
     points[..., :2] = bases[:, None]
     points[..., 2] = heights
@@ -261,6 +267,7 @@ class Brackets:
 
 
 def _largest_step(lines: AdhesionLines) -> Brackets:
+    """Bracket the largest step of the tip offset on each line."""
     rows, at = np.arange(len(lines.heights)), lines.steps().argmax(axis=1)
     return Brackets(
         lines.heights[rows, at], lines.heights[rows, at + 1], lines.offsets[rows, at], lines.offsets[rows, at + 1]
@@ -268,7 +275,7 @@ def _largest_step(lines: AdhesionLines) -> Brackets:
 
 
 def jumps_on(exact: ExactOrbits, bases: Array, lines: AdhesionLines) -> tuple[Brackets, NDArray[np.bool_]]:
-    """Bracket the largest step on every line, and whether it is a jump."""
+    """Bracket the largest step on every line, and say whether it is a jump: much of it stays as lines are halved."""
     brackets = _largest_step(lines)
     before = brackets.step
     steps = where = before > 0

@@ -18,7 +18,7 @@ from numpy.polynomial.chebyshev import chebval2d
 
 from phasemap._kernels.engagement.by_averaging import narrowest_amplitude_ratio
 from phasemap._shared.arrays import Array
-from phasemap.experiment.lever import lever_of
+from phasemap.experiment.lever_modes import lever_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits
@@ -58,7 +58,7 @@ def follow(exact: ExactOrbits, bases: Array, guess: Ends, off: float, amplitude:
     """Find the ends above bases (n, 2) from guesses that are `off` at most, relatively; None if that fails anywhere."""
     ends, off, nearest = guess, max(off, 10 * NEAREST), NEAREST
     for _ in range(MOST):
-        found = _around(exact, bases, ends, off * np.array(SHARES), amplitude)
+        found = _ends_beside(exact, bases, ends, off * np.array(SHARES), amplitude)
         if found is None:
             off *= 1.6
             if off < ENOUGH:
@@ -73,7 +73,7 @@ def follow(exact: ExactOrbits, bases: Array, guess: Ends, off: float, amplitude:
     return None
 
 
-def _around(exact: ExactOrbits, bases: Array, ends: Ends, shares: Array, amplitude: float) -> Ends | None:
+def _ends_beside(exact: ExactOrbits, bases: Array, ends: Ends, shares: Array, amplitude: float) -> Ends | None:
     """Ends from orbits at these shares beyond them, largest first.
 
     Next to the end, Newton's method needs an orbit from slightly farther away to start from.
@@ -94,7 +94,7 @@ def _around(exact: ExactOrbits, bases: Array, ends: Ends, shares: Array, amplitu
     return minimum(adhesion[:, used], values[:, used]) if np.isfinite(values[:, used]).all() else None
 
 
-def around(exact: ExactOrbits) -> tuple[float, ...]:
+def amplitudes_of_ends(exact: ExactOrbits) -> tuple[float, ...]:
     """Amplitudes [m] at which the end of the branch counts: one, or three around the narrowest."""
     worst = narrowest_amplitude_ratio(lever_of(exact.scope)) * exact.scope.driven_amplitude
     if exact.amplitude >= worst:
@@ -104,7 +104,7 @@ def around(exact: ExactOrbits) -> tuple[float, ...]:
 
 def start(exact: ExactOrbits, bases: Array, adhesion: Array) -> list[Ends] | None:
     """Find the ends above bases (n, 2) at these amplitudes, from adhesions slightly beyond them."""
-    amplitudes = around(exact)
+    amplitudes = amplitudes_of_ends(exact)
     middle = amplitudes[len(amplitudes) // 2]
     tried = adhesion[:, None] * (1 + np.array(FIRST))
     points = np.column_stack([np.repeat(bases, len(FIRST), axis=0), tried.reshape(-1)])
@@ -123,7 +123,7 @@ def start(exact: ExactOrbits, bases: Array, adhesion: Array) -> list[Ends] | Non
 
 def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float) -> list[Ends] | None:
     """`follow` at each of the amplitudes."""
-    every = [follow(exact, bases, guess, off, a) for guess, a in zip(guesses, around(exact), strict=True)]
+    every = [follow(exact, bases, guess, off, a) for guess, a in zip(guesses, amplitudes_of_ends(exact), strict=True)]
     found = [ends for ends in every if ends is not None]
     return found if len(found) == len(every) else None
 
@@ -175,8 +175,9 @@ def interpolated(known: list[Ends], sizes: tuple[int, int], nodes: Array, box: R
     off = sum(float(abs(np.take(coefs[..., 0], -1, axis=axis)).max()) for axis in (0, 1) if sizes[axis] > 1)
     t0, t1 = clipped(nodes[:, 0], *box[:2]), clipped(nodes[:, 1], *box[2:])
     found: Array = np.asarray(chebval2d(t0, t1, coefs), dtype=np.float64).T
-    return _apart(found, len(known)), off / float(known[0].adhesion.min())
+    return _ends_at_each_amplitude(found, len(known)), off / float(known[0].adhesion.min())
 
 
-def _apart(table: Array, count: int) -> list[Ends]:
+def _ends_at_each_amplitude(table: Array, count: int) -> list[Ends]:
+    """Ends of the branch at each amplitude, from a table with all side by side."""
     return [Ends.of(part) for part in np.split(table, count, axis=1)]

@@ -94,6 +94,7 @@ def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[An
 
 
 def _finite(name: str, values: Any, unit: str) -> np.ndarray:
+    """Values in SI units, or an error that quotes the first one that is not finite."""
     found = real_numbers(name, values, unit)
     bad = found[~np.isfinite(found)]
     if bad.size:

@@ -65,6 +65,7 @@ def _starts(problem: CurveProblem, count: int) -> Iterator[np.ndarray]:
 
 
 def _descend(problem: CurveProblem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
+    """Nearest minimum of the residuals from q, within what is searched."""
     found: np.ndarray = least_squares(
         problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
         ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,

@@ -249,9 +249,11 @@ class CurveProblem:
 
     @property
     def _shape(self) -> tuple[int, int]:
+        """Shape of the data: directions, values."""
         return len(self.data.directions), len(self.data.values)
 
     def _compare(self, choice: Choice, ruler: Ruler) -> np.ndarray:
+        """Residuals of what was chosen, over the ruler, with the gaps to branches that end."""
         parts = [
             difference(name, choice.read[name], wanted) / ruler.size[name]
             for name, wanted in self.data.measured.items()
@@ -259,6 +261,7 @@ class CurveProblem:
         return np.concatenate([part.ravel() for part in (*parts, choice.gap / ruler.gap)])
 
     def _branches(self, q: np.ndarray) -> CurveBranches:
+        """Branches of the curve at q, solved once for all parameters with the same motion."""
         key = self._motion_key(q)
         if key not in self._kept:
             self._prepare([q])

@@ -291,6 +291,7 @@ def _add_data(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) ->
 
 
 def _unlikely(solution: Estimate, degrees: int) -> str:
+    """Sentence on a chi2 that is too large, and what was made of it."""
     tried = solution.tried
     return (
         f"chi2 is {solution.chi2 / degrees:.3g} times the degrees of freedom after {tried} starting "

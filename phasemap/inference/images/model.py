@@ -24,7 +24,8 @@ from phasemap._shared.errors import InputError
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
-from phasemap.experiment.lever import lever_of, of_tip, virial_of
+from phasemap.experiment.lever import of_tip, virial_of
+from phasemap.experiment.lever_modes import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import contact_stiffness, film_of, properties, rows_of
 from phasemap.experiment.microscope import Microscope
@@ -68,7 +69,7 @@ class Model:
         """The model of image j alone."""
         return replace(self, levers=self.levers[j : j + 1], amplitudes=self.amplitudes[j : j + 1])
 
-    def around(self, material: Material) -> Model:
+    def with_reference(self, material: Material) -> Model:
         """The model with this material as its reference."""
         row, viscous = rows_of([material])
         _, adhesion, damping = properties(row, viscous, self.scope)
@@ -187,4 +188,4 @@ def make_model(scopes: Sequence[Microscope], setpoints: Sequence[float], prior: 
         np.ones(3), float(np.log(factor)), None, 0.0, scope, scope.interaction.token(),
         np.array([lever_of(one) for one in scopes]), np.array(amplitudes),
     )  # fmt: skip
-    return model.around(prior)
+    return model.with_reference(prior)

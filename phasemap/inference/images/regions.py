@@ -274,7 +274,7 @@ def _prepare(
 ) -> tuple[RegionProblems, Array, Array]:
     """The problem, and the materials and places of their orbits that it starts from; some are known."""
     grid = make_grid(model)
-    grids = [grid_of_one(model.around(materials[r])) if r in materials else grid for r in range(len(stack))]
+    grids = [grid_of_one(model.with_reference(materials[r])) if r in materials else grid for r in range(len(stack))]
     sides = model.sides_of(stack) if plan.phase is None or not model.averages else None
     q, both, places = make_starts(model, stack, grids, sorted(materials), plan, sides)
     fixed = {}
@@ -298,7 +298,7 @@ def of_regions(
     codes[unknown] = OPEN if poor else codes_of(fitted.covariance, fitted.information).reshape(-1, 3)
     materials = problem.model.materials(logs)
     for region, one in fixed.items():
-        materials[region] = problem.model.around(one).reference
+        materials[region] = problem.model.with_reference(one).reference
     flags = (np.isin(codes, (COMBINED, OPEN)) << np.arange(3)).sum(axis=1)
     flags |= POOR * poor | AVERAGED * (not fitted.best.exact[0]) | AMBIGUOUS * bool(fitted.others)
     misfit = np.array(chi2 / degrees if degrees > 0.5 else np.nan)

@@ -97,24 +97,24 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
         """Go from known orbits of some materials in an image to those of others that are not known, in another."""
         (first, i), (last, j) = known, to
         some = np.isnan(values[last, j, 0]) & np.isfinite(places[first, i, 0])
-        take(first[some], last[some], places[first[some], i][:, None], j)
+        fill_orbits(first[some], last[some], places[first[some], i][:, None], j)
 
-    def take(first: NDArray[np.intp], last: NDArray[np.intp], there: Array, j: int, search: bool = False) -> None:
-        """Take in orbits of the last materials in an image, coming from places of the first."""
+    def fill_orbits(first: NDArray[np.intp], last: NDArray[np.intp], near: Array, j: int, search: bool = False) -> None:
+        """Fill in orbits of the last materials in image j, by steps from orbits of the first at the places `near`."""
         image, sides, way = model.image(j), np.ones((len(first), 1), np.int8), q[last] - q[first]
         steps = max(1, int(np.ceil(np.abs(way).max(initial=0.0) / STRIDE)))
         for step in range(1, steps + 1):
-            found = image.orbits(q[first] + step / steps * way, sides, there, search)
-            there[~found.good] = np.nan
+            found = image.orbits(q[first] + step / steps * way, sides, near, search)
+            near[~found.good] = np.nan
         here = last[found.good], j
         values[here], slopes[here] = found.values[found.good, 0], found.slopes[found.good, 0]
-        places[last, j] = there[:, 0]
+        places[last, j] = near[:, 0]
 
     order, every = np.argsort(model.amplitudes, kind="stable"), number.reshape(-1)
     for i, j in pairwise([order[0], *order]):
         carry_orbits((every, i), (every, j))
         if np.isnan(values[:, j, 0]).all():  # the first, and one whose drive is too different
-            take(every, every, model.nowhere(len(q), 1), j, search=True)
+            fill_orbits(every, every, model.nowhere(len(q), 1), j, search=True)
     for j, (axis, size) in product(order, enumerate(GRID)):
         for k in [*range(1, size), *range(-2, -size - 1, -1)]:
             before = k - 1 if k > 0 else k + 1

@@ -130,6 +130,7 @@ def each_of(labels: Any, count: int) -> list[Any]:
 
 
 def _given(each: Sequence[Any], images: Sequence[xr.Dataset]) -> list[Labels]:
+    """Labels as given, numbered from 0 alike in all files, LEFT_OUT elsewhere."""
     shapes = [one["phase"].shape for one in images]
     found = [labels_of(one, shape).astype(np.int64) for one, shape in zip(each, shapes, strict=True)]
     every = np.unique(np.concatenate([np.unique(one[one >= 0]) for one in found]))
@@ -241,5 +242,6 @@ def _aligned(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, fl
 
 
 def _median(values: Array) -> float:
+    """Median of the finite values; NaN without any."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan

@@ -257,6 +257,7 @@ class SeriesProblem:
 
     @property
     def _signs(self) -> tuple[int, ...]:
+        """Signs of the recorded phase that are possible: the one that is known, or both."""
         return (1, -1) if self.settings.sign is None else (self.settings.sign,)
 
     @property

@@ -136,6 +136,7 @@ def _ratios(one: dict[str, Any]) -> list[float]:
 
 
 def _forget(one: dict[str, Any]) -> None:
+    """Drop free amplitudes and setpoint from what a file says."""
     for name in (*FREE_AMPLITUDES, "setpoint"):
         one.pop(name, None)
 

@@ -52,8 +52,8 @@ def agreement(ds: xr.Dataset) -> tuple[list[bool], list[bool], list[bool]]:
         pairs = [(a, b) for a in range(len(measured)) for b in range(a) if np.isfinite(measured[a] - measured[b])]
         sure = [(a, b) for a, b in pairs if abs(measured[a] - measured[b]) > CLEAR * max(error[a], error[b])]
         clear.append(bool(sure))
-        own = [(a, b) for a, b in sure if b == 0]
-        signs.append(all(measured[a] * fitted[a] > 0 for a, _ in own))
+        to_first = [a for a, b in sure if b == 0]
+        signs.append(all(measured[a] * fitted[a] > 0 for a in to_first))
         order.append(all((measured[a] - measured[b]) * (fitted[a] - fitted[b]) > 0 for a, b in sure))
     return clear, signs, order
 
@@ -108,6 +108,7 @@ def _contrasts(problem: SeriesProblem) -> int:
 
 
 def _of_order(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
+    """Sentences on the sign of the contrast, and the order of regions, in how many files they are reproduced."""
     clear, signs, order = agreement(ds)
     count = sum(clear)
     right = [sum(one and two for one, two in zip(clear, each, strict=True)) for each in (signs, order)]
@@ -127,6 +128,7 @@ def _of_order(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
 
 
 def _of_nothing(ds: xr.Dataset) -> str:
+    """Sentence on files without a clear contrast."""
     measured = np.abs(ds["measured_contrast"].values[1:])
     if not np.isfinite(measured).any():
         return "No file has two regions: there is nothing to explain."
@@ -138,6 +140,7 @@ def _of_nothing(ds: xr.Dataset) -> str:
 
 
 def _of_magnitude(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> str:
+    """Sentence on chi2: whether contrasts are reproduced within errors, and whether that proves anything."""
     data, unknown = _contrasts(problem), len(problem.names) - 1  # the discrepancy explains nothing
     what = "contrasts" if problem.settings.zero == FREE else "phases"
     if poor:
@@ -177,6 +180,7 @@ def _of_tunes(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
 
 
 def _of_sign(ds: xr.Dataset, problem: SeriesProblem) -> str:
+    """Sentence on the sign of the recorded phase, where it was free."""
     if problem.settings.sign is not None:
         return ""
     chance = float(ds["sign_chance"])
@@ -190,6 +194,7 @@ def _of_sign(ds: xr.Dataset, problem: SeriesProblem) -> str:
 
 
 def _of_amplitude(ds: xr.Dataset, problem: SeriesProblem) -> str:
+    """Sentence on the free amplitude, where it was free."""
     if problem.settings.amplitude == HELD:
         return ""
     low, middle, high = (1e9 * float(ds[f"free_amplitude{word}"][0]) for word in ("_low", "", "_high"))
@@ -199,6 +204,7 @@ def _of_amplitude(ds: xr.Dataset, problem: SeriesProblem) -> str:
 
 
 def _advice(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> list[str]:
+    """Sentences on what would determine more, the most urgent first."""
     said, settings, free = [], problem.settings, problem.settings.zero == FREE
     if settings.sign is None:
         said.append("Say which way the instrument counts phase (sign).")
@@ -214,6 +220,7 @@ def _advice(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> list[str]:
 
 
 def _branch(chance: float) -> str:
+    """Branch in a word, by the chance of the repulsive one."""
     if chance > SURE:
         return "repulsive"
     return "attractive" if chance < 1 - SURE else EITHER
@@ -247,5 +254,6 @@ def _crossings(levels: Array, contrast: Array) -> list[float]:
 
 
 def _files_of(ds: xr.Dataset, curve: int) -> str:
+    """Files that were taken at the free amplitude of a curve, in words."""
     files = ds["file"].values[ds["curve_of"].values == curve]
     return str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1]}"

@@ -102,6 +102,7 @@ def _add_interval(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Arra
 
 
 def _add_contrasts(ds: xr.Dataset, problem: SeriesProblem, seen: Medians, fit: Explained) -> None:
+    """Add phases and contrasts of regions to a Dataset: measured, and fitted with their 95 % interval."""
     dims = ("region", "file")
     measured = within_half_a_turn(seen.values - seen.values[0])
     error = np.hypot(problem.errors, problem.errors[0])
@@ -315,7 +316,7 @@ def _problem(
     sought = np.setdiff1d(np.arange(len(seen.values)), list(given))
     parts = [Part(sought, model, make_table(model, REACH * widths, limits, levels), False)]
     for region, one in sorted(given.items()):
-        own = model.around(one)
+        own = model.with_reference(one)
         parts.append(Part(np.array([region]), own, make_table(own, None, limits, levels), True))
         logs[region] = np.log(np.maximum(own.reference, 1e-9 * model.reference) / model.reference)
     there = np.isfinite(seen.values)

@@ -28,16 +28,10 @@ from phasemap._kernels.continuation.step import copy_orbit
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
+from phasemap._kernels.orbits.collocation.held_setpoint import HOLD_AMPLITUDE, HOLD_OFFSET
 from phasemap._kernels.orbits.collocation.near import tolerance_of
-from phasemap._kernels.orbits.collocation.path import Path, standing_at
-from phasemap._kernels.orbits.collocation.system import (
-    EQUATIONS_OTHER,
-    HOLD_AMPLITUDE,
-    HOLD_OFFSET,
-    head_of,
-    new_orbit,
-    new_orbit_like,
-)
+from phasemap._kernels.orbits.collocation.path import Path, oscillator_at
+from phasemap._kernels.orbits.collocation.system import EQUATIONS_OTHER, Orbit, head_of, new_orbit, new_orbit_like
 from phasemap._kernels.orbits.time.many_periods import land_free, state_in_row
 from phasemap._kernels.orbits.time.tip import Z0
 from phasemap._kernels.quadrature import TABLES
@@ -82,20 +76,20 @@ class Curves:
         self.level = level
         self.column = col.PARAMETER if index == ENTRY_M else col.TIP_OFFSET  # of the control, in a full row
         self.pieces: list[Piece] = []
-        self._standing: dict[float, Oscillator] = {}  # a start is asked for several times
+        self._oscillators: dict[float, Oscillator] = {}  # a start is asked for several times
 
-    def standing(self, m: float) -> Oscillator:
+    def oscillator_at(self, m: float) -> Oscillator:
         """The lever over the material at m."""
-        if m not in self._standing:
-            self._standing[m] = standing_at(self.path, float(m))
-        return self._standing[m]
+        if m not in self._oscillators:
+            self._oscillators[m] = oscillator_at(self.path, float(m))
+        return self._oscillators[m]
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """Rows as the detector sees them, shape (..., FULL)."""
-        if sees_tip(self.standing(0.0).lever) or not rows.size:
+        if sees_tip(self.oscillator_at(0.0).lever) or not rows.size:
             return rows
         at = np.nan_to_num(rows[..., col.PARAMETER]).reshape(-1)
-        levers = np.array([self.standing(m).lever for m in at]).reshape(*rows.shape[:-1], -1)
+        levers = np.array([self.oscillator_at(m).lever for m in at]).reshape(*rows.shape[:-1], -1)
         return seen(rows, levers)
 
     @property
@@ -122,11 +116,13 @@ class Curves:
 
     def from_far(self, farthest: float) -> None:
         """Follow the curve of a fixed path from where the surface hardly acts, at least from `farthest` [m]."""
-        free = free_amplitude(self.standing(0.0).lever)
+        free = free_amplitude(self.oscillator_at(0.0).lever)
         orbit = new_orbit(self.path.lever, TABLES)
         status = solve_far_from_surface(self.path, orbit, 0.9999 * free)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
-            orbit, found = self._go(np.array([[farthest, 0.0, free, 0.0, 0.0, 0.0]]), np.zeros(1), False)
+            orbit, found = self._exact_from_harmonic(
+                np.array([[farthest, 0.0, free, 0.0, 0.0, 0.0]]), np.zeros(1), False
+            )
             status = col.GOOD if len(found) else col.NOT_CONVERGED
         if status == col.GOOD:
             self.box = (self.box[0], float(head_of(orbit).tip_offset), self.box[2])  # farther out nothing happens
@@ -135,7 +131,9 @@ class Curves:
     def from_row(self, row: np.ndarray, m: float) -> None:
         """Follow the curve both ways from the orbit of a result row at m, if it is found, and new."""
         at = np.array([m])
-        orbit, found = self._go(self._harmonic_orbits(row[None], at, row[None, col.TIP_OFFSET]), at, False)
+        orbit, found = self._exact_from_harmonic(
+            self._harmonic_orbits(row[None], at, row[None, col.TIP_OFFSET]), at, False
+        )
         if len(found):
             self.from_orbit(orbit, m)
 
@@ -144,13 +142,13 @@ class Curves:
         head, row = head_of(orbit), np.zeros(col.COLUMNS)
         head.parameter, head.equations = m, EQUATIONS_OTHER
         row[col.TIP_OFFSET], row[col.AMPLITUDE] = head.tip_offset, head.amplitude
-        row[col.PHASE] = phase_of(self.standing(m).lever, head.amplitude, head.push, head.drag)
+        row[col.PHASE] = phase_of(self.oscillator_at(m).lever, head.amplitude, head.push, head.drag)
         if not self.knows(row, m):
             self._follow(orbit, (1.0, -1.0))
 
     def beside(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
         """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
-        found = self._go(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
+        found = self._exact_from_harmonic(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
         if len(found) < len(rows) or not (found[:, col.FLOQUET] < 1).all():
             return None
         exact, known = rows.copy(), [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]
@@ -159,7 +157,7 @@ class Curves:
 
     def _harmonic_orbits(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray:
         """Harmonic orbits of result rows at these tip offsets [m], with entries as `HarmonicOrbit` has its fields."""
-        amplitude, stiffness = rows[:, col.AMPLITUDE], self.standing(float(m[0])).lever[col.STIFFNESS]
+        amplitude, stiffness = rows[:, col.AMPLITUDE], self.oscillator_at(float(m[0])).lever[col.STIFFNESS]
         drag = -rows[:, col.DISSIPATION] / (np.pi * stiffness * amplitude)
         push = rows[:, col.STIFFENING] * amplitude
         return np.stack([tip_offsets, rows[:, col.MEAN], amplitude, push, drag, np.zeros(len(rows))], axis=1)
@@ -169,11 +167,11 @@ class Curves:
 
         `lift`: by which these orbits are first lifted [m].
         """
-        for tip_offset, mean, _, push, drag, _ in averaged_orbits(self.standing(0.0), amplitude):
+        for tip_offset, mean, _, push, drag, _ in averaged_orbits(self.oscillator_at(0.0), amplitude):
             if not self.box[0] <= tip_offset <= self.box[1] or self._near(tip_offset, amplitude, push / amplitude):
                 continue
             lifted = np.array([[tip_offset + lift, mean, amplitude, push, drag, 0.0]])
-            orbit, found = self._go(lifted, np.zeros(1), True)
+            orbit, found = self._exact_from_harmonic(lifted, np.zeros(1), True)
             if len(found) and not self._near(*(found[0, c] for c in (col.TIP_OFFSET, col.AMPLITUDE, col.STIFFENING))):
                 self._follow(orbit, (1.0, -1.0))
 
@@ -208,7 +206,7 @@ class Curves:
         None if it comes to rest on none.
         """
         swept = self.column == col.PARAMETER
-        oscillator = self.standing(x if swept else 0.0)
+        oscillator = self.oscillator_at(x if swept else 0.0)
         lever = oscillator.lever
         check_stopped()
         row, state = np.zeros(col.COLUMNS), state_in_row(lever, start)
@@ -244,17 +242,23 @@ class Curves:
             piece.rows[marked, col.KIND] = np.where(new < 0, col.ON_THE_WAY, col.WANTED)
         self.wanted = wanted
 
-    def _go(self, harmonics: np.ndarray, m: np.ndarray, of_amplitude: bool):  # type: ignore[no-untyped-def]
-        """The last orbit next to harmonic ones, and what `collocation_orbits_at` found of those that there are."""
+    def _exact_from_harmonic(
+        self, harmonics: np.ndarray, m: np.ndarray, of_amplitude: bool
+    ) -> tuple[Orbit, np.ndarray]:
+        """Exact orbits next to harmonic ones, at their amplitudes or tip offsets, until one is not found.
+
+        Returns the last of them, and a row of each.
+        """
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
         orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(harmonics), col.COLUMNS), np.nan)
         count = collocation_orbits_at(self.path, harmonics, m, hold, orbit, found)
         return orbit, found[:count]
 
-    def _follow(self, orbit, senses: tuple[float, ...]) -> None:  # type: ignore[no-untyped-def]
+    def _follow(self, orbit: Orbit, senses: tuple[float, ...]) -> None:
+        """Follow the piece through an orbit in each sense (1 or -1), and add it unless it is known."""
         start = new_orbit_like(orbit)
         copy_orbit(orbit, start)
-        tolerance = CURVE_TOLERANCE * float(tolerance_of(self.standing(float(head_of(orbit).parameter))))
+        tolerance = CURVE_TOLERANCE * float(tolerance_of(self.oscillator_at(float(head_of(orbit).parameter))))
         asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
         room = MOST_KEPT if len(self.wanted) == 1 else 0
         shapes = orbit.elements.shape, orbit.head.shape[1:], orbit.modes.shape

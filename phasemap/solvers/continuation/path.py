@@ -34,6 +34,9 @@ ORDERS = (5, 9, 17, 33, 65)  # of the series tried, one after the other: a drive
 PRECISION = 3e-13  # of the last coefficients, over the largest value
 MOST_SAMPLES = 65536  # of a time trace
 WIDE = 8.0  # a sweep over a larger ratio is followed on a logarithmic scale
+NEGLIGIBLE = 1e-17  # of the largest value: coefficients below are left out
+SMALL_CHANGE = 0.05  # of m in [-1, 1]: the natural length of a sweep
+SMALL_DETUNING = 0.3  # the same of the drive's frequency, in half linewidths f0/(2Q)
 
 
 @dataclass(frozen=True)
@@ -134,17 +137,17 @@ def path_over(
             break
     else:
         raise InputError(name, (scale.low, scale.high), "a narrower range: split the sweep in two")
-    kept = np.abs(table) > 1e-17 * size[:, None]
+    kept = np.abs(table) > NEGLIGIBLE * size[:, None]
     last = int(np.flatnonzero(kept.any(axis=0)).max()) + 1
-    lever_scale = question.scope.cantilever.damping_ratio
-    width = 0.05
-    if name == "frequency":
-        width = 0.6 * lever_scale / (scale.high - scale.low) * question.scope.cantilever.resonance_frequency
+    lever, width = question.scope.cantilever, SMALL_CHANGE
+    if name == "frequency":  # which m moves by half the range
+        width = 2 * SMALL_DETUNING * lever.damping_ratio / (scale.high - scale.low) * lever.resonance_frequency
     kind = HELD_AMPLITUDE if of_amplitude else HELD_OFFSET
     series = np.ascontiguousarray(table[:, : max(last, 2)])
-    return swept_path(work.law, series, kind, min(width, 0.05))
+    return swept_path(work.law, series, kind, min(width, SMALL_CHANGE))
 
 
 def _column(question: Question, held: Callable[[Microscope], float]) -> np.ndarray:
+    """Column of a sweep's table: parameters of the law, the lever, and the value held."""
     work = question.work()
     return np.concatenate([work.rows[0], work.lever, [held(question.scope)]])

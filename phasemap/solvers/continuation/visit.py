@@ -44,9 +44,10 @@ def move_in_time(
 
 
 def far_state(oscillator: Oscillator, farthest: float = 0.0, remembers: Law | None = None) -> np.ndarray:
-    """Motion far above a surface, at a tip offset of `farthest` [m] at least.
+    """State in time of a tip that swings freely far above the surface, at a tip offset of `farthest` [m] at least.
 
-    `remembers`: the law of those that follow with the longest memory, for which there is room.
+    A state has room for what the surface remembers. Where a sweep goes on to surfaces that remember more than this one,
+    `remembers` is the law of the longest memory, for which room is made.
     """
     law, lever, free = remembers or oscillator.law, oscillator.lever, free_amplitude(oscillator.lever)
     law = law._replace(arms=col.MOST_ARMS) if law.arms > 1 else law  # others may follow
@@ -63,7 +64,7 @@ class OffOrbit:
     def go(self, curves: Curves, column: int, x: float) -> tuple[int, np.ndarray]:
         """Move to a value of the control, whose column is TIP_OFFSET, AMPLITUDE, or PARAMETER: as `move_in_time`."""
         swept = column == col.PARAMETER
-        oscillator, target, by_amplitude = curves.standing(x if swept else 0.0), x, column == col.AMPLITUDE
+        oscillator, target, by_amplitude = curves.oscillator_at(x if swept else 0.0), x, column == col.AMPLITUDE
         if swept:
             target, by_amplitude = held_value(curves.path, x), curves.path.kind == HELD_AMPLITUDE
         if self._state is None and self._edge is not None:
@@ -153,6 +154,7 @@ def segments(curves: Curves, held: bool = False) -> list[Segment]:
 
 
 def _segment(piece: Piece, part: slice, column: int, held: bool) -> Segment | None:
+    """The stable orbits of a part of a piece, the control rising; None if one of them is not stable."""
     rows, traces = piece.rows[part], piece.traces[part]
     x = rows[:, column]
     inside = rows[(rows[:, col.KIND] != col.FOLD)]
@@ -262,7 +264,7 @@ def _only_one(curves: Curves, there: list[Segment], x: float) -> Segment | None:
 
     None where there are several or none, or a contact with hysteresis, which may tap irregularly beside it.
     """
-    hysteretic = bool(curves.standing(x if curves.column == col.PARAMETER else 0.0).p[col.RELEASE] != 0)
+    hysteretic = bool(curves.oscillator_at(x if curves.column == col.PARAMETER else 0.0).p[col.RELEASE] != 0)
     return there[0] if len(there) == 1 and not hysteretic else None
 
 
@@ -307,7 +309,7 @@ class SlowFeedback:
         """Place of the tip before it is lowered."""
         highest = max(self.parts, key=lambda part: part.x[-1], default=None)
         if highest is None:
-            return TipPlace(OffOrbit(state=far_state(self.curves.standing(0.0))), np.inf)
+            return TipPlace(OffOrbit(state=far_state(self.curves.oscillator_at(0.0))), np.inf)
         return TipPlace(highest, float(highest.x[-1]))
 
     def nearest(self, row: np.ndarray) -> TipPlace:

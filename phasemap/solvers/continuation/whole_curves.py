@@ -50,16 +50,16 @@ def swept_curves(path: Path, wanted: np.ndarray, samples: int = 0) -> Curves:
     """The curve of a swept parameter, with rows at these m."""
     curves = Curves(path, ENTRY_M, np.sort(np.concatenate([wanted, STARTS])), (-BEYOND, BEYOND, 0.0), samples)
     for m in STARTS:
-        _begin(curves, m)
+        _follow_all_orbits_at(curves, m)
     if path.kind == HELD_OFFSET:
         curves.mend()
     curves.choose(wanted)
     return curves
 
 
-def _begin(curves: Curves, m: float) -> None:
+def _follow_all_orbits_at(curves: Curves, m: float) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
-    oscillator, of_amplitude = curves.standing(m), curves.path.kind == HELD_AMPLITUDE
+    oscillator, of_amplitude = curves.oscillator_at(m), curves.path.kind == HELD_AMPLITUDE
     value, path = held_value(curves.path, m), fixed_path(oscillator)
     there = curves_to_amplitude(path, value) if of_amplitude else curves_to_offset(path, value, False)
     for orbit in (orbit for piece in there.pieces for orbit in piece.orbits):

@@ -162,12 +162,14 @@ def _near_jump(axes: Axes, single: Array, jumps: Sequence[PhaseJump]) -> Array:
 
 
 def _where(axes: Axes, place: tuple[int, int, int]) -> str:
+    """Setpoint, free amplitude and, if it varies, frequency of a place, in words."""
     frequency, free_amplitude, setpoint = (values[i] for values, i in zip(axes, place, strict=True))
     said = f"setpoint {setpoint:.3g}, free amplitude {say(free_amplitude, 'm', 3)}"
     return said + (f", drive {say(frequency, 'Hz', 6)}" if len(axes[0]) > 1 else "")
 
 
 def _regimes(names: Sequence[str], regime: Array) -> str:
+    """Regimes of both materials, in words."""
     words = [REGIMES[int(code)] for code in regime]
     if words[0] == words[1]:
         return f"both {words[0]}"

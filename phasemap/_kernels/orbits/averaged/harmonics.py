@@ -33,7 +33,8 @@ from phasemap._kernels.law import (
     has_longrange,
     longrange_force,
 )
-from phasemap._kernels.lever import distance_to_pole, reach_of, static_compliance
+from phasemap._kernels.lever import distance_to_pole, reach_of
+from phasemap._kernels.lever_modes import static_compliance
 from phasemap._kernels.orbits.averaged.known import (
     Known,
     attraction_integrals,

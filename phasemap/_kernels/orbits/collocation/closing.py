@@ -6,8 +6,10 @@ import numpy as np
 
 from phasemap._kernels.columns import DRIVE, DYNAMIC_LOSS, DYNAMIC_STIFFNESS, ROW
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.lever import drive_needed, mode_of, modes_of
+from phasemap._kernels.lever import drive_needed
+from phasemap._kernels.lever_modes import mode_of, modes_of
 from phasemap._kernels.numerics import copy_rows, solve_equations
+from phasemap._kernels.orbits.collocation.held_setpoint import Equation
 from phasemap._kernels.orbits.collocation.linearised import add_times
 from phasemap._kernels.orbits.collocation.mode_motion import add_response, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
@@ -21,7 +23,6 @@ from phasemap._kernels.orbits.collocation.system import (
     RS,
     RZ,
     STATE,
-    Equation,
     Head,
     Orbit,
     close_ring,
@@ -104,22 +105,22 @@ def apply_step(lever: np.ndarray, orbit: Orbit, share: float) -> float:
     gain, shift = x[RA] - head.amplitude, x[RZ] - head.tip_offset
     largest, states, f, old = 0.0, np.empty(2 * count), np.empty(NODES), np.empty(NODES)
     for e in range(head.count):
-        one = element_of(orbit, e)
+        element = element_of(orbit, e)
         for r in range(2 * count):
             states[r] = chain[e, r, last]
             for q in range(last):
                 states[r] += chain[e, r, q] * x[q]
         by = forces[e, last]
         for j in range(NODES):
-            f[j] = x[RP] * one.cos[j] + x[RS] * one.sin[j] - by[j]
+            f[j] = x[RP] * element.cos[j] + x[RS] * element.sin[j] - by[j]
         for q in range(STATE + 2 * count):
             by, much = forces[e, q], x[q] if q < STATE else states[q - STATE]
             add_times(-much, by, f)
         for j in range(NODES):
-            old[j] = one.w[j]
+            old[j] = element.w[j]
         move_modes(lever, orbit, e, states, f, x[RM], share)
         for j in range(NODES):
-            largest = max(largest, abs((one.w[j] - old[j]) / share + gain * one.cos[j] - shift))
+            largest = max(largest, abs((element.w[j] - old[j]) / share + gain * element.cos[j] - shift))
     close_ring(orbit)
     head.equations = EQUATIONS_OTHER
     head.push += share * (x[RP] - head.push)
@@ -135,15 +136,15 @@ def move_modes(
     lever: np.ndarray, orbit: Orbit, e: int, states: np.ndarray, f: np.ndarray, m: float, share: float
 ) -> None:
     """Move each mode in an element, by `share`, towards its motion under a force f from these states at its start."""
-    one = element_of(orbit, e)
-    one.edge_w, one.edge_u = 0.0, 0.0
+    element = element_of(orbit, e)
+    element.edge_w, element.edge_u = 0.0, 0.0
     for j in range(NODES):
-        one.w[j], one.u[j] = 0.0, 0.0
+        element.w[j], element.u[j] = 0.0, 0.0
     for i in range(modes_of(lever)):
         w0, u0 = states[2 * i], states[2 * i + 1]
-        mode, own = mode_of(lever, i), motion_of_mode(orbit, e, i)
+        mode, motion = mode_of(lever, i), motion_of_mode(orbit, e, i)
         a, nu, inverse = mode.decay, mode.turn, 1.0 / mode.turn
-        w, u, grow, cosine, sine = own.w, own.u, own.growth, own.cos, own.sin
+        w, u, grow, cosine, sine = motion.w, motion.u, motion.growth, motion.cos, motion.sin
         for j in range(PLACES):
             w[j] *= 1.0 - share
             u[j] *= 1.0 - share
@@ -155,11 +156,11 @@ def move_modes(
             u[j] += share * (uw * w0 + uu * u0)
         if m != 0.0:
             for j in range(NODES):
-                w[j] += share * m * own.w_by_m[j]
-                u[j] += share * m * own.u_by_m[j]
+                w[j] += share * m * motion.w_by_m[j]
+                u[j] += share * m * motion.u_by_m[j]
         add_response(lever, orbit, e, i, share, f, w, u)
         for j in range(NODES):
-            one.w[j] += w[j]
-            one.u[j] += u[j]
-        one.edge_w += w[NODES]
-        one.edge_u += u[NODES]
+            element.w[j] += w[j]
+            element.u[j] += u[j]
+        element.edge_w += w[NODES]
+        element.edge_u += u[NODES]

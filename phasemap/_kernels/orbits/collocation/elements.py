@@ -9,9 +9,10 @@ import numpy as np
 from phasemap._kernels.columns import DAMPING, OMEGA, RELEASE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping, has_longrange
-from phasemap._kernels.lever import fastest_turn, modes_of, reach_of
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever_modes import fastest_turn, modes_of
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.collocation.contacts import (
+from phasemap._kernels.orbits.collocation.contacts_and_necks import (
     PERMANENT,
     TWO_PI,
     find_contacts,
@@ -60,14 +61,14 @@ def append_element(orbit: Orbit, n: int, side: int, origin: float, scale: float)
     e = head_of(orbit).count
     if e + 1 >= len(orbit.elements):
         return False
-    one, table = element_of(orbit, e), orbit.tables[n]
-    one.table, one.side, one.origin, one.scale = n, side, origin, scale
+    element, table = element_of(orbit, e), orbit.tables[n]
+    element.table, element.side, element.origin, element.scale = n, side, origin, scale
     for j in range(NODES):
         theta = origin + scale * table[T_S, j]
-        one.theta[j] = theta
-        one.cos[j] = math.cos(theta)
-        one.sin[j] = math.sin(theta)
-    one.edge = origin + scale * table[T_NUMBERS, T_FIRST]
+        element.theta[j] = theta
+        element.cos[j] = math.cos(theta)
+        element.sin[j] = math.sin(theta)
+    element.edge = origin + scale * table[T_NUMBERS, T_FIRST]
     element_of(orbit, e + 1).edge = origin + scale * table[T_NUMBERS, T_LAST]
     head_of(orbit).count = e + 1
     return True
@@ -229,9 +230,9 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
     several = mode_count(orbit) > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
     begin, at = element_of(source, 0).edge, 0
     for e in range(count):
-        one, own = element_of(orbit, e), motion_of_mode(orbit, e, 0)
+        element, motion = element_of(orbit, e), motion_of_mode(orbit, e, 0)
         for k in range(PLACES):
-            theta = one.edge if k == NODES else one.theta[k]
+            theta = element.edge if k == NODES else element.theta[k]
             theta -= math.floor((theta - begin) / TWO_PI) * TWO_PI
             if theta < element_of(source, at).edge:
                 at = 0
@@ -239,15 +240,15 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
                 at += 1
             w, u = motion_in_element(source, at, theta)
             if k == NODES:
-                one.edge_w, one.edge_u = w, u
+                element.edge_w, element.edge_u = w, u
             else:
-                one.w[k], one.u[k] = w, u
+                element.w[k], element.u[k] = w, u
             if several:
                 for i in range(mode_count(orbit)):
                     to = motion_of_mode(orbit, e, i)
                     to.w[k], to.u[k] = interpolate_mode(source, at, theta, i)
             else:
-                own.w[k], own.u[k] = w, u
+                motion.w[k], motion.u[k] = w, u
     close_ring(orbit)
 
 

@@ -21,8 +21,9 @@ from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import drive_needed, phase_of, phase_rate
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.collocation.closing import curve_derivative, solve_step
-from phasemap._kernels.orbits.collocation.contacts import find_contacts
+from phasemap._kernels.orbits.collocation.contacts_and_necks import find_contacts
 from phasemap._kernels.orbits.collocation.elements import append_element, lay_elements
+from phasemap._kernels.orbits.collocation.held_setpoint import hold_amplitude, hold_parameter
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.system import (
     RA,
@@ -34,8 +35,6 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     element_of,
     head_of,
-    hold_amplitude,
-    hold_parameter,
     mode_count,
     new_orbit_of_size,
     no_drift,
@@ -114,8 +113,8 @@ def _have_same_elements(orbit: Orbit, places: Orbit) -> bool:
     if head_of(places).count != count:
         return False
     for e in range(count):
-        one, place = element_of(orbit, e), element_of(places, e)
-        if one.table != place.table or not abs(one.edge - place.edge) < BESIDE_CONTACTS:
+        element, place = element_of(orbit, e), element_of(places, e)
+        if element.table != place.table or not abs(element.edge - place.edge) < BESIDE_CONTACTS:
             return False
     return True
 
@@ -129,21 +128,21 @@ def _cut_elements_in_two(orbit: Orbit, places: Orbit) -> Orbit:
     head_of(halves).count = 0
     w, u = np.empty(NODES + 2), np.empty(NODES + 2)
     for e in range(count):
-        one, following, place = element_of(orbit, e), element_of(orbit, e + 1), element_of(places, e)
-        w[0], u[0] = one.edge_w, one.edge_u
-        copy(one.w, w[1:])
-        copy(one.u, u[1:])
+        element, following, place = element_of(orbit, e), element_of(orbit, e + 1), element_of(places, e)
+        w[0], u[0] = element.edge_w, element.edge_u
+        copy(element.w, w[1:])
+        copy(element.u, u[1:])
         w[-1], u[-1] = following.edge_w, following.edge_u
         for part in range(2):
             n = HALVES + 2 * place.table + part
             append_element(halves, n, place.side, place.origin, place.scale)
             half = element_of(halves, 2 * e + part)
-            half.edge_u = one.edge_u  # asked for where a side begins
+            half.edge_u = element.edge_u  # asked for where a side begins
             for j in range(NODES):
                 at_w, at_u = 0.0, 0.0
                 for k in range(NODES + 2):
                     at_w += INTO_HALVES[part * NODES + j, k] * w[k]
                     at_u += INTO_HALVES[part * NODES + j, k] * u[k]
-                moved = place.origin - one.origin + (place.scale - one.scale) * orbit.tables[n, T_S, j]
+                moved = place.origin - element.origin + (place.scale - element.scale) * orbit.tables[n, T_S, j]
                 half.w[j], half.u[j] = at_w + at_u * moved, at_u
     return halves

@@ -18,7 +18,7 @@ import numpy as np
 from phasemap._kernels.columns import DRIVE, MOST_MODES, OMEGA, RELEASE, ROW, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, has_longrange, parameters
-from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.lever_modes import mode_of, modes_of
 from phasemap._kernels.numerics import eliminate_columns
 from phasemap._kernels.orbits.collocation.mode_motion import add_response, fill_turns, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
@@ -54,26 +54,26 @@ def _fill_drift_of_motion(oscillator: Oscillator, orbit: Orbit, e: int, drift: n
     by_m[i] (shape (modes, NODES)) becomes the force on mode i.
     """
     law, p, lever = oscillator
-    head, one, f = head_of(orbit), element_of(orbit, e), np.empty(NODES)
+    head, element, f = head_of(orbit), element_of(orbit, e), np.empty(NODES)
     omega, scale = lever[OMEGA], 1.0 / (2.0 * DRIFT_STEP)
     up, down = drift[0, ROW:], drift[1, ROW:]
     for j in range(NODES):
-        c, s = one.cos[j], one.sin[j]
-        d, turn = head.amplitude * c + one.w[j] - head.tip_offset, one.u[j] - head.amplitude * s
-        g = surface_force(law, p, 1.0 / lever[STIFFNESS], one.side, d, omega * turn)[0]
+        c, s = element.cos[j], element.sin[j]
+        d, turn = head.amplitude * c + element.w[j] - head.tip_offset, element.u[j] - head.amplitude * s
+        g = surface_force(law, p, 1.0 / lever[STIFFNESS], element.side, d, omega * turn)[0]
         f[j] = head.push * c + head.drag * s - g
     of_bend = scale * (up[OMEGA] ** 2 - down[OMEGA] ** 2)
     for i in range(modes_of(lever)):
         mode, more, less = mode_of(lever, i), mode_of(up, i), mode_of(down, i)
         of_u = 2.0 * scale * (more.rate * up[OMEGA] - less.rate * down[OMEGA])
         of_w, of_force = scale * (more.square - less.square), scale * (more.share - less.share)
-        own = motion_of_mode(orbit, e, i)
+        motion = motion_of_mode(orbit, e, i)
         for k in range(NODES):
-            w, u = own.w[k], own.u[k]
+            w, u = motion.w[k], motion.u[k]
             bend = (mode.share * f[k] - 2.0 * mode.rate * omega * u - mode.square * w) / (omega * omega)
             by_m[i, k] = (of_force * f[k] - of_u * u - of_w * w - of_bend * bend) / mode.share
-            own.w_by_m[k], own.u_by_m[k] = 0.0, 0.0
-        add_response(lever, orbit, e, i, 1.0, by_m[i], own.w_by_m, own.u_by_m)
+            motion.w_by_m[k], motion.u_by_m[k] = 0.0, 0.0
+        add_response(lever, orbit, e, i, 1.0, by_m[i], motion.w_by_m, motion.u_by_m)
 
 
 @record
@@ -89,17 +89,17 @@ def _fill_drift_of_force(
     oscillator: Oscillator, orbit: Orbit, e: int, drift: np.ndarray, slopes: Slopes, by_m: np.ndarray
 ) -> None:
     """Fill the change of the force at an element's nodes with the path's parameter m, directly and by the motion."""
-    law, lever, head, one = oscillator.law, oscillator.lever, head_of(orbit), element_of(orbit, e)
+    law, lever, head, element = oscillator.law, oscillator.lever, head_of(orbit), element_of(orbit, e)
     up, down = drift[0, ROW:], drift[1, ROW:]
     for j in range(NODES):
-        d = head.amplitude * one.cos[j] + one.w[j] - head.tip_offset
-        turn = one.u[j] - head.amplitude * one.sin[j]
-        more = surface_force(law, parameters(drift[0]), 1.0 / up[STIFFNESS], one.side, d, up[OMEGA] * turn)[0]
-        more -= surface_force(law, parameters(drift[1]), 1.0 / down[STIFFNESS], one.side, d, down[OMEGA] * turn)[0]
+        d = head.amplitude * element.cos[j] + element.w[j] - head.tip_offset
+        turn = element.u[j] - head.amplitude * element.sin[j]
+        more = surface_force(law, parameters(drift[0]), 1.0 / up[STIFFNESS], element.side, d, up[OMEGA] * turn)[0]
+        more -= surface_force(law, parameters(drift[1]), 1.0 / down[STIFFNESS], element.side, d, down[OMEGA] * turn)[0]
         by_m[j] = more / (2.0 * DRIFT_STEP)
         for i in range(modes_of(lever)):
-            own = motion_of_mode(orbit, e, i)
-            by_m[j] += slopes.of_w[j] * own.w_by_m[j] + slopes.of_u[j] * own.u_by_m[j]
+            motion = motion_of_mode(orbit, e, i)
+            by_m[j] += slopes.of_w[j] * motion.w_by_m[j] + slopes.of_u[j] * motion.u_by_m[j]
 
 
 @kernel(fastmath=ANY_ORDER, inline=True)
@@ -118,16 +118,16 @@ def _add_response_at_all_nodes(lever: np.ndarray, orbit: Orbit, e: int, i: int, 
 
     A mode answers a kick of one with Im exp(lambda theta) / (omega^2 nu): theory, Eq. (collocation-4).
     """
-    one, omega, own, to = element_of(orbit, e), lever[OMEGA], motion_of_mode(orbit, e, i), Slopes()
+    element, omega, motion, to = element_of(orbit, e), lever[OMEGA], motion_of_mode(orbit, e, i), Slopes()
     a, nu, _, _, yields = mode_of(lever, i)
-    table, grow, cosine, sine = orbit.tables[one.table], own.growth, own.cos, own.sin
+    table, grow, cosine, sine = orbit.tables[element.table], motion.growth, motion.cos, motion.sin
     p, q = to.of_w, to.of_u
     for j in range(NODES):
         by_w, by_u = grow[j] * (slopes.of_w[j] + a * slopes.of_u[j]), grow[j] * nu * slopes.of_u[j]
         p[j], q[j] = by_w * sine[j] + by_u * cosine[j], by_u * sine[j] - by_w * cosine[j]
     p0, p1, p2, p3, p4, p5, p6, p7 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
     q0, q1, q2, q3, q4, q5, q6, q7 = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
-    share = one.scale * yields / (omega * omega * nu)
+    share = element.scale * yields / (omega * omega * nu)
     for k in range(NODES):
         back, x, t = share / grow[k], m[k], table[T_UPTO + k]
         c, s, old = back * cosine[k], back * sine[k], 1.0 if i > 0 else 0.0
@@ -146,15 +146,15 @@ def _force_in_element(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.nd
     m is scratch, shape (NODES + unknowns + 1, NODES), with column j of the equations in m[j].
     """
     law, p, lever = oscillator
-    head, one, forces = head_of(orbit), element_of(orbit, e), orbit.forces
+    head, element, forces = head_of(orbit), element_of(orbit, e), orbit.forces
     omega, inverse_k, count = lever[OMEGA], 1.0 / lever[STIFFNESS], modes_of(lever)
-    z0, amplitude, side, unknowns = head.tip_offset, head.amplitude, one.side, STATE + 2 * count
+    z0, amplitude, side, unknowns = head.tip_offset, head.amplitude, element.side, STATE + 2 * count
     slopes = Slopes()
     of_w, of_u = slopes.of_w, slopes.of_u
     for j in range(NODES):
-        c, s = one.cos[j], one.sin[j]
-        d = amplitude * c + one.w[j] - z0
-        turn = one.u[j] - amplitude * s
+        c, s = element.cos[j], element.sin[j]
+        d = amplitude * c + element.w[j] - z0
+        turn = element.u[j] - amplitude * s
         g, gd, gv = surface_force(law, p, inverse_k, side, d, omega * turn)
         d, gu = depth_on_side(p, side, d), omega * gv
         of_w[j], of_u[j] = gd, gu
@@ -164,14 +164,14 @@ def _force_in_element(oscillator: Oscillator, orbit: Orbit, e: int, drift: np.nd
     for i in range(count):
         _add_response_at_all_nodes(lever, orbit, e, i, slopes, m)
     for k in range(NODES):
-        add_times(one.cos[k], m[k], m[NODES + RP])
-        add_times(one.sin[k], m[k], m[NODES + RS])
+        add_times(element.cos[k], m[k], m[NODES + RP])
+        add_times(element.sin[k], m[k], m[NODES + RS])
     for j in range(NODES):
         m[j, j] += 1.0
     for i in range(count):
         a, nu, _, _, _ = mode_of(lever, i)
-        own, inverse = motion_of_mode(orbit, e, i), 1.0 / nu
-        grow, cosine, sine = own.growth, own.cos, own.sin
+        motion, inverse = motion_of_mode(orbit, e, i), 1.0 / nu
+        grow, cosine, sine = motion.growth, motion.cos, motion.sin
         by_w0, by_u0 = m[NODES + STATE + 2 * i], m[NODES + STATE + 2 * i + 1]
         for j in range(NODES):
             ww, wu, uw, uu = free_transfer(a, nu, inverse, grow[j], cosine[j], sine[j])
@@ -217,14 +217,14 @@ def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: floa
 @kernel
 def _jump_at_start(oscillator: Oscillator, orbit: Orbit, e: int, integrals: np.ndarray) -> None:
     """Correct an element that starts a little beside the contact: the force begins where the contact does."""
-    lever, one, chain, count = oscillator.lever, element_of(orbit, e), orbit.chain, modes_of(oscillator.lever)
+    lever, element, chain, count = oscillator.lever, element_of(orbit, e), orbit.chain, modes_of(oscillator.lever)
     before = element_of(orbit, e - 1 if e > 0 else head_of(orbit).count - 1).side
-    if one.side == before:
+    if element.side == before:
         return
-    rate = jump_rate(oscillator, before, one, head_of(orbit).amplitude)
+    rate = jump_rate(oscillator, before, element, head_of(orbit).amplitude)
     if rate == 0.0:
         return
-    c, s, border = math.cos(one.edge), math.sin(one.edge), border_between(oscillator.p, before, one.side)
+    c, s, border = math.cos(element.edge), math.sin(element.edge), border_between(oscillator.p, before, element.side)
     last = STATE + 2 * count
     for q in range(last + 1):
         depth = -1.0 if q == RZ else c if q == RA else -border if q == last else 0.0
@@ -256,14 +256,14 @@ def _chain_element(
     `scratch`: what a change of m does like a force (`_fill_drift_of_motion`), and arrays of shape (states, NODES) and
     (NODES,).
     """
-    one, forces = element_of(orbit, e), orbit.forces[e]
+    element, forces = element_of(orbit, e), orbit.forces[e]
     before, after, (by_m, to, felt) = orbit.chain[e], orbit.chain[e + 1], scratch
-    omega, count, h, weights = lever[OMEGA], modes_of(lever), one.scale, orbit.tables[one.table, T_END1]
+    omega, count, h, weights = lever[OMEGA], modes_of(lever), element.scale, orbit.tables[element.table, T_END1]
     last, alone = STATE + 2 * count, Transfers()
     for i in range(count):
         a, nu, _, _, yields = mode_of(lever, i)
-        own = motion_of_mode(orbit, e, i)
-        grow, cosine, sine = own.growth, own.cos, own.sin
+        motion = motion_of_mode(orbit, e, i)
+        grow, cosine, sine = motion.growth, motion.cos, motion.sin
         share = h * yields / (omega * omega * nu) * grow[NODES]
         c, s, to_w, to_u = cosine[NODES], sine[NODES], to[2 * i], to[2 * i + 1]
         ww, wu, uw, uu = free_transfer(a, nu, 1.0 / nu, grow[NODES], c, s)
@@ -277,22 +277,22 @@ def _chain_element(
             for r in range(2 * count):
                 after[r, q] = 0.0
             continue
-        own = 1.0 if q < STATE or q == last else 0.0
+        motion = 1.0 if q < STATE or q == last else 0.0
         for k in range(NODES):
-            felt[k] = own * forces[q, k]
+            felt[k] = motion * forces[q, k]
         for r in range(2 * count):
             add_times(before[r, q], forces[STATE + r], felt)
         of_cos, of_sin = 0.0, 0.0
         for k in range(NODES):
             kick = h * weights[k] * felt[k]
-            of_cos += kick * one.cos[k]
-            of_sin += kick * one.sin[k]
+            of_cos += kick * element.cos[k]
+            of_sin += kick * element.sin[k]
             felt[k] = -felt[k]
         integrals[0, q] += of_cos
         integrals[1, q] += of_sin
         if q == RP or q == RS:
             for k in range(NODES):
-                felt[k] += one.cos[k] if q == RP else one.sin[k]
+                felt[k] += element.cos[k] if q == RP else element.sin[k]
         for i in range(count):
             w, u, to_w, to_u = before[2 * i, q], before[2 * i + 1, q], to[2 * i], to[2 * i + 1]
             more_w, more_u = alone.ww[i] * w + alone.wu[i] * u, alone.uw[i] * w + alone.uu[i] * u

@@ -10,7 +10,7 @@ import numpy as np
 
 from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.lever import mode_of, modes_of
+from phasemap._kernels.lever_modes import mode_of, modes_of
 from phasemap._kernels.numerics import fill_growth, fill_turn
 from phasemap._kernels.orbits.collocation.system import PLACES, Orbit, element_of, motion_of_mode
 from phasemap._kernels.quadrature import NODES, T_UPTO
@@ -20,15 +20,15 @@ from phasemap._kernels.records import column, record
 @kernel
 def fill_turns(lever: np.ndarray, orbit: Orbit, e: int) -> None:
     """Fill the free motion of each mode over element e: its state is multiplied by exp(lambda theta)."""
-    one = element_of(orbit, e)
-    last = element_of(orbit, e + 1).edge - one.edge
+    element = element_of(orbit, e)
+    last = element_of(orbit, e + 1).edge - element.edge
     for i in range(modes_of(lever)):
-        mode, own = mode_of(lever, i), motion_of_mode(orbit, e, i)
-        angle = own.growth
+        mode, motion = mode_of(lever, i), motion_of_mode(orbit, e, i)
+        angle = motion.growth
         for j in range(PLACES):
-            angle[j] = one.theta[j] - one.edge if j < NODES else last
-        fill_turn(angle, mode.turn, own.sin, own.cos)
-        fill_growth(angle, mode.decay, own.growth)
+            angle[j] = element.theta[j] - element.edge if j < NODES else last
+        fill_turn(angle, mode.turn, motion.sin, motion.cos)
+        fill_growth(angle, mode.decay, motion.growth)
 
 
 @kernel(inline=True)
@@ -53,10 +53,10 @@ def add_response(
     lever: np.ndarray, orbit: Orbit, e: int, i: int, part: float, f: np.ndarray, w: np.ndarray, u: np.ndarray
 ) -> None:
     """Add to w and u the motion and the rate of mode i by a force, `part` of f at the nodes of element e."""
-    one, omega, own, kicks = element_of(orbit, e), lever[OMEGA], motion_of_mode(orbit, e, i), Kicks()
+    element, omega, motion, kicks = element_of(orbit, e), lever[OMEGA], motion_of_mode(orbit, e, i), Kicks()
     a, nu, _, _, yields = mode_of(lever, i)
-    table, grow, cosine, sine = orbit.tables[one.table], own.growth, own.cos, own.sin
-    share = part * one.scale * yields / (omega * omega * nu)
+    table, grow, cosine, sine = orbit.tables[element.table], motion.growth, motion.cos, motion.sin
+    share = part * element.scale * yields / (omega * omega * nu)
     re, im = kicks.re, kicks.im
     for j in range(NODES):
         re[j], im[j] = 0.0, 0.0

@@ -11,6 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.elements import lay_again
+from phasemap._kernels.orbits.collocation.held_setpoint import HOLD_AMPLITUDE, HOLD_OFFSET, hold_amplitude, hold_offset
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,
@@ -19,16 +20,8 @@ from phasemap._kernels.orbits.collocation.newton import (
     solve_orbit,
 )
 from phasemap._kernels.orbits.collocation.observables import fill_row_of_orbit
-from phasemap._kernels.orbits.collocation.path import Path, fixed_path, standing_at
-from phasemap._kernels.orbits.collocation.system import (
-    HOLD_AMPLITUDE,
-    HOLD_OFFSET,
-    Orbit,
-    element_of,
-    head_of,
-    hold_amplitude,
-    hold_offset,
-)
+from phasemap._kernels.orbits.collocation.path import Path, fixed_path, oscillator_at
+from phasemap._kernels.orbits.collocation.system import Orbit, element_of, head_of
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.result_row import feedback_status
 from phasemap._kernels.quadrature import NODES
@@ -73,9 +66,9 @@ def depth_at_nodes(orbit: Orbit) -> float:
     """Largest depth at the nodes [m]."""
     deepest, head = -math.inf, head_of(orbit)
     for e in range(head.count):
-        one = element_of(orbit, e)
+        element = element_of(orbit, e)
         for j in range(NODES):
-            deepest = max(deepest, head.amplitude * one.cos[j] + one.w[j])
+            deepest = max(deepest, head.amplitude * element.cos[j] + element.w[j])
     return deepest - head.tip_offset
 
 
@@ -89,7 +82,7 @@ def solve_near(
     `hold`: HOLD_OFFSET or HOLD_AMPLITUDE. Returns a status, and tip offset and depth [m] of where the solver began.
     Where elements may be `fine`, finer ones are tried, which change less by a step.
     """
-    oscillator, head, done, start, deep = standing_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
+    oscillator, head, done, start, deep = oscillator_at(path, m), head_of(orbit), col.NOT_CONVERGED, math.nan, math.nan
     for level in range(FINEST_LEVEL + 1 if fine else 1):
         head.parameter = m
         if not begin_harmonic(oscillator, orbit, harmonic, level):

@@ -11,12 +11,19 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import detected_amplitude_of_orbit
 from phasemap._kernels.law import Oscillator, contact_force, has_hysteresis, has_longrange, longrange_force
-from phasemap._kernels.lever import modes_of, reach_of, static_share
+from phasemap._kernels.lever import reach_of
+from phasemap._kernels.lever_modes import modes_of, static_share
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
-from phasemap._kernels.orbits.collocation.contacts import PERMANENT
+from phasemap._kernels.orbits.collocation.contacts_and_necks import PERMANENT
 from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements
+from phasemap._kernels.orbits.collocation.held_setpoint import (
+    Equation,
+    hold_amplitude,
+    hold_detected_setpoint,
+    hold_parameter,
+)
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
-from phasemap._kernels.orbits.collocation.path import Path, drift_at, fixed_path, held_equation, standing_at
+from phasemap._kernels.orbits.collocation.path import Path, drift_at, fixed_path, held_equation, oscillator_at
 from phasemap._kernels.orbits.collocation.system import (
     EQUATIONS_CURRENT,
     EQUATIONS_KEPT,
@@ -26,14 +33,10 @@ from phasemap._kernels.orbits.collocation.system import (
     RP,
     RS,
     RZ,
-    Equation,
     Head,
     Orbit,
     element_of,
     head_of,
-    hold_amplitude,
-    hold_detected_amplitude,
-    hold_parameter,
     motion_of_mode,
     no_drift,
 )
@@ -88,10 +91,10 @@ def begin_harmonic(oscillator: Oscillator, orbit: Orbit, harmonic: HarmonicOrbit
         head.neck_end[0] = math.acos(breaks) if breaks > -1.0 else 2.0 * math.pi - math.acos(c)
     ok = lay_elements(oscillator, orbit, orbit, level)
     for e in range(head.count + 1):
-        one = element_of(orbit, e)
+        element = element_of(orbit, e)
         for j in range(NODES):
-            one.w[j], one.u[j] = mean, 0.0
-        one.edge_w, one.edge_u = mean, 0.0
+            element.w[j], element.u[j] = mean, 0.0
+        element.edge_w, element.edge_u = mean, 0.0
     share_motion(oscillator.lever, orbit)
     return ok
 
@@ -102,10 +105,10 @@ def share_motion(lever: np.ndarray, orbit: Orbit) -> None:
     for i in range(modes_of(lever)):
         part = static_share(lever, i)
         for e in range(head_of(orbit).count + 1):
-            one, own = element_of(orbit, e), motion_of_mode(orbit, e, i)
+            element, motion = element_of(orbit, e), motion_of_mode(orbit, e, i)
             for k in range(PLACES):
-                w, u = (one.edge_w, one.edge_u) if k == NODES else (one.w[k], one.u[k])
-                own.w[k], own.u[k] = part * w, part * u
+                w, u = (element.edge_w, element.edge_u) if k == NODES else (element.w[k], element.u[k])
+                motion.w[k], motion.u[k] = part * w, part * u
 
 
 @kernel
@@ -171,14 +174,14 @@ def solve_orbit(path: Path, orbit: Orbit, held: Equation, limits: NewtonLimits) 
     the contact and the tolerance of an exact orbit, or, on the way, STILL_ON_THE_WAY of the tolerance there.
     """
     level, tolerance, most, coarse, along, seen = limits
-    head, oscillator = head_of(orbit), standing_at(path, head_of(orbit).parameter)
+    head, oscillator = head_of(orbit), oscillator_at(path, head_of(orbit).parameter)
     still = allowed_displacement(oscillator, level)
     for step in range(most):
         m = head.parameter
-        oscillator, drift = standing_at(path, m), drift_at(path, m) if along else no_drift()
+        oscillator, drift = oscillator_at(path, m), drift_at(path, m) if along else no_drift()
         p, lever = oscillator.p, oscillator.lever
         if seen > 0.0:
-            held = hold_detected_amplitude(lever, orbit, seen)
+            held = hold_detected_setpoint(lever, orbit, seen)
         if head.equations != EQUATIONS_CURRENT and not linearise_orbit(oscillator, orbit, drift):
             return col.NOT_CONVERGED, step
         first, other = (held_equation(path, lever, orbit, drift), held) if along else (held, hold_parameter(orbit))

@@ -9,9 +9,11 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_hysteresis
-from phasemap._kernels.lever import detected_compliance, drive_needed, mode_of, modes_of
+from phasemap._kernels.lever import drive_needed
+from phasemap._kernels.lever_modes import detected_compliance, mode_of, modes_of
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
-from phasemap._kernels.orbits.collocation.contacts import depth_at, motion_in_element
+from phasemap._kernels.orbits.collocation.contacts_and_necks import depth_at, motion_in_element
+from phasemap._kernels.orbits.collocation.held_setpoint import hold_amplitude, hold_parameter
 from phasemap._kernels.orbits.collocation.stability import floquet
 from phasemap._kernels.orbits.collocation.system import (
     IN_CONTACT,
@@ -21,12 +23,11 @@ from phasemap._kernels.orbits.collocation.system import (
     Orbit,
     element_of,
     head_of,
-    hold_amplitude,
-    hold_parameter,
     motion_of_mode,
     no_drift,
     surface_force,
 )
+from phasemap._kernels.orbits.energy_balance import energy_closure
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.quadrature import NODES, T_END1
 
@@ -47,19 +48,19 @@ def fill_observables(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> N
     theta0, w0, u0 = last.theta[-1] - 2.0 * math.pi, last.w[-1], last.u[-1]
     x, y = drive_needed(lever, amplitude, head.push, head.drag)
     for e in range(head.count):
-        one = element_of(orbit, e)
-        h, table = one.scale, orbit.tables[one.table]
+        element = element_of(orbit, e)
+        h, table = element.scale, orbit.tables[element.table]
         for j in range(NODES):
             weight = h * table[T_END1, j]
-            c, s = one.cos[j], one.sin[j]
-            z = amplitude * c + one.w[j]
-            v = omega * (one.u[j] - amplitude * s)
+            c, s = element.cos[j], element.sin[j]
+            z = amplitude * c + element.w[j]
+            v = omega * (element.u[j] - amplitude * s)
             d = z - z0
-            g, _, gv = surface_force(law, p, 1.0 / stiffness, one.side, d, v)
-            between = apex_between(amplitude, theta0, w0, u0, one.theta[j], one.w[j], one.u[j])
+            g, _, gv = surface_force(law, p, 1.0 / stiffness, element.side, d, v)
+            between = apex_between(amplitude, theta0, w0, u0, element.theta[j], element.w[j], element.u[j])
             deepest = max(deepest, d, between - z0)
-            theta0, w0, u0 = one.theta[j], one.w[j], one.u[j]
-            mean += weight * one.w[j]
+            theta0, w0, u0 = element.theta[j], element.w[j], element.u[j]
+            mean += weight * element.w[j]
             surface += weight * gv * v * v / omega
             loop += weight * (g - gv * v) * v / omega
             drive += weight * (x * c - y * s) * v / omega
@@ -77,7 +78,7 @@ def fill_observables(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> N
     row[col.VIRIAL] = stiffness * virial / (2 * math.pi)
     row[col.FLOQUET] = floquet(head.transfer, 2 * modes_of(lever))
     row[col.STIFFENING] = head.push / amplitude
-    row[col.CLOSURE] = (drive - air - surface) / drive if drive != 0.0 else math.nan
+    row[col.CLOSURE] = energy_closure(drive, air, surface) if drive != 0.0 else math.nan
 
 
 @kernel
@@ -87,9 +88,9 @@ def lost_by_harmonics(lever: np.ndarray, orbit: Orbit) -> float:
     for i in range(modes_of(lever)):
         by = 2.0 * mode_of(lever, i).rate * lever[col.OMEGA] / mode_of(lever, i).share
         for e in range(head_of(orbit).count):
-            one, own = element_of(orbit, e), motion_of_mode(orbit, e, i)
+            element, motion = element_of(orbit, e), motion_of_mode(orbit, e, i)
             for j in range(NODES):
-                lost += by * one.scale * orbit.tables[one.table, T_END1, j] * own.u[j] ** 2
+                lost += by * element.scale * orbit.tables[element.table, T_END1, j] * motion.u[j] ** 2
     return lost
 
 
@@ -113,19 +114,19 @@ def complete_row(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
     mean, peak, least, contact = 0.0, -math.inf, math.inf, 0.0
     in_phase, across = np.zeros(col.HARMONICS), np.zeros(col.HARMONICS)
     for e in range(head.count):
-        one = element_of(orbit, e)
-        side, table = one.side, orbit.tables[one.table]
+        element = element_of(orbit, e)
+        side, table = element.side, orbit.tables[element.table]
         for j in range(NODES):
-            weight = one.scale * table[T_END1, j]
-            c, s, w = one.cos[j], one.sin[j], one.w[j]
-            d, v = amplitude * c + w - z0, omega * (one.u[j] - amplitude * s)
+            weight = element.scale * table[T_END1, j]
+            c, s, w = element.cos[j], element.sin[j], element.w[j]
+            d, v = amplitude * c + w - z0, omega * (element.u[j] - amplitude * s)
             force = stiffness * surface_force(law, p, 1.0 / stiffness, side, d, v)[0]
             mean += weight * force
             peak, least = max(peak, force), min(least, force)
             if side == IN_CONTACT:  # with losses the largest force comes before the deepest point, between two nodes
-                after = one.theta[j + 1] if j + 1 < NODES else element_of(orbit, e + 1).edge
+                after = element.theta[j + 1] if j + 1 < NODES else element_of(orbit, e + 1).edge
                 for part in range(1, PARTS):
-                    d, turn = depth_at(orbit, e, one.theta[j] + (after - one.theta[j]) * part / PARTS)
+                    d, turn = depth_at(orbit, e, element.theta[j] + (after - element.theta[j]) * part / PARTS)
                     peak = max(peak, stiffness * surface_force(law, p, 1.0 / stiffness, side, d, omega * turn)[0])
             contact += weight if side != OUT_OF_CONTACT else 0.0
             cos_n, sin_n = c, s
@@ -134,8 +135,8 @@ def complete_row(oscillator: Oscillator, orbit: Orbit, row: np.ndarray) -> None:
                 in_phase[n] += weight * force * cos_n
                 across[n] += weight * force * sin_n
         # Where the tip touches or a neck breaks the force may jump to its extreme.
-        d = amplitude * math.cos(one.edge) + one.edge_w - z0
-        v = omega * (one.edge_u - amplitude * math.sin(one.edge))
+        d = amplitude * math.cos(element.edge) + element.edge_w - z0
+        v = omega * (element.edge_u - amplitude * math.sin(element.edge))
         for beside in (side, element_of(orbit, e - 1 if e > 0 else head.count - 1).side):
             force = stiffness * surface_force(law, p, 1.0 / stiffness, beside, d, v)[0]
             peak, least = max(peak, force), min(least, force)

@@ -17,14 +17,8 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import detected_amplitude_of_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import scale_of
-from phasemap._kernels.orbits.collocation.system import (
-    DRIFT_STEP,
-    Equation,
-    Orbit,
-    head_of,
-    hold_detected_amplitude,
-    no_drift,
-)
+from phasemap._kernels.orbits.collocation.held_setpoint import Equation, hold_detected_setpoint
+from phasemap._kernels.orbits.collocation.system import DRIFT_STEP, Orbit, head_of, no_drift
 
 # Kinds of paths.
 FIXED_PATH = -1  # nothing but z0 and A moves
@@ -84,7 +78,7 @@ def material_at(table: np.ndarray, m: float) -> tuple[tuple[float, ...], np.ndar
 
 
 @kernel(light=True)
-def standing_at(path: Path, m: float) -> Oscillator:
+def oscillator_at(path: Path, m: float) -> Oscillator:
     """The lever over the material at m."""
     if path.kind == FIXED_PATH:
         return Oscillator(path.law, path.p, path.lever)
@@ -124,5 +118,5 @@ def held_equation(path: Path, lever: np.ndarray, orbit: Orbit, drift: np.ndarray
     ahead = detected_amplitude_of_orbit(drift[0][LEVER_ROW:], *of)
     behind = detected_amplitude_of_orbit(drift[1][LEVER_ROW:], *of)
     by_m = (ahead - behind) / (2.0 * DRIFT_STEP) - rate
-    one = hold_detected_amplitude(lever, orbit, value)
-    return Equation(0.0, one.normal_a, by_m, one.equals + by_m * m, one.normal_p, one.normal_s)
+    held = hold_detected_setpoint(lever, orbit, value)
+    return Equation(0.0, held.normal_a, by_m, held.equals + by_m * m, held.normal_p, held.normal_s)

@@ -18,7 +18,6 @@ import numpy as np
 
 from phasemap._kernels.columns import DAMPING, MOST_MODES, RELEASE
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import (
     Law,
     contact_force,
@@ -29,16 +28,12 @@ from phasemap._kernels.law import (
     longrange_force,
     longrange_slope,
 )
-from phasemap._kernels.lever import modes_of
+from phasemap._kernels.lever_modes import modes_of
 from phasemap._kernels.quadrature import NODES
 from phasemap._kernels.records import column, record, rows_of, words_of
 
 MOST_ELEMENTS = 96
 MOST_CONTACTS = 8
-
-# What is held while solving.
-HOLD_AMPLITUDE = 0
-HOLD_OFFSET = 1
 
 # Where the tip is.
 OUT_OF_CONTACT = 0
@@ -66,17 +61,6 @@ PLACES = NODES + 1  # the nodes of an element, and its start or end
 # Where a parameter m moves, `drift`, shape (2, ROW + len(lever)), has the law's parameters and the lever at
 # m + DRIFT_STEP and m - DRIFT_STEP; elsewhere it has no rows.
 DRIFT_STEP = 1e-5
-
-
-class Equation(NamedTuple):
-    """A linear equation that is held: normal (z0, A, m, P, S) = equals."""
-
-    normal_z: float
-    normal_a: float
-    normal_m: float
-    equals: float
-    normal_p: float
-    normal_s: float
 
 
 @record
@@ -204,38 +188,6 @@ def spare_orbit(orbit: Orbit) -> Orbit:
     """Return the orbit whose elements, head and motion are the spare arrays of this one."""
     elements, head, modes, forces, chain, chained, system, tables, other, other_head, other_modes = orbit
     return Orbit(other, other_head, other_modes, forces, chain, chained, system, tables, elements, head, modes)
-
-
-@kernel
-def hold_amplitude(orbit: Orbit) -> Equation:
-    """The equation that holds the amplitude that an orbit has."""
-    return Equation(0.0, 1.0, 0.0, head_of(orbit).amplitude, 0.0, 0.0)
-
-
-@kernel
-def hold_offset(z0: float) -> Equation:
-    """The equation that holds a tip offset [m]."""
-    return Equation(1.0, 0.0, 0.0, z0, 0.0, 0.0)
-
-
-@kernel
-def hold_detected_amplitude(lever: np.ndarray, orbit: Orbit, seen: float) -> Equation:
-    """The equation that holds the amplitude that the detector sees [m], linearised about an orbit."""
-    head = head_of(orbit)
-    of = (head.amplitude, head.push, head.drag)
-    by_a, by_p = (
-        detected_amplitude_rate(lever, of, (1.0, 0.0, 0.0)),
-        detected_amplitude_rate(lever, of, (0.0, 1.0, 0.0)),
-    )
-    by_s = detected_amplitude_rate(lever, of, (0.0, 0.0, 1.0))
-    lacks = seen - detected_amplitude_of_orbit(lever, head.amplitude, head.push, head.drag)
-    return Equation(0.0, by_a, 0.0, lacks + by_a * of[0] + by_p * of[1] + by_s * of[2], by_p, by_s)
-
-
-@kernel
-def hold_parameter(orbit: Orbit) -> Equation:
-    """The equation that holds the parameter m where an orbit has it."""
-    return Equation(0.0, 0.0, 1.0, head_of(orbit).parameter, 0.0, 0.0)
 
 
 @kernel

@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels.columns import OMEGA
 from phasemap._kernels.compilation import ANY_ORDER, kernel
-from phasemap._kernels.lever import LeverMode, mode_of, modes_of
+from phasemap._kernels.lever_modes import LeverMode, mode_of, modes_of
 from phasemap._kernels.orbits.response.nodes import (
     ENTRY,
     EXIT,

@@ -20,7 +20,8 @@ from phasemap._kernels.columns import DAMPING, DRIVE, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import Oscillator, contact_slope, damping, damping_slope
-from phasemap._kernels.lever import drive_needed, mode_of, modes_of, phase_rate, static_compliance
+from phasemap._kernels.lever import drive_needed, phase_rate
+from phasemap._kernels.lever_modes import mode_of, modes_of, static_compliance
 from phasemap._kernels.numerics import factor, substitute
 from phasemap._kernels.orbits.response.motion import fill_response
 from phasemap._kernels.orbits.response.nodes import (

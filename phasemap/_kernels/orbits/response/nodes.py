@@ -23,7 +23,7 @@ import numpy as np
 from phasemap._kernels.columns import DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_force, contact_slope, damping, has_longrange, longrange_force
-from phasemap._kernels.lever import LeverMode, fastest_turn
+from phasemap._kernels.lever_modes import LeverMode, fastest_turn
 from phasemap._kernels.numerics import copy, fill_growth, fill_turn
 from phasemap._kernels.quadrature import gauss, integration_matrix
 from phasemap._kernels.records import column, record

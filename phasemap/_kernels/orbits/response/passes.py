@@ -9,16 +9,8 @@ import numpy as np
 from phasemap._kernels.columns import DRIVE
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, has_longrange
-from phasemap._kernels.lever import (
-    beside_resonance,
-    higher_modes_forget,
-    low_q,
-    mismatch,
-    modes_of,
-    phase_of,
-    reach_of,
-    static_compliance,
-)
+from phasemap._kernels.lever import beside_resonance, low_q, mismatch, phase_of, reach_of
+from phasemap._kernels.lever_modes import higher_modes_forget, modes_of, static_compliance
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.response.errors import (
     PASS_SAFETY,
@@ -45,8 +37,8 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.state import (
     LARGEST_CLOSURE,
     PassState,
+    energy_closure_of_passes,
     evaluate_nodes,
-    relative_energy_closure,
 )
 
 NO_ORBIT = 0  # how passes end
@@ -187,7 +179,7 @@ def outcome_of_pass(
 
     `nodes`: error of P, S and mean deflection from the finite number of nodes [m].
     """
-    closure = 0.0 if hold else relative_energy_closure(lever, state)
+    closure = 0.0 if hold else energy_closure_of_passes(lever, state)
     small = state.phase_error < limit_phase and state.tip_offset_error < limit_height
     if small and abs(closure) < LARGEST_CLOSURE:
         return FOUND

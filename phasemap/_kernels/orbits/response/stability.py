@@ -14,7 +14,8 @@ import numpy as np
 from phasemap._kernels.columns import ALPHA0, DAMPING, OMEGA, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, contact_slope, damping, has_longrange, longrange_slope
-from phasemap._kernels.lever import all_shares, low_q, mode_of, modes_of, reach_of
+from phasemap._kernels.lever import low_q, reach_of
+from phasemap._kernels.lever_modes import all_shares, mode_of, modes_of
 from phasemap._kernels.numerics import spectral_radius
 from phasemap._kernels.orbits.response.apex import apex_between
 from phasemap._kernels.orbits.response.motion import fill_response
@@ -41,7 +42,7 @@ from phasemap._kernels.orbits.response.nodes import (
 from phasemap._kernels.orbits.response.state import (
     LARGEST_CLOSURE,
     PassState,
-    relative_energy_closure,
+    energy_closure_of_passes,
     slope_by_tip_offset,
 )
 
@@ -79,7 +80,7 @@ def force_length(p: np.ndarray, state: PassState) -> float:
 def _is_sound(lever: np.ndarray, state: PassState, length: float) -> bool:
     """True if the mismatch falls clearly as the tip rises by this length [m], for no fold is near; energy closes."""
     falls = slope_by_tip_offset(lever, state) * length < -LEAST_MISMATCH_SLOPE
-    return falls and abs(relative_energy_closure(lever, state)) < LARGEST_CLOSURE
+    return falls and abs(energy_closure_of_passes(lever, state)) < LARGEST_CLOSURE
 
 
 @kernel(fastmath=ANY_ORDER)

@@ -11,7 +11,8 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.columns import DYNAMIC_LOSS, STIFFNESS
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.lever import mismatch, static_compliance
+from phasemap._kernels.lever import mismatch
+from phasemap._kernels.lever_modes import static_compliance
 from phasemap._kernels.orbits.response.apex import apex_of
 from phasemap._kernels.orbits.response.nodes import Nodes, fill_force
 from phasemap._kernels.records import record
@@ -83,7 +84,7 @@ def slope_by_tip_offset(lever: np.ndarray, state: PassState) -> float:
 
 
 @kernel
-def relative_energy_closure(lever: np.ndarray, state: PassState) -> float:
+def energy_closure_of_passes(lever: np.ndarray, state: PassState) -> float:
     """Work of the conservative part of the force over the energy supplied: zero on an exact orbit."""
     amplitude = state.amplitude
     return state.work / (math.pi * amplitude * (lever[DYNAMIC_LOSS] * amplitude - state.drag))
@@ -109,5 +110,5 @@ def fill_row_from_passes(lever: np.ndarray, nodes: Nodes, state: PassState, row:
     row[col.DISSIPATION] = stiffness * state.loss
     row[col.VIRIAL] = -stiffness * (state.virial / (2 * math.pi) + state.mean_force * mean)
     row[col.STIFFENING] = push / amplitude
-    row[col.CLOSURE] = relative_energy_closure(lever, state)
+    row[col.CLOSURE] = energy_closure_of_passes(lever, state)
     row[col.ERROR_PHASE], row[col.ERROR_HEIGHT] = state.phase_error, state.tip_offset_error

@@ -2,9 +2,9 @@
 
 A kind of contact is a file of its own, with a named tuple that has the fields law, p, compliance, pull, edge_force and
 edge_slope, as `Elastic` has them, and now, a record whose mode says what the contact does; with a kernel for each
-function here that is `Chosen`; and with the period that `march.march_period` asks for. `elastic` has surfaces that
-remember nothing, with a neck or without; `relaxing` those that relax. Wherever the mode is OFF_SURFACE, x is the depth,
-and elsewhere its root; what happens where, and what comes then, the kind alone knows.
+function here that is `Chosen`; and with the period that `march.march_period` asks for. `elastic_and_neck` has
+surfaces that remember nothing, with a neck or without; `relaxing` those that relax. Wherever the mode is OFF_SURFACE,
+x is the depth, and elsewhere its root; what happens where, and what comes then, the kind alone knows.
 """
 
 from __future__ import annotations

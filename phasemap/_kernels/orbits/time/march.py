@@ -12,8 +12,8 @@ d^(3/2), alpha_s ~ d^(1/2) are not:
 * each change from one to the other is the end of a step (`period`).
 
 All are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q). What the surface does is a plug-in (`contact`):
-`elastic` has the period over surfaces that remember nothing, `relaxing_events` that over surfaces that do. The latter
-is compiled by itself, where a material asks for it, and called by its address (`Law.memory`).
+`elastic_and_neck` has the period over surfaces that remember nothing, `relaxing_events` that over surfaces that do. The
+latter is compiled by itself, where a material asks for it, and called by its address (`Law.memory`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from phasemap._kernels.compilation import COMPILES, LIBRARY, kernel
 from phasemap._kernels.compilation.of_numba import carray, cgutils, intrinsic, ir, types
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time.arms import remembers
-from phasemap._kernels.orbits.time.elastic import march_elastic
+from phasemap._kernels.orbits.time.elastic_and_neck import march_elastic
 from phasemap._kernels.orbits.time.relaxing_events import march_relaxing
 from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, INNER_COUNT, OUTER_COUNT
 from phasemap._kernels.orbits.time.tip import PeriodResult

@@ -13,7 +13,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
-from phasemap._kernels.lever import dynamic_stiffness_of_mode, mode_of, modes_of
+from phasemap._kernels.lever_modes import dynamic_stiffness_of_mode, mode_of, modes_of
 from phasemap._kernels.records import column, record
 
 

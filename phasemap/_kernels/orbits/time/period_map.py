@@ -14,6 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.numerics import copy
+from phasemap._kernels.orbits.energy_balance import energy_closure
 from phasemap._kernels.orbits.time.arms import lingering
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.modes import air_beside_first_harmonic
@@ -90,7 +91,7 @@ def march_beside(oscillator: Oscillator, step_size: float, tip: MovingTip, way: 
     u, lever = tip.u, oscillator.lever
     copy_memory(u, y)
     lasts = lingering(oscillator) > 0
-    for again in range(2):
+    for again in range(2):  # the second time over the dents that the first time has left
         if again and not (lasts and y[OUTER_COUNT] > 0):
             break
         for i in range(motion_size(lever)):
@@ -316,7 +317,7 @@ def fill_row_of_period(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.
     if lever[col.MODES] > 1:
         air = air_beside_first_harmonic(lever, complex(acc.cos, -acc.sin), air)
     supplied = math.pi * lever[col.STIFFNESS] * lever[col.DRIVE] * acc.sin
-    row[col.CLOSURE] = (supplied - acc.loss - air) / supplied
+    row[col.CLOSURE] = energy_closure(supplied, acc.loss, air)
 
 
 @kernel

@@ -240,8 +240,8 @@ def end_contact(contact: Relaxing, motion: Motion) -> None:
 
 
 @kernel
-def switch_neck(contact: Relaxing, motion: Motion) -> None:
-    """Let a neck of liquid form, or break."""
+def form_or_break_neck(contact: Relaxing, motion: Motion) -> None:
+    """Let a neck of liquid form, or break; its steps add up all its work, so attraction stores nothing meanwhile."""
     now, x, t = contact.now, motion.here.at.x, motion.time
     motion.sums.loss += stored_energy(contact, 0.0, x, t)
     now.held = 1 - now.held
@@ -273,7 +273,7 @@ def _pass_event(contact: Relaxing, here: Here, motion: Motion) -> bool:
     """Begin, turn or end the contact at the event that ended the step, and keep its edge there; False if it cannot."""
     event, u, speed, forming = motion.event, motion.here, 0.0, contact.p[col.FORMING] < 0.0 and contact.now.held == 0
     if event == NECK_BREAKS or (event == FIRST_TOUCH and forming):
-        switch_neck(contact, motion)
+        form_or_break_neck(contact, motion)
     elif event == FIRST_TOUCH:
         begin_contact(contact, here, motion)
     elif event == LAST_TOUCH:

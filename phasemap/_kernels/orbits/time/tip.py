@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import detected_amplitude
-from phasemap._kernels.lever import modes_of, slowest_decay, static_share
+from phasemap._kernels.lever_modes import modes_of, slowest_decay, static_share
 from phasemap._kernels.numerics import MOST_SQUARINGS, solve_equations, spectral_radius
 from phasemap._kernels.orbits.time.modes import harmonic_of_mode
 from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, PERIOD_BEGIN, memory_size

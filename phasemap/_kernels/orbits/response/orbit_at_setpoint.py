@@ -1,4 +1,7 @@
-"""An exact orbit by the lever's response, from an averaged one."""
+"""The exact orbit that holds the setpoint, by the lever's response, from an averaged one.
+
+The setpoint is the amplitude A of that one, or an amplitude that the detector is to see.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,8 @@ from phasemap._kernels.columns import DYNAMIC_STIFFNESS, ErrorLimits
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import LEAST_SLOPE, detected_signal, next_amplitude
 from phasemap._kernels.law import Oscillator, has_longrange
-from phasemap._kernels.lever import beside_resonance, higher_modes_forget, low_q, modes_of, near_resonance, reach_of
+from phasemap._kernels.lever import beside_resonance, low_q, near_resonance, reach_of
+from phasemap._kernels.lever_modes import higher_modes_forget, modes_of
 from phasemap._kernels.orbits.averaged.sides import Maximum, fill_averaged_orbit_at_gap
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, centre_height
 from phasemap._kernels.orbits.response.nodes import MOST_PARTS, Nodes, cut_contact, parts_of
@@ -117,7 +121,7 @@ def _orbit_by_passes(
         return False
     if workspace.seen > 0.0:
         held = state.seen > 0.0 and f.touches == 1
-        if not (held or _move_to_detected_amplitude(oscillator, f, workspace.seen, limits, state)):
+        if not (held or _move_to_detected_setpoint(oscillator, f, workspace.seen, limits, state)):
             return False
         if not state.seen_by_a > LEAST_SLOPE:
             return False
@@ -125,10 +129,10 @@ def _orbit_by_passes(
 
 
 @kernel
-def _move_to_detected_amplitude(
+def _move_to_detected_setpoint(
     oscillator: Oscillator, f: Nodes, seen: float, limits: ErrorLimits, state: PassState
 ) -> bool:
-    """Move an orbit to where the detector sees an amplitude [m], by secants in A; fill in its slopes."""
+    """Move an orbit to where the detector sees its setpoint, an amplitude [m], by secants in A; fill in its slopes."""
     lever, before = oscillator.lever, (math.nan, math.nan)
     for _ in range(MOST_AMPLITUDE_SECANTS):
         amplitude, phase, offset = state.amplitude, state.phase, state.tip_offset

@@ -141,6 +141,7 @@ def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float
 @step_length.of(Elastic)
 @kernel(inline=True)
 def _step_length(contact: Elastic, beam: DrivenLever, step_size: float, motion: Motion) -> float:
+    """Length of the next step: less where the motion is fast, off the surface, in contact or in the neck."""
     u, now, neck = motion.here.at, contact.now, contact.neck
     if now.mode == OFF_SURFACE:
         return step_size / flight_rate(contact, beam, u.x, u.v)
@@ -201,10 +202,17 @@ def _enter_contact(contact: Elastic, beam: DrivenLever, q: float, motion: Motion
 
 
 @kernel
-def _enter_neck(contact: Elastic, q: float, motion: Motion) -> None:
-    """Let the tip be in the neck, at q."""
+def _draw_neck(contact: Elastic, q: float, motion: Motion) -> None:
+    """Let the contact draw out a neck: the tip is in it, at q."""
     now = contact.now
     now.mode, now.bottom, now.deep, motion.here.at.x = NECK_DRAWN, contact.p[col.RELEASE], contact.neck, q
+
+
+@kernel(inline=True)
+def _break_neck(contact: Elastic, motion: Motion) -> None:
+    """Let the neck break: the tip is off the surface at the depth of release, and the energy of the loop is lost."""
+    contact.now.mode, motion.here.at.x = OFF_SURFACE, contact.p[col.RELEASE]
+    motion.sums.loss += loop_energy(contact.law, contact.p) * contact.compliance
 
 
 @pass_event.of(Elastic)
@@ -223,16 +231,15 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
         motion.sums.deepest = max(motion.sums.deepest, u.x * u.x)
         return True
     if event == FIRST_TOUCH and contact.p[col.FORMING] < 0.0:
-        _enter_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
+        _draw_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
     elif event == LAST_TOUCH and contact.neck > 0 and u.v <= 0:
-        _enter_neck(contact, contact.neck, motion)
-    elif event != NECK_BREAKS and u.v > 0:
+        _draw_neck(contact, contact.neck, motion)
+    elif event == NECK_BREAKS:
+        _break_neck(contact, motion)
+    elif u.v > 0:
         _enter_contact(contact, here.beam, 0.0, motion)
     else:
         contact.now.mode, u.x = OFF_SURFACE, 0.0
-    if event == NECK_BREAKS:
-        u.x = contact.p[col.RELEASE]
-        motion.sums.loss += loop_energy(contact.law, contact.p) * contact.compliance
     return True
 
 
@@ -254,7 +261,7 @@ def march_elastic(oscillator: Oscillator, z0: float, step_size: float, y: np.nda
         if has_withdrawal_force(contact) and (y[TOUCHES] == WITHDRAWING or u.v < 0.0):
             contact.now.withdrawing = 1
     elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
-        _enter_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
+        _draw_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
     here = Here(contact, beam)
     steps = march_through(here, step_size, motion)
     touches = contact.now.mode != OFF_SURFACE

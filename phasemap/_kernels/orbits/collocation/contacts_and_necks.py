@@ -50,17 +50,21 @@ def _between_nodes(
 @kernel(fastmath=ANY_ORDER)
 def motion_in_element(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
     """Return w and w' at an angle inside element e."""
-    one, following = element_of(orbit, e), element_of(orbit, e + 1)
-    first, last = (one.edge_w, one.edge_u), (following.edge_w, following.edge_u)
-    return _between_nodes(orbit.tables[one.table], (theta - one.origin) / one.scale, one.w, one.u, first, last)
+    element, following = element_of(orbit, e), element_of(orbit, e + 1)
+    first, last = (element.edge_w, element.edge_u), (following.edge_w, following.edge_u)
+    return _between_nodes(
+        orbit.tables[element.table], (theta - element.origin) / element.scale, element.w, element.u, first, last
+    )
 
 
 @kernel(fastmath=ANY_ORDER)
 def interpolate_mode(orbit: Orbit, e: int, theta: float, i: int) -> tuple[float, float]:
     """Return w and w' of mode i at an angle inside element e."""
-    one, own, following = element_of(orbit, e), motion_of_mode(orbit, e, i), motion_of_mode(orbit, e + 1, i)
-    first, last = (own.w[NODES], own.u[NODES]), (following.w[NODES], following.u[NODES])
-    return _between_nodes(orbit.tables[one.table], (theta - one.origin) / one.scale, own.w, own.u, first, last)
+    element, motion, following = element_of(orbit, e), motion_of_mode(orbit, e, i), motion_of_mode(orbit, e + 1, i)
+    first, last = (motion.w[NODES], motion.u[NODES]), (following.w[NODES], following.u[NODES])
+    return _between_nodes(
+        orbit.tables[element.table], (theta - element.origin) / element.scale, motion.w, motion.u, first, last
+    )
 
 
 @kernel
@@ -72,7 +76,7 @@ def depth_at(orbit: Orbit, e: int, theta: float) -> tuple[float, float]:
 
 
 @kernel
-def _root(orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float) -> float:
+def _angle_at_depth(orbit: Orbit, e: int, border: float, low: float, d_low: float, high: float, d_high: float) -> float:
     """Angle between low and high where d passes `border`, by Newton's method kept inside the bracket."""
     theta = low + (high - low) * d_low / (d_low - d_high)
     for _ in range(MOST_BORDER_STEPS):
@@ -85,7 +89,7 @@ def _root(orbit: Orbit, e: int, border: float, low: float, d_low: float, high: f
 
 
 @kernel
-def _extreme(orbit: Orbit, e: int, low: float, high: float) -> float:
+def _angle_of_extreme(orbit: Orbit, e: int, low: float, high: float) -> float:
     """Angle between low and high where d' = 0, by bisection; d' has opposite signs at the ends."""
     sign = depth_at(orbit, e, low)[1] > 0.0
     for _ in range(EXTREME_HALVINGS):
@@ -111,7 +115,7 @@ def find_contacts(p: np.ndarray, orbit: Orbit) -> bool:
         for i in range(contacts):
             head_of(orbit).neck_end[i] = head_of(orbit).contact_end[i]
     elif contacts > 0:
-        _find_neck_ends(p, orbit)
+        _find_neck_breaks(p, orbit)
     elif held and contacts == 0 and _least_depth(orbit) > p[RELEASE]:
         head_of(orbit).contacts = PERMANENT
     return True
@@ -140,7 +144,7 @@ def is_grazing(p: np.ndarray, orbit: Orbit, within: float) -> bool:
         if i == count * (NODES + 1):
             slope = slope_first  # the same point a period later
         if slope_before * slope <= 0.0 and theta > theta_before:
-            d = depth_at(orbit, e, _extreme(orbit, e, theta_before, theta))[0]
+            d = depth_at(orbit, e, _angle_of_extreme(orbit, e, theta_before, theta))[0]
             if min(abs(d), abs(d - p[RELEASE])) < within:
                 return True
         theta_before, slope_before = theta, slope
@@ -153,14 +157,14 @@ def _least_depth(orbit: Orbit) -> float:
     lowest = math.inf
     amplitude, z0 = head_of(orbit).amplitude, head_of(orbit).tip_offset
     for e in range(head_of(orbit).count):
-        one = element_of(orbit, e)
+        element = element_of(orbit, e)
         for j in range(NODES):
-            lowest = min(lowest, amplitude * one.cos[j] + one.w[j] - z0)
+            lowest = min(lowest, amplitude * element.cos[j] + element.w[j] - z0)
     return lowest
 
 
 @kernel
-def _find_neck_ends(p: np.ndarray, orbit: Orbit) -> None:
+def _find_neck_breaks(p: np.ndarray, orbit: Orbit) -> None:
     """Fill in the angle where the neck of each contact breaks; the start of the next contact where it does not."""
     head = head_of(orbit)
     contacts, count = head.contacts, head.count
@@ -186,12 +190,12 @@ def _find_neck_ends(p: np.ndarray, orbit: Orbit) -> None:
                 d, slope = depth_at(orbit, e, theta)
                 d -= p[RELEASE]
                 if d > 0.0 and slope > 0.0 and depth_at(orbit, e, before)[1] < 0.0:
-                    lowest = _extreme(orbit, e, before, theta)  # it may break between two nodes
+                    lowest = _angle_of_extreme(orbit, e, before, theta)  # it may break between two nodes
                     d_lowest = depth_at(orbit, e, lowest)[0] - p[RELEASE]
                     if d_lowest <= 0.0:
                         theta, d = lowest, d_lowest
                 if d <= 0.0:
-                    head.neck_end[i] = turn + _root(orbit, e, p[RELEASE], before, d_before, theta, d)
+                    head.neck_end[i] = turn + _angle_at_depth(orbit, e, p[RELEASE], before, d_before, theta, d)
                     broken = True
                     break
                 before, d_before = theta, d
@@ -231,11 +235,11 @@ def _point_of(orbit: Orbit, e: int, k: int) -> tuple[float, float, float]:
         at = element_of(orbit, e if k == 0 else e + 1)
         c, s = math.cos(at.edge), math.sin(at.edge)
         return at.edge, head.amplitude * c + at.edge_w - head.tip_offset, at.edge_u - head.amplitude * s
-    one, j = element_of(orbit, e), k - 1
+    element, j = element_of(orbit, e), k - 1
     return (
-        one.theta[j],
-        head.amplitude * one.cos[j] + one.w[j] - head.tip_offset,
-        one.u[j] - head.amplitude * one.sin[j],
+        element.theta[j],
+        head.amplitude * element.cos[j] + element.w[j] - head.tip_offset,
+        element.u[j] - head.amplitude * element.sin[j],
     )
 
 
@@ -259,7 +263,7 @@ def _find_crossings(orbit: Orbit) -> bool:
         middle, d_middle = theta_before, d_before
         towards = -1.0 if inside else 1.0
         if inside == was_inside and towards * slope_before > 0.0 and towards * slope < 0.0:
-            middle = _extreme(orbit, e, theta_before, theta)
+            middle = _angle_of_extreme(orbit, e, theta_before, theta)
             d_middle = depth_at(orbit, e, middle)[0]
             if not inside and d_middle > extreme_d:
                 extreme_theta, extreme_d = middle, d_middle
@@ -270,9 +274,9 @@ def _find_crossings(orbit: Orbit) -> bool:
             if max(found.ups, found.downs) >= MOST_CONTACTS:
                 return False
             if twice:
-                angle = _root(orbit, e, 0.0, theta_before, d_before, middle, d_middle)
+                angle = _angle_at_depth(orbit, e, 0.0, theta_before, d_before, middle, d_middle)
                 _add_crossing(found, not inside, angle)
-            _add_crossing(found, inside, _root(orbit, e, 0.0, middle, d_middle, theta, d))
+            _add_crossing(found, inside, _angle_at_depth(orbit, e, 0.0, middle, d_middle, theta, d))
         theta_before, d_before, slope_before = theta, d, slope
     if found.ups == 0:
         head.contacts = PERMANENT if first_inside else 0
