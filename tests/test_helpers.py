@@ -13,7 +13,7 @@ import xarray as xr
 
 import phasemap as pm
 from phasemap._shared import asked, checks, fields, quantities, threads, units
-from phasemap._shared.arrays import real_numbers
+from phasemap._shared.arrays import is_varied, real_numbers
 from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import InputError, InputErrors, on_one_line
 from phasemap._shared.memory import size_in_words
@@ -22,7 +22,7 @@ from phasemap._shared.pixels import downwards
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import Unit
 from phasemap.cli.arguments import number_or_range, one_each
-from phasemap.comparison.scores import is_varied, share_explained
+from phasemap.comparison.scores import share_explained
 from phasemap.experiment.arms import merged
 from phasemap.experiment.beam import hydrodynamic_function
 from phasemap.experiment.material_rows import contact_stiffness, distinct_materials, materials_of, of_one_loss, rows_of
@@ -143,6 +143,7 @@ GIVES: list[tuple[Any, Any]] = [
     # images and files
     (share_explained(np.array([1.0, 3.0, 5.0]), [np.array([0.0, 1.0, 2.0])]), 1.0),
     (is_varied(np.full(1001, 0.3)), False),
+    (measured.level_plane(3e-7 + 1e-9 * np.indices((9, 8))[1], np.ones((9, 8), bool)).any(), False),
     ([downwards(np.array([3.0, 1.0]), dim).tolist() for dim in "yx"], [[1.0, 3.0], [3.0, 1.0]]),
     (mean_ground(np.array([0.0, 8.0, 8.0])).tolist(), [1.0, 7.0, 8.0]),
     (program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0).slope[:4].tolist(), [0.0, 2.0, 2.0, 0.0]),

@@ -15,6 +15,8 @@ from phasemap._shared.memory import check_fits
 Array: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int32]
 
+ROUNDING = 1e-12  # relative difference of values that are the same
+
 
 def as_array(name: str, value: object, allowed: str, dtype: Any = None) -> NDArray[Any]:
     """Array from what the user gave; InputError says what is `allowed`, TooLargeError that memory is short."""
@@ -52,6 +54,14 @@ def real_numbers(name: str, values: object, unit: str) -> Array:
 def is_uniform(array: NDArray[Any]) -> bool:
     """True if the array is one number seen everywhere, as `numpy.broadcast_to` makes it."""
     return not any(array.strides)
+
+
+def is_varied(values: Array, size: float | None = None) -> bool:
+    """True if values differ by more than rounding, of what they are differences of: as large as `size`, or themselves.
+
+    `values` (shape (n,)): finite.
+    """
+    return bool(np.ptp(values) > ROUNDING * (np.abs(values).max() if size is None else size))
 
 
 def is_frozen(array: object) -> bool:

@@ -11,14 +11,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from phasemap._shared.arrays import as_array
+from phasemap._shared.arrays import as_array, is_varied
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import is_sign, number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates
 from phasemap.comparison.pair import Directions, common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
-from phasemap.comparison.scores import correlation_of, is_varied, outlier_lines, share_explained, similarity_of
+from phasemap.comparison.scores import correlation_of, outlier_lines, share_explained, similarity_of
 from phasemap.io.measured import largest_first, segment_phase
 from phasemap.io.metadata import of_simulation
 from phasemap.results.variables import provenance

@@ -6,22 +6,13 @@ import math
 
 import numpy as np
 
-from phasemap._shared.arrays import Array
+from phasemap._shared.arrays import Array, is_varied
 from phasemap.io.gwyddion import extra
 
 WINDOW = 7  # pixels, of the structural similarity
-ROUNDING = 1e-12  # relative difference of values that are the same
 RANGE = (0.5, 99.5)  # percentiles that its dynamic range spans
 STRIKING = 8.0  # times the usual spread of lines, above which a line is an outlier ...
 VISIBLE = 0.25  # ... if it also stands out by this share of the image's own spread
-
-
-def is_varied(values: Array) -> bool:
-    """True if values differ by more than rounding.
-
-    `values` (shape (n,)): finite.
-    """
-    return bool(np.ptp(values) > ROUNDING * np.abs(values).max())
 
 
 def correlation_of(first: Array, second: Array) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import xarray as xr
 
+from phasemap._shared.arrays import is_varied
 from phasemap._shared.errors import FileError, InputError
 from phasemap.io.gwyddion import extra
 
@@ -40,7 +41,7 @@ def level_rows(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
     slope = (along * np.where(counts, height, 0.0)).sum() / ((along * along).sum() or 1.0)
     flat: np.ndarray = height - slope * x
     flat -= row_medians(flat, counts)
-    return flat
+    return _without_rounding(flat, height)
 
 
 def level_plane(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
@@ -48,7 +49,13 @@ def level_plane(height: np.ndarray, counts: np.ndarray) -> np.ndarray:
     plane = np.stack([np.ones(height.shape), *np.indices(height.shape, float)], axis=-1)
     flat: np.ndarray = height - plane @ np.linalg.lstsq(plane[counts], height[counts], rcond=None)[0]
     flat -= np.median(flat[counts])
-    return flat
+    return _without_rounding(flat, height)
+
+
+def _without_rounding(flat: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """A levelled map, 0 everywhere if all that levelling left of the height is rounding."""
+    known = np.isfinite(flat)
+    return flat if is_varied(flat[known], np.abs(height[known]).max()) else np.where(known, 0.0, np.nan)
 
 
 def row_medians(values: np.ndarray, counts: np.ndarray) -> np.ndarray:

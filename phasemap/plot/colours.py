@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.colors import Colormap, Normalize
 
+from phasemap._shared.arrays import is_varied
 from phasemap._shared.checks import check_choice, number
 from phasemap._shared.errors import InputError
 from phasemap._shared.quantities import KINDS, Scalar
@@ -164,10 +165,12 @@ def units_of(variable: xr.DataArray) -> str:
 
 
 def limits_of(values: np.ndarray) -> tuple[float, float]:
-    """The percentiles shown; (0, 0) if there is no finite value."""
+    """The percentiles shown, or twice a value if all are the same up to rounding; (0, 0) if there is no finite one."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0.0, 0.0
+    if not is_varied(finite):
+        return float(finite[0]), float(finite[0])
     low, high = np.percentile(finite, SHOWN)
     if high == low:  # a few particles on a flat ground
         low, high = finite.min(), finite.max()

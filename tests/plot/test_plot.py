@@ -129,6 +129,17 @@ def test_images_at_several_setpoints_take_a_row_each() -> None:
     ]
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-9])
+def test_a_map_that_varies_by_rounding_only_is_drawn_as_flat(tilt: float) -> None:
+    ds = image()
+    noise = 1 + 1e-15 * np.random.default_rng(1).normal(size=ds["phase"].shape)
+    flat = ds.assign(height=ds["height"].copy(data=(3e-7 + tilt * np.arange(64)) * noise))
+    flat["dissipation"] = ds["phase"].copy(data=2.0 * noise).assign_attrs(units="eV")
+    figure = plot(flat.assign_attrs(channels="{}"), variables=["height", "dissipation"])
+    limits = [axes.images[0].get_clim() for axes in figure.axes if axes.images]
+    np.testing.assert_allclose(limits, [(-500.0, 500.0), (1.0, 3.0)], rtol=1e-12)  # pm, eV
+
+
 def test_a_measured_image_is_drawn_without_its_tilt() -> None:
     ds = image()
     tilted = ds.assign(height=ds["height"] + 1e-9 * np.arange(64))
