@@ -207,6 +207,11 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Any) ->
     if surface.relaxes:
         allowed = "None where edges are seen by the tip: how relaxing materials mix under it is not known"
         raise InputError("relaxation_time", Word("given"), allowed)
+    for name in ("liquid_film", "contact_angle"):
+        water = getattr(surface, name)
+        if water is not None and np.unique(water[np.isfinite(water)]).size > 1:
+            allowed = "the same everywhere where edges are seen by the tip: how films mix under it is not known"
+            raise InputError(name, Word("varied"), allowed)
     loss = "viscosity" if surface.damping is None else "damping"
     poisson_ratio = seen(surface.poisson_ratio, pressure)
     plane = surface.modulus / (1 - surface.poisson_ratio**2)

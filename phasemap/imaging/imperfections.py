@@ -32,15 +32,27 @@ def drifted(surface: Surface, drift: tuple[float, float, float]) -> Surface:
     """Return the surface as it passes under the tip while it drifts along x, y and z, by so much an image [m]."""
     if not any(drift):
         return surface
-    (ny, nx), (dy, dx) = surface.shape, surface.pixel_size
-    part = np.arange(ny) / ny
-    right, down = (min(max(way / side, -FAR), FAR) * part for way, side in zip(drift, (dx, dy), strict=False))
+    right, down = _shifts(surface, drift)
     relief = None if surface.topography is None else _carried(surface.topography, right, down)
     if drift[2]:
-        relief = (0.0 if relief is None else relief) + np.broadcast_to(drift[2] * part[:, np.newaxis], surface.shape)
+        part = np.arange(surface.shape[0])[:, np.newaxis] / surface.shape[0]
+        relief = (0.0 if relief is None else relief) + np.broadcast_to(drift[2] * part, surface.shape)
+    return seen_at(surface, pixels_under_tip(surface, drift), relief)
+
+
+def pixels_under_tip(surface: Surface, drift: tuple[float, float, float]) -> NDArray[np.intp]:
+    """Which pixel of a surface that drifts so is under the tip at each pixel of an image, counted line by line."""
+    (ny, nx), (right, down) = surface.shape, _shifts(surface, drift)
     rows = np.clip(np.arange(ny) + _nearest(down), 0, ny - 1)
     columns = np.clip(np.arange(nx) + _nearest(right)[:, np.newaxis], 0, nx - 1)
-    return seen_at(surface, rows[:, np.newaxis] * nx + columns, relief)
+    return rows[:, np.newaxis] * nx + columns
+
+
+def _shifts(surface: Surface, drift: tuple[float, float, float]) -> tuple[Array, Array]:
+    """By how much the tip is off at each line, along x and along y [pixels]."""
+    (ny, _), (dy, dx) = surface.shape, surface.pixel_size
+    part = np.arange(ny) / ny
+    return min(max(drift[0] / dx, -FAR), FAR) * part, min(max(drift[1] / dy, -FAR), FAR) * part
 
 
 def _nearest(pixels: Array) -> NDArray[np.int64]:

@@ -142,7 +142,7 @@ def _assembled(path: Path, parts: Parts) -> xr.Dataset:
 
 
 def _split(parts: Parts) -> Parts:
-    """Approach and withdrawal of columns that hold one below the other: the turn is where the amplitude is least."""
+    """Approach and withdrawal of columns that hold one below the other: the turn is where the tip is closest."""
     z, amplitude = (parts[name, None][0] for name in ("distance", "amplitude"))
     way = np.sign(np.cov(z, amplitude)[0, 1]) or 1.0
     turn = int(np.argmin(way * z))

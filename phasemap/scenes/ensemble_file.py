@@ -18,6 +18,7 @@ from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import digest_of, reason_of, replacing
 from phasemap.io.netcdf import COMPRESSION_LEVEL, opened
 from phasemap.results.variables import provenance
+from phasemap.scenes.surface import place_of
 
 if TYPE_CHECKING:
     import netCDF4
@@ -85,8 +86,11 @@ class PartsFolder:
 
 def _digest(folder: Path, name: str) -> str | None:
     """The SHA-256 of the file with this name, None if there is none."""
-    path = os.path.join(folder, name)
-    return digest_of(path, path) if os.path.isfile(path) else None
+    try:
+        path = place_of(name, folder)
+    except FileError:
+        return None
+    return digest_of(path, str(path)) if os.path.isfile(path) else None
 
 
 def _identity(tables: Table, digest: Callable[[str], str | None]) -> str:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError
@@ -45,11 +46,11 @@ def scan_of(table: Table) -> tuple[float, Table]:
     return setpoint, scan
 
 
-def microscope_of(tables: Table) -> Microscope:
-    """The microscope of the tables for its parts."""
+def microscope_of(tables: Table, folder: Path = Path()) -> Microscope:
+    """The microscope of the tables for its parts; files that they name are relative to `folder`."""
     complaints = Complaints()
     lever, tip = complaints.of(_cantilever, tables), complaints.of(object_of, tables, "tip", Tip)
-    drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables)
+    drive, interaction = complaints.of(_drive, tables), complaints.of(_interaction, tables, folder)
     detector = {"sees": "slope", **table_of(tables, "detector")}
     complaints.of(check_keys, "[detector]", detector, ("sees",))
     complaints.make()
@@ -112,7 +113,7 @@ def _drive(tables: Table) -> Drive:
     return _from_table("[drive]", table, Drive)
 
 
-def _interaction(tables: Table) -> Interaction:
+def _interaction(tables: Table, folder: Path) -> Interaction:
     """The interaction, whose contact and long-range force may be laws with parameters."""
     table = table_of(tables, "interaction")
     if isinstance(table.get("longrange"), str) and table["longrange"] in FORCES:
@@ -128,8 +129,12 @@ def _interaction(tables: Table) -> Interaction:
                 raise missing(name, "law")
             check_choice(f"{name} law", given["law"], laws)
             parameters = {field: value for field, value in given.items() if field != "law"}
-            of_file = given["law"] == ForceTable.name and set(parameters) == {"file"}
-            made = ForceTable.read(parameters["file"]) if of_file else _from_table(name, parameters, laws[given["law"]])
+            if given["law"] == ForceTable.name and set(parameters) == {"file"}:
+                if not isinstance(parameters["file"], str) or not parameters["file"]:
+                    raise InputError(f"{name} file", parameters["file"], "a file name")
+                made: Any = ForceTable.read(folder / parameters["file"])
+            else:
+                made = _from_table(name, parameters, laws[given["law"]])
             table = {**table, key: made}
     return _from_table("[interaction]", table, Interaction)
 

@@ -122,7 +122,9 @@ class Scene:
         return image.assign_attrs(scene=self.to_json())
 
     def truth(self) -> xr.Dataset:
-        """Material under each pixel, its properties, and the relief before a tip of finite size saw it.
+        """Material under the tip at each pixel, its properties, and the relief before a tip of finite size saw it.
+
+        Where the sample drifts, that is what has drifted under the tip by then; its rise in z is not of the relief.
 
         Returns
         -------
@@ -136,16 +138,21 @@ class Scene:
         >>> truth.label.attrs["flag_meanings"], truth.label.values[0, [0, -1]].tolist()
         ('compliant stiff', [0, 1])
         """
-        truth = (self.built.surface if self.built is not None else self.surface).to_dataset()
+        from phasemap.imaging.imperfections import drifted, pixels_under_tip
+
+        drift = (*self.options["realism"].drift[:2], 0.0)
+        surface = self.surface if self.built is None else self.built.surface
+        truth = drifted(surface, drift).to_dataset()
         if self.built is None or self.built.labels is None:
             return truth
         labels, names = self.built.labels
+        labels = np.asarray(labels, np.int64).reshape(-1)[pixels_under_tip(surface, drift)]
         flags = {
             "long_name": "label of the material",
             "flag_values": np.array(list(names), np.int64),
             "flag_meanings": " ".join(re.sub(r"\s", "_", name) for name in names.values()),
         }
-        return truth.assign(label=(("y", "x"), np.asarray(labels, np.int64), flags))
+        return truth.assign(label=(("y", "x"), labels, flags))
 
 
 @dataclass(frozen=True)
@@ -164,7 +171,8 @@ def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> S
     scan, complaints = table_of(tables, "scan"), Complaints()
     setpoint = complaints.of(scan_of, scan) if "setpoint" in scan else None
     with _strictness_of(scan):
-        microscope, materials = complaints.of(microscope_of, tables), complaints.of(materials_of, tables)
+        microscope = complaints.of(microscope_of, tables, Path(path).parent)
+        materials = complaints.of(materials_of, tables)
         complaints.make()
         assert microscope is not None and materials is not None
         return SceneSetup(microscope, materials, None if setpoint is None else setpoint[0])
@@ -207,7 +215,7 @@ def _scene(tables: Table, folder: Path, surface: Surface | None) -> Scene:
     complaints = Complaints()
     tables = complaints.of(with_typical, tables) or tables
     scan = complaints.of(scan_of, table_of(tables, "scan"))
-    microscope = complaints.of(microscope_of, tables)
+    microscope = complaints.of(microscope_of, tables, folder)
     accuracy = complaints.of(object_of, tables, "accuracy", Accuracy)
     control = complaints.of(control_of, {"kind": "engage", **table_of(tables, "control")})
     output = table_of(tables, "output")

@@ -16,7 +16,7 @@ import numpy as np
 
 from phasemap._shared.arrays import as_array
 from phasemap._shared.checks import check_choice, number
-from phasemap._shared.errors import FileError, InputError, PhasemapError
+from phasemap._shared.errors import FileError, InputError, PhasemapError, Word
 from phasemap._shared.files import digest_of, size_of
 from phasemap._shared.memory import check_fits
 from phasemap._shared.notices import question, untold
@@ -123,6 +123,8 @@ def _from_labels(
     if isinstance(names, dict):
         chosen = {_whole(label): _material(name, materials) for label, name in names.items()}
         called = {_whole(label): str(name) for label, name in names.items()}
+        if len(chosen) < len(names):
+            raise InputError("[surface] materials", Word(", ".join(names)), "each label once")
     else:
         chosen, called = dict(enumerate(_materials(names, materials))), dict(enumerate(names))
     if generator is not None and not set(chosen) <= set(GENERATED):
@@ -269,17 +271,22 @@ class Files:
         """The path of a file that the scene names under `key`."""
         if not isinstance(name, str) or not name:
             raise InputError(f"[surface] {key}", name, "a file name")
-        path = self.folder / name
-        if name.startswith("package:"):
-            package, _, inside = name.removeprefix("package:").partition("/")
-            spec = _installed(package)
-            if spec is None or not spec.submodule_search_locations:
-                raise FileError(f"cannot read {name}: the package {package!r} is not installed.")
-            path = Path(spec.submodule_search_locations[0], inside)
+        path = place_of(name, self.folder)
         what = f"{path}, named in [surface] {key}"
         check_fits(what, size_of(path, what), "Take a smaller map.")
         self.digests[name] = digest_of(path, what)
         return path
+
+
+def place_of(name: str, folder: Path) -> Path:
+    """The path of a file that a scene in this folder names, or that it names in an installed package."""
+    if not name.startswith("package:"):
+        return folder / name
+    package, _, inside = name.removeprefix("package:").partition("/")
+    spec = _installed(package)
+    if spec is None or not spec.submodule_search_locations:
+        raise FileError(f"cannot read {name}: the package {package!r} is not installed.")
+    return Path(spec.submodule_search_locations[0], inside)
 
 
 def _installed(package: str) -> ModuleSpec | None:

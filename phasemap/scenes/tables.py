@@ -100,10 +100,6 @@ def read_tables(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> 
         tables = {**tables, "realism": {"preset": tables["realism"]}}
     for override in overrides:
         tables = with_override(tables, override)
-    contact = interaction.get("contact") if isinstance(interaction := tables.get("interaction"), dict) else None
-    if isinstance(contact, dict) and isinstance(contact.get("file"), str):  # a table of forces beside the scene
-        contact = {**contact, "file": str(Path(path).parent / contact["file"])}
-        tables = {**tables, "interaction": {**tables["interaction"], "contact": contact}}
     _check_materials(tables, written)
     return tables
 

@@ -10,6 +10,7 @@ import pytest
 from cases import load
 
 import phasemap as pm
+from phasemap.experiment.interaction import Capillary
 from phasemap.experiment.seen_by_tip import typical_depth
 
 SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(40e-9))
@@ -111,3 +112,7 @@ def test_what_cannot_be_seen_is_said() -> None:
         EDGE.seen_by(SCOPE, 1.2)
     with pytest.raises(pm.InputError, match="shape of depth"):
         EDGE.seen_by(SCOPE, 0.7, depth=np.zeros(3))
+    wet = pm.Surface(1e9, adhesion=0.05, liquid_film=np.array([[0.5e-9, 0.5e-9, 1e-9]]), pixel_size=2e-9)
+    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(Capillary()))
+    with pytest.raises(pm.InputError, match="liquid_film is varied; allowed: the same everywhere where edges are seen"):
+        wet.seen_by(scope, 0.7)

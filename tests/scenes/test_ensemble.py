@@ -24,7 +24,7 @@ from phasemap._shared.processes import in_processes
 from phasemap.cli import main
 from phasemap.io.netcdf import load, save
 from phasemap.scenes.ensemble import Ensemble, load_ensemble
-from phasemap.scenes.ensemble_file import assemble
+from phasemap.scenes.ensemble_file import PartsFolder, assemble
 from phasemap.scenes.samples import Range
 from phasemap.scenes.scene import load_scene
 
@@ -197,6 +197,20 @@ def test_the_truth_is_what_is_there_and_not_what_a_blunt_tip_sees(tmp_path: Path
     truth = scene.truth()
     assert np.array_equal(truth.topography, np.where(truth.label == 1, 3e-9, 0.0))
     assert np.array_equal(truth.modulus, np.where(truth.label == 1, 3e9, 0.5e9))
+
+
+def test_the_truth_is_that_under_the_tip_where_the_sample_drifts(tmp_path: Path) -> None:
+    """Without noise each pixel shows the phase of its own material, whose pixel of the sample drifts by up to 2."""
+    drifting = SCENE + "[realism]\ndrift = [8e-9, 0.0, 1e-9]\n"
+    rows = "[" + ", ".join(["[0, 1, 1, 1, 1, 0]", "[0, 0, 1, 1, 0, 0]"] * 4) + "]"
+    drifting = drifting.replace("[[0, 1, 1, 1, 1, 0], [0, 0, 1, 1, 0, 0]]", rows)
+    scene = load_scene(written(tmp_path, "", drifting))
+    truth, phase = scene.truth(), scene.simulate().phase.values
+    assert len(np.unique(phase.round(9))) == 2
+    assert np.array_equal(truth.label == 1, phase > phase.mean())
+    assert np.array_equal(truth.modulus, np.where(truth.label == 1, 3e9, 0.5e9)) and "topography" not in truth
+    resting = load_scene(written(tmp_path, "", drifting), ["realism.drift=[0.0, 0.0, 0.0]"]).truth()
+    assert not np.array_equal(truth.label, resting.label)
 
 
 def test_a_label_is_not_named_where_its_material_is_varied(tmp_path: Path) -> None:
@@ -422,6 +436,23 @@ def test_images_that_do_not_fit_together_are_refused_with_the_sample(tmp_path: P
     with pytest.raises(InputError, match=r"shape of phase in sample 1 is None; allowed: \(1, 2\), as in sample 0"):
         mixed.simulate(tmp_path / "mixed.nc")
     assert not (tmp_path / "mixed.nc").exists()
+
+
+def test_samples_of_another_force_table_are_not_taken_for_those_of_this(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    law = '[interaction]\ncontact = { law = "table", file = "forces.csv" }\n'
+    written(tmp_path / "inside", scene=SCENE + law)
+    kept = []
+    for stiffer in (1.0, 2.0):
+        rows = "".join(f"{d},{stiffer * (d + 0.1)}\n" for d in (0.0, 0.5, 1.0, 2.0, 5.0))
+        (tmp_path / "inside" / "forces.csv").write_text("# depth [nm], force [nN]\n" + rows)
+        ensemble = load_ensemble("inside/ensemble.toml")
+        tables = (ensemble._tables(sample) for sample in range(len(ensemble)))
+        kept.append({file.name for file in PartsFolder(tmp_path / "out.nc", tables, ensemble.folder).files})
+    assert not kept[0] & kept[1]
+    assert ensemble.scene(0).microscope.interaction.contact.forces[0] == pytest.approx(0.2e-9)
 
 
 def test_a_damaged_sample_is_named(ensemble: Ensemble, tmp_path: Path) -> None:

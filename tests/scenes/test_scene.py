@@ -130,6 +130,8 @@ def test_every_table_is_read(tmp_path: Path) -> None:
         ("surface.labels=[[0], [0, 1]]", r"\[surface\] labels is 'a list of rows of unequal length'"),
         ('surface.materials=["soft", "herd"]', r"\[surface\] materials is 'herd'; .*Did you mean 'hard'"),
         ("surface.materials=soft", r"\[surface\] materials is 'soft'; allowed: a list of names"),
+        ('surface.materials={1="soft", 01="hard"}', r"\[surface\] materials is 1, 01; allowed: each label once"),
+        ('interaction.contact={law="table", file=5}', r"\[interaction.contact\] file is 5; allowed: a file name"),
         ('surface.materials={a="soft"}', r"\[surface\] materials is 'a'; allowed: labels that are whole numbers"),
         ("surface.topography=[[1e-9]]", r"\[surface\] shape of topography is \(1, 1\); allowed: \(2, 3\)"),
         ("surface.topography={fiel=1}", r"\[surface.topography\] fiel is unknown; .*Did you mean 'file'"),
