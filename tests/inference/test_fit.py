@@ -335,6 +335,7 @@ def test_laws_are_ranked_by_how_likely_they_make_the_data() -> None:
     assert fit.rivals[0].scope.interaction.law.name == "hertz" and fit.evidence > fit.rivals[0].evidence + 5
     assert fit.discrepancy < 1.3 < 3 < fit.rivals[0].discrepancy
     assert set(fit.values) == {"modulus", "adhesion", "damping", "decay_length"}, "the law's own numbers too"
+    assert set(fit.rivals[0].values) == {"modulus", "damping"}, "what does not act under the law is not fitted"
     assert "law hertz" in str(fit)
     slipping = pm.Interaction(pm.interaction.Film("slipping"))
     assert replace(fit, scope=replace(fit.scope, interaction=slipping)).law == "slipping film"
@@ -465,8 +466,27 @@ def test_of_all_laws_those_are_compared_that_may_have_the_material() -> None:
 def test_the_numbers_of_a_law_are_fitted_whatever_is_asked_and_known_as_well_as_is_said(
     asked: Any, fitted: dict[str, float | None]
 ) -> None:
-    _, start, more = under("film", SCOPE, FILM)
-    assert with_law(asked, start, more) == fitted
+    scope, start, more = under("film", SCOPE, FILM)
+    assert with_law(asked, CurveSetting(start, scope, 0.0), more) == fitted
+
+
+@pytest.mark.parametrize(
+    ("acts", "fitted"),
+    [
+        ({"contact": "hertz"}, {"modulus", "damping"}),
+        ({"contact": "hertz", "bias": 1.0}, {"modulus", "damping", "decay_length"}),
+        ({"contact": "dmt", "decay_length": None}, {"modulus", "adhesion", "damping"}),
+        ({"contact": "dmt"}, {"modulus", "adhesion", "damping", "decay_length"}),
+        ({"contact": "maugis"}, {"modulus", "adhesion", "damping", "decay_length"}),
+        ({"contact": "dmt", "decay_length": None, "longrange": "dlvo"}, {"modulus", "adhesion", "damping"}),
+    ],
+)
+def test_what_does_not_act_on_the_tip_is_not_fitted_unasked(acts: dict[str, Any], fitted: set[str]) -> None:
+    scope, start, more = under(pm.Interaction(**acts), SCOPE, FILM)
+    setup = CurveSetting(start, scope, 0.0)
+    assert set(with_law(None, setup, more)) == fitted
+    assert {one.name for one in check_parameters(None, setup, "tip_offset")} == fitted - {"decay_length"}
+    assert "adhesion" in {one.name for one in check_parameters(["adhesion"], setup, "tip_offset")}
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.optimize import brentq
 
+from phasemap._kernels import columns as col
 from phasemap._shared.arrays import real_numbers
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
@@ -222,6 +223,7 @@ class Parameter:
 def check_parameters(names: object, setup: CurveSetting, axis: str) -> tuple[Parameter, ...]:
     """The parameters of these names, as of `spreads_of`, from their values in `setup`."""
     losses, spreads = losses_of(setup.material), spreads_of(names, setup.material)
+    spreads = spreads if names is not None else those_that_act(spreads, setup)
     known = (*OF_SAMPLE, *numbers_of_law(setup.scope.interaction), *OF_SCOPE, OFFSETS[axis], *READING)
     known = (*known, "free_phase") if axis == "tip_offset" else known
     found = []
@@ -249,6 +251,22 @@ def spreads_of(names: Any, material: Material) -> dict[str, float | None]:
     if len(spreads) < len(names):
         raise InputError("parameters", names, "every name once")
     return spreads
+
+
+def those_that_act(spreads: dict[str, float | None], setup: CurveSetting) -> dict[str, float | None]:
+    """The parameters but those of sample and law that change nothing: the adhesion of a law without attraction."""
+    of_forces = (*OF_SAMPLE, "decay_length", *numbers_of_law(setup.scope.interaction))
+
+    def forces(one: CurveSetting) -> np.ndarray:
+        row = Question(one.material, one.scope).work(marched=True).rows[0]
+        from_afar = row[col.LONGRANGE] or one.scope.interaction.law.lossy  # else the columns of no force
+        return row if from_afar else np.delete(row, range(col.LONGRANGE, col.DAMPING))
+
+    def acts(name: str) -> bool:
+        value = setup.value(name) if name in of_forces else None
+        return not value or not np.array_equal(forces(setup), forces(setup.with_parameter(name, 1.01 * value)))
+
+    return {name: spread for name, spread in spreads.items() if acts(name)}
 
 
 def losses_of(material: Material) -> tuple[str, ...]:

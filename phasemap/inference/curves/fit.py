@@ -129,7 +129,8 @@ def fit_distance(
         by name keeps the rest of the interaction of `scope` but for what it refuses, which `Fit.status` says.
         Each starts, too, from what the best before it found, so name simple ones first. Besides `parameters`, decay
         lengths are fitted and the own numbers of "neck", "lossy dmt" and films, of "capillary" the film of tip and
-        sample together. "lossy dmt" and "capillary" are marched in time, which takes minutes.
+        sample together, but not what does not act: adhesion and decay length of "hertz". "lossy dmt" and "capillary"
+        are marched in time, which takes minutes.
     offset : float
         That constant, which is added to `tip_offsets` [m]; fitted where `parameters` has "offset".
     amplitude, amplitude_error, phase, phase_error : array_like
@@ -184,7 +185,7 @@ def fit_distance(
     fits: list[Fit] = []
     for law in named:
         beneath, first, more = under(law, scope, start)
-        asked = with_law(parameters, first, more)
+        asked = with_law(parameters, CurveSetting(first, beneath, height), more)
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
         fit = _fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known)
         said = refused(scope.interaction, beneath.interaction) if isinstance(law, str) else ""

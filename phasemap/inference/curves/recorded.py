@@ -18,7 +18,7 @@ from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Ne
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
-from phasemap.inference.curves.data import numbers_of_law, spreads_of
+from phasemap.inference.curves.data import CurveSetting, numbers_of_law, spreads_of, those_that_act
 from phasemap.inference.determined import PRIOR
 from phasemap.io.metadata import recorded_sign
 
@@ -114,10 +114,11 @@ def check_unsaid(offset: float, **given: Any) -> None:
             raise InputError(name, Word("given"), "nothing beside a curve that was read, which has its own", one)
 
 
-def with_law(parameters: Any, start: Material, more: dict[str, float | None]) -> dict[str, float | None]:
-    """What is fitted with what a law adds; what is said of how well that is known is kept."""
-    own = spreads_of(parameters, start)
-    return {**own, **more, **{name: spread for name, spread in own.items() if spread is not None}}
+def with_law(parameters: Any, setup: CurveSetting, more: dict[str, float | None]) -> dict[str, float | None]:
+    """What is fitted with what a law adds, as far as it acts; what is said of how well that is known is kept."""
+    own = spreads_of(parameters, setup.material)
+    every = {**own, **more, **{name: spread for name, spread in own.items() if spread is not None}}
+    return those_that_act(every, setup)
 
 
 def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
