@@ -276,7 +276,7 @@ def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Data
     else:
         fill_kept(job, stretches, canvas, checkpoint)
     if strict:
-        _refuse_failures(canvas.status.reshape(-1, *surface.shape), scope.interaction.law.name)
+        _refuse_failures(canvas.status.reshape(-1, *surface.shape), describe(scope.interaction))
     largest, viscous = _largest_material(surface, job.workers), surface.viscosity is not None
     work = make_work(largest, viscous, scope, scope.driven_amplitude, marched=True)
     return canvas.image().assign_attrs(
@@ -321,13 +321,13 @@ def _largest_material(surface: Surface, workers: int) -> Array:
     return np.asarray(np.nan_to_num(sign * np.fmax.reduce(found, axis=0, keepdims=True), posinf=np.inf))
 
 
-def _refuse_failures(status: Array, contact: str) -> None:
-    """Raise where a status, shape (directions, ny, nx), is not good."""
+def _refuse_failures(status: Array, interaction: dict[str, Any]) -> None:
+    """Raise where a status, shape (directions, ny, nx), is not good; `interaction` as `describe` gives it."""
     bad = status != 0
     if bad.any():
         place = np.unravel_index(np.argmax(bad), bad.shape)
         row, column = (int(i) for i in place[1:])
-        advice = Status.of(int(status[place])).advice(contact=contact)
+        advice = Status.of(int(status[place])).advice(interaction=interaction)
         count = int(bad.sum())
         failed = "1 pixel has no solution; it is" if count == 1 else f"{count} pixels have no solution; the first is"
         raise SolveError(f"{failed} at row {row}, column {column}. {advice}")

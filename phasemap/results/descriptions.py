@@ -49,11 +49,9 @@ def describe_failures(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     about = json.loads(ds.attrs.get("configuration", "{}"))
     at_offset = "tip_offset" in (about.get("sweep"), *about)
     held = "" if "sweep" not in about else "tip offset" if at_offset else "setpoint"
-    law = about.get("microscope", {}).get("interaction", {})
-    contact = law.get("contact", "") if law.get("withdrawal") != "ting" else ""  # which refuses liquids under dents too
-    contact = contact.get("kind", "") if isinstance(contact, dict) else contact
+    acts = about.get("microscope", {}).get("interaction")
     return [
-        f"{counted(int(count), status.size, what)}: {Status.of(int(code)).advice(held, contact)}"
+        f"{counted(int(count), status.size, what)}: {Status.of(int(code)).advice(held, acts)}"
         for code, count in zip(codes, counts, strict=True)
     ]
 

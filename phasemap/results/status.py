@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
+from typing import Any
 
 
 class Status(Enum):
@@ -24,7 +26,8 @@ class Status(Enum):
     )
     invalid = (
         "The material has a property that is not a number (NaN), or one that the contact law cannot have: adhesion "
-        "without stiffness where there is a neck, or films of liquid so thick that they meet where their neck breaks."
+        "without stiffness where there is a neck, films of liquid so thick that they meet where their neck breaks, "
+        "damping without stiffness with withdrawal='ting', or what makes numbers of a law of your own infinite or NaN."
     )
     too_many_contacts = "The tip touches the sample more often per period than the solver follows. Use solver='march'."
     no_averaged_orbit = "First-order averaging finds no orbit on the branch that the tip reaches. Use solver='orbit'."
@@ -39,13 +42,16 @@ class Status(Enum):
         "Take another setpoint, or another free amplitude."
     )
 
-    def advice(self, held: str = "", contact: str = "") -> str:
+    def advice(self, held: str = "", interaction: Mapping[str, Any] | None = None) -> str:
         """What it means and what helps; in a sweep what helps there, by what is `held`: "setpoint" or "tip offset".
 
-        What makes a material invalid is said of the named law of `contact`, of all laws without one.
+        What makes a material invalid is said of the laws of an `interaction`, as `describe` gives it, or of all laws.
         """
-        if self is Status.invalid and contact in CANNOT_HAVE:
-            return f"The material has a property that is not a number (NaN){CANNOT_HAVE[contact]}."
+        if self is Status.invalid and interaction:
+            contact = interaction.get("contact", "dmt")
+            name = str(contact.get("kind") if isinstance(contact, Mapping) else contact)
+            cannot = [CANNOT_HAVE.get(name, OF_OWN), OF_TING if interaction.get("withdrawal") == "ting" else ""]
+            return f"The material has a property that is not a number (NaN){''.join(cannot)}."
         if self is Status.no_stable_orbit and held == "tip offset":
             return "No stable orbit was found at this tip offset. Take another one, or a larger free amplitude."
         if self in (Status.not_converged, Status.not_settled) and held:  # there is no solver to choose, and no accuracy
@@ -63,10 +69,12 @@ class Status(Enum):
         return list(cls)[code]
 
 
+OF_OWN = ", or one for which numbers of this contact law are infinite or NaN"
+OF_TING = ", or damping without stiffness, whose dents would never come back"
 CANNOT_HAVE = {
-    **dict.fromkeys(("hertz", "dmt", "cone", "punch", "film"), ""),
-    **dict.fromkeys(("jkr", "maugis"), ", or adhesion without stiffness, which this contact law cannot have"),
+    **dict.fromkeys(("hertz", "dmt", "cone", "punch", "film", "slipping film", "neck", "lossydmt", "table"), ""),
+    **dict.fromkeys(("jkr", "maugis", "maugisdugdale"), ", or adhesion without stiffness, which this law cannot have"),
     "capillary": ", or films of liquid so thick that they meet where their neck breaks",
 }
-"""What a contact law cannot have, besides NaN."""
+"""What a contact law of phasemap cannot have, besides NaN, by its name in a configuration."""
 _CODES = {status: code for code, status in enumerate(Status)}

@@ -9,6 +9,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.errors import SolveError
 from phasemap._shared.units import say
 from phasemap.experiment.accuracy import Accuracy
+from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.descriptions import SOLVED_BY
@@ -131,7 +132,7 @@ def solve_pixel(
     rows, status, used = run(method, work, accuracy or Accuracy(), threads=1)
     state = Status.of(int(status[0]))
     if strict and state is not Status.good:
-        raise SolveError(state.advice(contact=scope.interaction.law.name))
+        raise SolveError(state.advice(interaction=describe(scope.interaction)))
     numbers = {name: float(FLOATS[name].value(rows)[0]) for name in Pixel.__annotations__ if name in FLOATS}
     branch = FLAGS["branch"][2][int(branch_of(rows)[0]) + 1]
     motion = FLAGS["motion"][2][int(motion_of(rows, work.lever)[0]) + 1]

@@ -139,5 +139,6 @@ def work_of_material(material: Material, scope: Microscope, amplitude: float, *,
 def forces_of(materials: Array, viscous: bool, scope: Microscope) -> tuple[float, float]:
     """Largest adhesion between tip and surface, and pull of the lever at its free amplitude [N]."""
     stiffness, adhesion, _ = properties(materials, viscous, scope)
-    pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
+    with np.errstate(all="ignore"):  # what a law cannot have has a status of its own
+        pull = scope.interaction.law.pull(stiffness, adhesion, scope.tip.radius)
     return float(pull.max()), scope.cantilever.stiffness * scope.driven_amplitude

@@ -157,16 +157,44 @@ def test_the_advice_of_a_sweep_speaks_of_what_it_has(held: Case, status: pm.Stat
     assert not [word for word in others if word in said and word not in held]
 
 
+class Stiffening(pm.ContactLaw):
+    """A spring that is the stiffer the less it sticks: none without adhesion."""
+
+    @staticmethod
+    def force(d: float, p: np.ndarray) -> float:
+        return p[0] * d
+
+    def columns(self, contact_stiffness: np.ndarray, adhesion: np.ndarray, radius: float) -> tuple[np.ndarray]:
+        return (1e-9 * contact_stiffness * 0.05 / adhesion,)
+
+
+def test_what_a_law_of_the_users_own_or_ting_cannot_have_is_said_of_images_and_pixels_alike() -> None:
+    own = pm.Interaction(Stiffening(), None), "numbers of this contact law are infinite or NaN", {"adhesion": 0.0}
+    ting = pm.Interaction(withdrawal="ting"), "damping without stiffness", {"adhesion": 0.05, "damping": 0.1}
+    for interaction, words, given in (own, ting):
+        scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, interaction)
+        surface = pm.Surface([[1e9 if given["adhesion"] == 0 else 0.0]], **given, pixel_size=4e-9)
+        with pytest.warns(pm.ResultWarning, match=words):
+            pm.simulate(surface, scope, 0.7)
+        with pytest.raises(pm.SolveError, match=words):
+            pm.simulate(surface, scope, 0.7, strict=True)
+    with pytest.raises(pm.SolveError, match="damping without stiffness"):
+        pm.solve_pixel(pm.Material(0.0, 0.05, 0.1), scope, 0.7, strict=True)
+
+
 @pytest.mark.parametrize(
     ("contact", "words"),
     [
         ("dmt", r"\(NaN\)\.$"),
-        ("jkr", "or adhesion without stiffness, which this contact law cannot have"),
+        (pm.interaction.Neck(0.8e-9), r"\(NaN\)\.$"),
+        ("jkr", "or adhesion without stiffness, which this law cannot have"),
+        (pm.interaction.MaugisDugdale(0.4e-9), "or adhesion without stiffness, which this law cannot have"),
         (pm.interaction.Capillary(humidity=0.8), "or films of liquid so thick that they meet where their neck breaks"),
+        (Stiffening(), r"\(NaN\), or one for which numbers of this contact law are infinite or NaN\.$"),
     ],
 )
 def test_an_invalid_pixel_is_said_to_be_so_by_what_its_law_cannot_have(contact: object, words: str) -> None:
-    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(contact))
+    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(contact, None))
     surface = pm.Surface([[1e9, np.nan]], 0.05, pixel_size=4e-9, allow_nan=True)
     with pytest.warns(pm.ResultWarning, match=words):
         pm.simulate(surface, scope, 0.7)
