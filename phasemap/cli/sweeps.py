@@ -346,4 +346,5 @@ def said_of_contrast(found: xr.Dataset) -> list[str]:
     if not len(zeros) and not len(jumps):
         both = bool((found["contrast"] < 0).any() and (found["contrast"] > 0).any())  # below that it counts as none
         lines.append("inverts     nowhere" + f" by more than {SEEN:g} degrees" * both)
-    return [*lines, *remarks(found, "points"), f"recommended {found.attrs['recommendation']}"]
+    reason = [f"reason      {found.attrs['reason']}"] if found.attrs["reason"] else []
+    return [*lines, *remarks(found, "points"), f"recommended {found.attrs['recommendation']}", *reason]

@@ -19,14 +19,14 @@ from phasemap._shared.notices import untold
 from phasemap._shared.units import say
 from phasemap.experiment.cantilever import Cantilever
 from phasemap.experiment.described import describe
-from phasemap.experiment.lever import lost_in_air, of_tip, supplied
+from phasemap.experiment.lever import of_tip
 from phasemap.experiment.lever_modes import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, rows_of
-from phasemap.explorer.explanation import LAG, PHASE, PointMotion, lines_of, shown_number
 from phasemap.explorer.limits import accuracy_of, far_off
 from phasemap.explorer.setting import Setting
 from phasemap.results.descriptions import FORCES, describe_failures, describe_validity
+from phasemap.results.explanation import LAG, PHASE, PointMotion, lines_of, shown_number
 from phasemap.results.quantities import CHANNELS, OF_SECOND, OF_SECOND_MODE, TipMotion
 from phasemap.results.status import Status
 from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
@@ -243,13 +243,11 @@ def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable:
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
     orbit = {name: ds[name].values[material] for name in OF_SECOND if name in ds}
     status = Status.of(values["status"])
-    return PointMotion(
+    return PointMotion.of(
+        lever, amplitude, values["phase"],
         name=name, regime=words["branch"], bistable=bistable, motion=words["motion"], solver=words["solver"],
-        advice="" if status is Status.good else status.value, phase=values["phase"],
-        tip_phase=math.degrees(float(tip_phase)), lost=values["dissipation"],
-        air=float(lost_in_air(lever, tip_amplitude)), most=float(supplied(lever, tip_amplitude, np.zeros(()))),
-        virial=values["virial"], indentation=values["indentation"], tip_offset=values["tip_offset"],
-        height=values["tip_offset"] - amplitude,
+        advice="" if status is Status.good else status.value, lost=values["dissipation"], virial=values["virial"],
+        indentation=values["indentation"], tip_offset=values["tip_offset"],
         second=_second_shown(TipMotion(lever, setting.scope, tip_amplitude, tip_phase, orbit)),
     )  # fmt: skip
 

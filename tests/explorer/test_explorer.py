@@ -20,7 +20,6 @@ import phasemap as pm
 from phasemap._shared.errors import InputError
 from phasemap._shared.interrupts import stoppable
 from phasemap.explorer import answers, routes
-from phasemap.explorer.explanation import PointMotion, lines_of, shown_number
 from phasemap.explorer.limits import accuracy_of
 from phasemap.explorer.offered import SAMPLES as SAMPLE_NAMES
 from phasemap.explorer.offered import Offered, Opened, first_of
@@ -28,6 +27,7 @@ from phasemap.explorer.saving import SAVED, python_of
 from phasemap.explorer.setting import Setting, knobs, starred, values_of
 from phasemap.explorer.subject import Subject, subject_of
 from phasemap.results.descriptions import describe_alike
+from phasemap.results.explanation import PointMotion, lines_of, shown_number
 from phasemap.scenes.scene import load_scene, scene_from_tables
 
 SAMPLES = Path(__file__).parents[2] / "samples"

@@ -61,6 +61,7 @@ def test_undamped_materials_in_one_regime_have_no_phase_contrast_but_one_of_heig
     assert np.abs(found.contrast).max() < 0.02
     assert (found.height_contrast > 0.1e-9).all()  # the tip sinks deeper into the soft one
     assert "the phase does not tell the materials apart" in found.attrs["recommendation"]
+    assert found.attrs["reason"].startswith("second and first look alike")
     assert found.sizes["jump"] == 0
 
 
@@ -180,6 +181,8 @@ def test_the_point_recommended_is_safe(jumping: xr.Dataset) -> None:
     assert np.abs(jumping.jump_setpoint.values[same] - best["setpoint"]).min(initial=1.0) >= 0.03
     words = rf"setpoint {best['setpoint']:.3g}, free amplitude {best['free_amplitude'] * 1e9:.3g} nm: particle minus "
     assert re.match(words + r"matrix is \d\.\d degrees, both repulsive, ", jumping.attrs["recommendation"])
+    reason = rf"particle is {abs(float(here.contrast)):.3g}° brighter than matrix, because it loses less energy: "
+    assert jumping.attrs["reason"].startswith(reason)
 
 
 def test_of_points_with_nearly_the_largest_contrast_the_gentlest_is_recommended(jumping: xr.Dataset) -> None:
@@ -194,6 +197,7 @@ def test_bistable_points_are_recommended_only_with_a_warning() -> None:
     found = pm.contrast(MATRIX, PARTICLE, SCOPE, [0.8, 0.9], 18e-9)
     assert (found.regime[1] == BISTABLE).all()
     assert "not safe" in found.attrs["recommendation"]
+    assert "second is bistable: the controller can hold this setpoint" in found.attrs["reason"]
 
 
 @pytest.mark.parametrize("spread", [1e-12, 0.0])
@@ -224,6 +228,7 @@ def test_a_map_without_orbits_recommends_nothing() -> None:
     found = pm.contrast(STICKY, LOSSY, SCOPE, [0.4, 0.5], 15e-9, 298.5e3)
     assert np.isnan(found.attrs["best_setpoint"])
     assert found.attrs["recommendation"].startswith("no point of the map holds both materials")
+    assert found.attrs["reason"] == ""
     plot(found)
 
 
@@ -359,6 +364,7 @@ def test_the_command_maps_what_python_maps(tmp_path: Path, capsys: pytest.Captur
     assert load(output).equals(python)
     assert picture.exists()
     assert "mapped      2 free amplitudes x 3 setpoints" in said.splitlines()
+    assert f"reason      {python.attrs['reason']}" in said.splitlines()
     assert f"recommended {python.attrs['recommendation']}" in said.splitlines()
     assert main(["plot", str(output), "-o", str(tmp_path / "again.svg")]) == 0
 

@@ -28,7 +28,7 @@ from phasemap.solvers.continuation.path import NUMBERS
 from phasemap.solvers.problem import check_setpoint
 from phasemap.solvers.solver import by_name, check_marches
 from phasemap.sweeps.contrasts.pair import Axes, Pair, borders, regime_of, regimes
-from phasemap.sweeps.contrasts.result import DIMS, RULE, Recommended, choose, dataset_of_map
+from phasemap.sweeps.contrasts.result import DIMS, RULE, choose, dataset_of_map, reason_of
 from phasemap.sweeps.sweep import SETPOINT, check_axis
 
 Array = np.ndarray
@@ -93,7 +93,7 @@ def contrast(
 
         Attributes `recommendation` and `recommendation_rule`, sentences, and `best_setpoint`, `best_free_amplitude`,
         `best_frequency` and `best_contrast`: the point to work at (see Notes), NaN if no point holds both materials.
-        The page on the file format lists every variable.
+        `reason` says why one material is brighter there. The page on the file format lists every variable.
 
     Notes
     -----
@@ -155,17 +155,16 @@ def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, pro
     )
     motion = motion_of(engaged.rows, pair.materials.lever)
     found = dataset_of_map(rising, labels, engaged, regime, motion, jumps, inversions)
-    found.attrs.update(_recommended(choose(rising, labels, engaged, regime, motion, jumps), rising, found["contrast"]))
-    return found
-
-
-def _recommended(choice: Recommended, rising: Axes, contrasts: xr.DataArray) -> dict[str, Any]:
-    """Attributes of the recommended working point."""
-    values: Sequence[Any] = [np.nan] * 4
+    choice = choose(rising, labels, engaged, regime, motion, jumps)
+    values, reason = [np.nan] * 4, ""
     if choice.place is not None:
-        values = [*(axis[i] for axis, i in zip(rising, choice.place, strict=True)), contrasts[choice.place]]
+        values = [
+            *(axis[i] for axis, i in zip(rising, choice.place, strict=True)),
+            found["contrast"].values[choice.place],
+        ]
+        reason = reason_of(pair, rising, labels, engaged, regime, motion, choice.place)
     best = {f"best_{name}": float(value) for name, value in zip((*DIMS, "contrast"), values, strict=True)}
-    return {"recommendation": choice.sentence, "recommendation_rule": RULE, **best}
+    return found.assign_attrs(recommendation=choice.sentence, recommendation_rule=RULE, reason=reason, **best)
 
 
 def _without_axes(scope: Microscope, frequencies: Any, free_amplitudes: Any) -> Microscope:

@@ -7,6 +7,7 @@ transition that jumps, a small error of the amplitude changes the image. The Not
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -16,8 +17,19 @@ import xarray as xr
 from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.units import say
-from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes
-from phasemap.sweeps.contrasts.pair import ATTRACTIVE, REGIMES, REPULSIVE, Axes, Inversion, PhaseJump
+from phasemap.results.explanation import PointMotion, lines_of
+from phasemap.results.variables import FLAGS, FLOATS, branch_of, coded, flag_attributes, float_attributes
+from phasemap.sweeps.contrasts.pair import (
+    ATTRACTIVE,
+    BISTABLE,
+    REGIMES,
+    REPULSIVE,
+    Axes,
+    Inversion,
+    Pair,
+    PhaseJump,
+    regime_of,
+)  # fmt: skip
 
 Array = np.ndarray
 
@@ -124,6 +136,30 @@ def choose(
         f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[found].max():.2g} degrees "
         f"anywhere); use the height, where {names[1]} minus {names[0]} is {say(height[place], 'm', 3)}.",
     )
+
+
+def reason_of(
+    pair: Pair, axes: Axes, names: Sequence[str], engaged: Answers, regime: Array, motion: Array,
+    place: tuple[int, int, int],
+) -> str:  # fmt: skip
+    """Why the second material is brighter or darker than the first at a place of the map, in sentences."""
+    frequency, free_amplitude, setpoint = (values[i] for values, i in zip(axes, place, strict=True))
+    work = pair.work(frequency, free_amplitude, np.array([setpoint]))
+    words = {name: dict(zip(FLAGS[name][1], FLAGS[name][2], strict=True)) for name in ("motion", "solver")}
+    found = []
+    for material, name in enumerate(names):
+        at = (material, *place)
+        row = engaged.rows[at]
+        found.append(
+            PointMotion.of(
+                work.lever, float(work.amplitudes[material]), math.degrees(row[col.PHASE]), name=name, advice="",
+                regime=REGIMES[int(regime_of(row))], bistable=bool(regime[at] == BISTABLE),
+                motion=words["motion"][int(motion[at])], solver=words["solver"][int(engaged.solver[at])],
+                lost=float(row[col.DISSIPATION]), virial=float(row[col.VIRIAL]),
+                indentation=float(row[col.INDENTATION]), tip_offset=float(row[col.TIP_OFFSET]),
+            )
+        )  # fmt: skip
+    return " ".join(lines_of(found[0], found[1]))
 
 
 def _index_of_least(values: Array) -> tuple[int, int, int]:

@@ -9,9 +9,12 @@ signs differ, it is what two lossless materials would show there, +- arccos(E_ai
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from phasemap._shared.units import ELECTRONVOLT
+from phasemap.experiment.lever import lost_in_air, of_tip, supplied
 
 LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
 SHARE = 0.2  # of the contrast that the losses may leave open
@@ -57,6 +60,15 @@ class PointMotion(NamedTuple):
     tip_offset: float
     height: float
     second: str = ""  # what a driven second mode shows, in words
+
+    @classmethod
+    def of(cls, lever: np.ndarray, amplitude: float, phase: float, **known: Any) -> PointMotion:
+        """Motion of which the detector sees this amplitude [m] and phase [degree], and what else is `known` of it."""
+        tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(phase))
+        return cls(
+            phase=phase, tip_phase=math.degrees(float(tip_phase)), air=float(lost_in_air(lever, tip_amplitude)),
+            most=float(supplied(lever, tip_amplitude, np.zeros(()))), height=known["tip_offset"] - amplitude, **known,
+        )  # fmt: skip
 
     @property
     def stiffens(self) -> bool:
