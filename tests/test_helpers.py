@@ -22,6 +22,7 @@ from phasemap._shared.pixels import downwards
 from phasemap._shared.processes import in_processes
 from phasemap._shared.units import Unit
 from phasemap.cli.arguments import number_or_range, one_each
+from phasemap.cli.run import _in_words
 from phasemap.comparison.scores import share_explained
 from phasemap.experiment.arms import merged
 from phasemap.experiment.beam import hydrodynamic_function
@@ -44,6 +45,13 @@ from phasemap.scenes.ensemble import name_of
 from phasemap.scenes.ensemble_file import as_column
 from phasemap.scenes.samples import make_samples
 from phasemap.scenes.tables import written
+
+LOOP = {"proportional_gain": 0.1, "integral_gain_per_second": 9.0, "ringing_lines": 0, "gains_lowered": 1.0}
+
+
+def rings(margin: float) -> str:
+    """What is said of a loop with this margin of its gains."""
+    return _in_words({**LOOP, "gain_margin": margin, "periods_per_pixel": 50.0}, False).split("; ")[1]
 
 
 def ball(**changes: Any) -> Any:
@@ -149,6 +157,8 @@ GIVES: list[tuple[Any, Any]] = [
     (program_of(np.array([0, 1]), np.array([0.0, 4.0]), 2.0, 0.0).slope[:4].tolist(), [0.0, 2.0, 2.0, 0.0]),
     (chebyshev.nodes(5).round(2).tolist() + chebyshev.nodes(1).tolist(), [-1.0, -0.71, 0.0, 0.71, 1.0, 0.0]),
     (abs(chebyshev.coefficients(2 * chebyshev.nodes(5) ** 2, [0])).round(12).tolist(), [1.0, 0.0, 1.0, 0.0, 0.0]),
+    ([rings(2.5), rings(0.5)], ["stable up to 2.5 times these gains", "unstable: lower the gains"]),
+    (rings(1e6), "never rings, not even at a million times these gains"),
     ([is_curve(Path(name)) for name in ("scan.nid", "curve.csv")], [False, True]),
     (
         measured.level_rows(np.array([[1.0, 2, 3], [7, 8, 99]]), np.array([[1, 1, 1], [1, 1, 0]], bool))[1].tolist(),

@@ -169,9 +169,13 @@ def _free_in_words(scope: Microscope) -> str:
 
 def _in_words(notes: Mapping[str, Any], noisy: bool) -> str:
     """Gains of a feedback and their margin of stability."""
+    from phasemap.imaging.feedback.tuning import MOST_MARGIN
+
     gains = f"Kp {notes['proportional_gain']:.3g}, Ki {notes['integral_gain_per_second']:.4g} 1/s"
     factor = notes["gain_margin"]
     rings = "unstable: lower the gains" if factor < 1 else f"stable up to {factor:.3g} times these gains"
+    if factor >= MOST_MARGIN:
+        rings = "never rings, not even at a million times these gains"
     if factor != factor:
         rings = "stability limit not known"
     if notes["ringing_lines"] and not noisy:  # noise leaves no feedback at rest

@@ -24,6 +24,7 @@ from phasemap._kernels.scanning.line import move_over, start_swinging
 from phasemap._kernels.scanning.periods import new_periods
 from phasemap._kernels.scanning.slow_flow import new_flow
 from phasemap._shared.notices import untold
+from phasemap.imaging.feedback import lines as lines_of
 from phasemap.imaging.feedback import tuning
 from phasemap.imaging.feedback.lines import bandwidth_of, check_loop, drive_frequency, loop_of
 from phasemap.imaging.feedback.tuning import LinearLoop
@@ -547,12 +548,21 @@ def test_pixel_without_material_is_flagged_and_the_tip_goes_on() -> None:
 
 
 @pytest.mark.parametrize("solver", ENGINES)
-def test_tip_engages_on_the_first_line_that_has_a_material(solver: str) -> None:
+def test_tip_engages_on_the_first_line_that_has_a_material(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # After a line without any the tip had been taken for engaged, with no amplitude and the scanner at height 0.
     modulus = np.array([[np.nan] * 8, [1e9] * 8, [np.nan] * 8])
     surface = pm.Surface(modulus, 0.05, 0.01, topography=np.full((3, 8), 50e-9), pixel_size=4e-9, allow_nan=True)
+    sought = list[int]()
+
+    def counted(job: Any, work: Any) -> Any:
+        sought.append(len(work))
+        return first_orbits(job, work)
+
+    first_orbits = lines_of.first_orbits
+    monkeypatch.setattr(lines_of, "first_orbits", counted)
     with untold():
         lines, image = (scan(surface, replace(QUICK, engage=each), solver) for each in ("line", "image"))
+    assert sum(sought) == 2, "no orbit where a line has no material"
     assert not image.status.isel(y=1).any()
     assert image.isel(y=1).equals(lines.isel(y=1))
     assert lines.attrs["ringing_lines"] == image.attrs["ringing_lines"] == 0, "no line that rings has no material"

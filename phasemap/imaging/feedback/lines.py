@@ -253,8 +253,10 @@ class ScanLines:
         self.dwell = control.dwell(job.surface.shape[1]) * tau
         self.rows = work.rows if lifts is None else lifts.beside(work.rows)
         # A tip that engages comes from far: the first material of each line says on which orbit it then is.
-        has_one = (self.numbers >= 0).argmax(axis=1)
-        starts, self.first = np.unique(self.numbers[np.arange(len(self.numbers)), has_one], return_inverse=True)
+        places = (self.numbers >= 0).argmax(axis=1)
+        firsts = self.numbers[np.arange(len(self.numbers)), places]
+        starts = np.unique(firsts[firsts >= 0])  # not of a line without any, to which the tip does not come
+        self.first = np.searchsorted(starts, firsts)
         self.orbits = first_orbits(job, work.part(starts))[0]
 
     def scan(self, row: int, tip: LoopState) -> None:
