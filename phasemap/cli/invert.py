@@ -266,6 +266,9 @@ def _said_maps(found: xr.Dataset) -> list[tuple[str, str]]:
         error = 100 * np.median(found[f"{name}_error"].values[determined])
         value = f"{middle:.3g} {unit}".rstrip()
         said.append((name, f"{value} (5 to 95 %: {low:.3g} to {high:.3g}), error {error:.2g} %"))
+        if name == "damping" and "viscosity" in found:
+            viscosity = np.median(found["viscosity"].values[determined])
+            said.append(("", f"which is a viscosity of {viscosity:.3g} Pa s"))
     return said
 
 
@@ -281,6 +284,8 @@ def _said_regions(found: xr.Dataset) -> list[tuple[str, str]]:
             value, error = factor * float(found[name][i]), float(found[f"{name}_error"][i])
             word = words[int(found["determination"].sel(property=name)[i])]
             off = {"given": " (given)", "determined": f" ×/÷ {np.exp(error):.2f}"}.get(word, " (not determined)")
+            if name == "damping" and "viscosity" in found:
+                off += f", which is a viscosity of {float(found['viscosity'][i]):.3g} Pa s"
             parts.append(f"{name} {value:.3g} {unit}".rstrip() + off)
         said.append((f"region {label}", ", ".join(parts)))
     return [*said, ("phase zero", _said_zeros(found))]

@@ -106,6 +106,8 @@ def test_without_noise_the_exact_material_comes_back():
     check("Variables of an inversion", found)
     for name, apart in zip(NAMES, (0.003, 0.01, 0.003), strict=True):
         np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
+    eta = 2 * SCOPE.cantilever.stiffness * found.damping / (2 * np.pi * SCOPE.cantilever.resonance_frequency)
+    np.testing.assert_allclose(found.viscosity, eta / SCOPE.tip.radius)  # theory, Eq. (model-16)
 
 
 @pytest.mark.parametrize("lever", [pytest.param(WET, marks=pytest.mark.slow), BEAM], ids=["shaken", "two modes"])

@@ -20,6 +20,7 @@ from phasemap._shared.asked import asked_as
 from phasemap._shared.threads import Progress, bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.described import describe
 from phasemap.experiment.material import Material
+from phasemap.experiment.material_rows import damping_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.determined import PARAMETERS, PRIOR, UNITS, UNKNOWN, UNLIKELY, add_variable, chance, check_prior
 from phasemap.inference.images.least_squares import (
@@ -74,6 +75,10 @@ def dataset_of(
         add_variable(ds, name, dims, found.materials[..., i], name, UNITS[name], **more)
         said = f"standard error of the natural logarithm of the {name}"
         add_variable(ds, f"{name}_error", dims, found.errors[..., i], said)
+    scope = stack.scopes[0]
+    if scope.interaction.damping_exponent == scope.interaction.law.spread:
+        said = "viscosity that is this damping, whose relative error it has"
+        add_variable(ds, "viscosity", dims, found.materials[..., 2] / damping_of(np.ones(()), scope), said, "Pa s")
     said = "chi2 over degrees of freedom, about 1 where the model describes the data"
     add_variable(ds, "misfit", dims if found.misfit.ndim else (), found.misfit, said)
     meant = {"flag_masks": np.array([1 << i for i in range(len(FLAGS))], np.uint8), "flag_meanings": " ".join(FLAGS)}
