@@ -124,7 +124,10 @@ FLOATS: dict[str, Variable] = {
     "floquet": _column("largest modulus of the Floquet multipliers", "1", col.FLOQUET),
     "feedback_slope": _column("change of amplitude with tip offset", "1", col.SLOPE),
     "mean_force": _column("mean force of the surface on the tip, positive repulsive", "N", col.MEAN_FORCE),
-    "peak_force": _column("largest force of the surface on the tip", "N", col.PEAK_FORCE),
+    "peak_force": _column(
+        "largest force of the surface on the tip", "N", col.PEAK_FORCE,
+        "at points along the orbit: up to 1e-4 of itself below the true one",
+    ),
     "least_force": _column("smallest force of the surface on the tip", "N", col.LEAST_FORCE),
     "contact_time": _column("share of the period in contact, necks included", "1", col.CONTACT_TIME),
     "multiplier_real": Variable("real part of the larger Floquet multiplier", "1", lambda rows: _multiplier(rows).real),

@@ -203,7 +203,7 @@ def test_each_point_is_an_orbit_that_the_plain_way_knows(case: Case) -> None:
             here = sweep.sel(direction=direction).isel({name: i})
             assert_known(case, here, value, first=value == begins)
             if case["samples"] == "some" and not float(here.motion):
-                assert 0.9 < float(here.trace_force.max() / here.peak_force) < 1 + 1e-3
+                assert 0.9 < float(here.trace_force.max() / here.peak_force) < 1 + 2e-4  # as `peak_force` says
 
 
 @pytest.mark.parametrize("case", PAIRS.never(), ids=PAIRS.label)
