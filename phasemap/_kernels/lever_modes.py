@@ -63,8 +63,8 @@ def inverse_inertia(lever: np.ndarray) -> complex:
         return 0.5 / complex(lever[col.ALPHA0], lever[col.OMEGA])
     omega, slope = lever[col.OMEGA], complex(0.0, 0.0)
     for i in range(modes_of(lever)):
-        own, mode = dynamic_stiffness_of_mode(lever, i), mode_of(lever, i)
-        slope += 2.0 * mode.share * complex(mode.rate, omega) / (own * own)
+        kappa, mode = dynamic_stiffness_of_mode(lever, i), mode_of(lever, i)
+        slope += 2.0 * mode.share * complex(mode.rate, omega) / (kappa * kappa)
     stiffness = complex(lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS])
     return 1.0 / (stiffness * stiffness * slope)
 

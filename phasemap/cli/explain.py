@@ -170,8 +170,8 @@ def series(arguments: argparse.Namespace) -> None:
     images = read_files(paths)
     setup = None if arguments.scene is None else load_setup(arguments.scene, [])
     scope, told = microscope_of_files(images, words, None if setup is None else setup.microscope)
-    own = {} if setup is None else setup.materials
-    known = known_in(arguments.known, lambda name: own[name] if name in own else Material.preset(name))
+    named = {} if setup is None else setup.materials
+    known = known_in(arguments.known, lambda name: named[name] if name in named else Material.preset(name))
     options: dict[str, Any] = {
         name: one_each(name, getattr(arguments, name), unit, len(paths), "a file", ("shared", "free"))
         for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree"))

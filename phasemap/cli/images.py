@@ -69,13 +69,13 @@ def plot(arguments: argparse.Namespace) -> None:
     colours = [{name: one for name, one in colours_of(arguments).items() if one is not None}] * len(each)
     if len(each) > 1 and all({"y", "x"} <= set(ds.dims) and "flag" not in ds and "residual" not in ds for ds in each):
         colours = colours_for_all(each, wanted, arguments.lag, colours[0])
-    for file, ds, output, own in zip(files, each, outputs, colours, strict=True):
+    for file, ds, output, own_colours in zip(files, each, outputs, colours, strict=True):
         with _as_written_by_phasemap(file):
             if arguments.trace is not None:
                 trace(ds, arguments.trace, output, arguments.overwrite)
             else:
                 options = {"variables": wanted, "mark_irregular": arguments.mark_irregular, "lag": arguments.lag}
-                draw(ds, output, arguments.overwrite, **options, **own)
+                draw(ds, output, arguments.overwrite, **options, **own_colours)
         print(f"written to  {output}")
 
 

@@ -228,9 +228,9 @@ def said_of_sweep(found: xr.Dataset) -> list[str]:
 
     def say(name: str, prefixes: list[str], i: int) -> str:
         numbers = [float(found[prefix + name].values[i]) for prefix in prefixes]
-        one = readable(float(np.nanmax(np.abs(numbers), initial=0.0)), found[prefixes[0] + name].attrs["units"])
-        words = dict.fromkeys(f"{number / one.size:.4g}" for number in numbers)  # once, if it stays the same
-        return f"{name.replace('_', ' ')} {' to '.join(words)} {one.text}"
+        unit = readable(float(np.nanmax(np.abs(numbers), initial=0.0)), found[prefixes[0] + name].attrs["units"])
+        words = dict.fromkeys(f"{number / unit.size:.4g}" for number in numbers)  # once, if it stays the same
+        return f"{name.replace('_', ' ')} {' to '.join(words)} {unit.text}"
 
     for i, x in enumerate(found[f"fold_{axis}"].values):
         lines.append(f"fold        at {unit.say(x, digits)}: {', '.join(say(name, ['fold_'], i) for name in shown)}")

@@ -185,8 +185,8 @@ def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
     resonance, soft = scope.cantilever.resonance_frequency, compliance_of(scope.tip)
     for i in np.flatnonzero(np.isfinite(spectrum)):
         compliance = float(soft / (1 - materials[i, 3] ** 2))
-        one = contact_of(float(spectrum[i]), compliance, scope.frequency_ratio * resonance, 2 * np.pi * resonance)
-        found[i] = 2 * np.pi * resonance * one.time, one.share, one.address, one.stiffness
+        contact = contact_of(float(spectrum[i]), compliance, scope.frequency_ratio * resonance, 2 * np.pi * resonance)
+        found[i] = 2 * np.pi * resonance * contact.time, contact.share, contact.address, contact.stiffness
     return found
 
 

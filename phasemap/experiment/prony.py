@@ -187,8 +187,8 @@ class Prony(Shown):
         """A spectrum of the literature: "PIB" (polyisobutylene) or "epoxy"; `spectra.toml` has the sources."""
         tables = _tables()
         check_choice("preset of a spectrum", name, list(tables))
-        one = tables[name]
-        return cls.from_shear(one["shear_moduli"], one["times"], one["equilibrium"], dwell or one["dwell"])
+        table = tables[name]
+        return cls.from_shear(table["shear_moduli"], table["times"], table["equilibrium"], dwell or table["dwell"])
 
     def scaled(self, factor: float) -> Prony:
         """The spectrum with all moduli multiplied by a factor."""

@@ -59,8 +59,8 @@ def maps_of(dataset: xr.Dataset) -> dict[str, Any]:
             raise InputError("list of variables in the dataset", names, f"a list that has {needed!r} in it")
     given = {name: variable_in_si(dataset[name], name) for name in QUANTITIES if name in dataset.data_vars}
     if "relaxation" in given:
-        for one in json.loads(dataset["relaxation"].attrs.get("spectra", "[]")):
-            Prony(**one).key  # noqa: B018  it is known by its key from here on
+        for spectrum in json.loads(dataset["relaxation"].attrs.get("spectra", "[]")):
+            Prony(**spectrum).key  # noqa: B018  it is known by its key from here on
     sides = coordinate_step(dataset, "y"), coordinate_step(dataset, "x")
     return {**given, "pixel_size": sides, "shape": (dataset.sizes["y"], dataset.sizes["x"])}
 
@@ -134,9 +134,9 @@ def _as_map(name: str, value: ArrayLike, allow_nan: bool) -> Array:
     if given.ndim == 0 and quantity.endless and given == math.inf:
         return read_only(np.array(math.inf))
     if given.ndim == 0:
-        one = number(name, given.item(), quantity.unit, **quantity.bounds)
-        question(name, one, quantity.unit, quantity.usual)
-        return read_only(np.array(one))
+        checked = number(name, given.item(), quantity.unit, **quantity.bounds)
+        question(name, checked, quantity.unit, quantity.usual)
+        return read_only(np.array(checked))
     if given.ndim != 2 or not given.size:
         raise InputError(f"shape of {name}", given.shape, "(rows, columns) of a 2-D map", "One number will do too.")
     if given.dtype.kind not in "fiu":
@@ -264,8 +264,8 @@ def _check_spectra(maps: dict[str, Any]) -> None:
         raise InputError("relaxation", Word("in Dask arrays"), "maps in memory where materials have spectra")
     keys, modulus = np.broadcast_arrays(maps["relaxation"], maps["modulus"])
     for key in np.unique(keys[np.isfinite(keys)]):
-        first, own = spectrum_of(key).instantaneous, modulus[keys == key]
-        other = own[~np.isclose(own, first, rtol=1e-9, atol=0) & ~np.isnan(own)]
+        first, moduli = spectrum_of(key).instantaneous, modulus[keys == key]
+        other = moduli[~np.isclose(moduli, first, rtol=1e-9, atol=0) & ~np.isnan(moduli)]
         if len(other):
             raise InputError("modulus", float(other[0]), f"that of the spectrum, {first:g} Pa, where there is one")
     if any(bool(np.any(maps[name] > 0)) for name in ("damping", "viscosity") if name in maps):

@@ -71,8 +71,10 @@ def _read(path: Path, archive: zipfile.ZipFile, number: int) -> tuple[Parts, Sca
     shared = _properties(archive, "shared-data/header.properties")
     parts: Parts = {}
     scan = ScanData()
-    own = sorted((name for name in headers if _curve_of(name) == curves[number]), key=lambda name: _digits(name)[-1])
-    for header in own:
+    segments = sorted(
+        (name for name in headers if _curve_of(name) == curves[number]), key=lambda name: _digits(name)[-1]
+    )
+    for header in segments:
         said = _resolved(_properties(archive, header), shared)
         style = next((said[key] for key in said if key.endswith("settings.style")), "")
         if style not in WAYS:
@@ -257,9 +259,9 @@ def _parts(path: Path, content: bytes, known: Fields, channels: list[Fields], nu
         found["distance"] = length * steps / max(ways), unit
     parts: Parts = {}
     for way, first, count in zip(DIRECTIONS, (0, ways[0]), ways, strict=True):
-        there = slice(first, first + count)
+        rows = slice(first, first + count)
         for kind, (values, unit) in found.items():
-            parts[kind, way] = values[there][~empty[there]], unit
+            parts[kind, way] = values[rows][~empty[rows]], unit
     return parts
 
 

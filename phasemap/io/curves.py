@@ -115,8 +115,8 @@ def _assembled(path: Path, parts: Parts) -> xr.Dataset:
         raise FileError(f"cannot use {path}: a curve has distance and amplitude; it holds {held}.")
     for way in {way for one, way in parts if one == "distance" and ("amplitude", way) in parts}:
         known = np.isfinite(parts["distance", way][0] + parts["amplitude", way][0])
-        own = [one for one, of in parts if of == way]
-        parts |= {(one, way): (parts[one, way][0][known], parts[one, way][1]) for one in own}
+        kinds = [one for one, of in parts if of == way]
+        parts |= {(one, way): (parts[one, way][0][known], parts[one, way][1]) for one in kinds}
     if all(way is None for _, way in parts):
         parts = _split(parts)
     ways = [way for way in DIRECTIONS if {("distance", way), ("amplitude", way)} <= set(parts)]

@@ -139,11 +139,11 @@ def _fields(ds: xr.Dataset) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]
     for name in found:
         directions = ds["direction"].values.tolist() if "direction" in ds[name].dims else [None]
         for direction in directions:
-            one = ds if direction is None else ds.sel(direction=direction)
+            image = ds if direction is None else ds.sel(direction=direction)
             told = direction or ds.attrs.get("direction", "")
             title = f"{name.replace('_', ' ').capitalize()} {told}".strip()
-            values = one[name].values.astype(float) * METRES.get(str(ds[name].attrs.get("units")), (1.0,))[0]
-            bad = one["status"].values != 0 if "status" in one else np.zeros(values.shape, bool)
+            values = image[name].values.astype(float) * METRES.get(str(ds[name].attrs.get("units")), (1.0,))[0]
+            bad = image["status"].values != 0 if "status" in image else np.zeros(values.shape, bool)
             yield name, title, values, bad
 
 

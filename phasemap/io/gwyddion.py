@@ -105,10 +105,10 @@ def load_channels(path: Path) -> list[Channel]:
     except Exception as error:  # the readers pass on what they meet where a file is damaged
         raise FileError(f"cannot read {path}: {_other_kind(path) or _reason(str(error))}.") from error
     channels = []
-    for one, own in zip(found, data, strict=True):
+    for one, values in zip(found, data, strict=True):
         if one.meta.get("Scan Line") != "Interleave":
             said = {key: _repaired(value) for key, value in one.meta.items()}
-            channels.append(Channel(one.name, own, one.si_unit_z, one.si_unit_xy, (one.yreal, one.xreal), said))
+            channels.append(Channel(one.name, values, one.si_unit_z, one.si_unit_xy, (one.yreal, one.xreal), said))
     if channels and {one.name for one in channels} <= COLOURS:
         raise FileError(f"cannot use {path}: it is a picture, which has no units.")
     if not channels:

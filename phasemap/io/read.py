@@ -90,12 +90,12 @@ def read_image(
     mode = operating_mode(path, merged(channels))
     groups = {kind: _groups(path, channels, kind, wanted.get(kind)) for kind in KINDS}
     chosen, directions = _choose(path, groups, channels)
-    own = [one for group in chosen.values() for one in group.values()]
-    metadata = merged([*own, *channels])  # a file of Gwyddion's may hold several measurements
+    used = [one for group in chosen.values() for one in group.values()]
+    metadata = merged([*used, *channels])  # a file of Gwyddion's may hold several measurements
     scan = scan_data(path, metadata)
     ds = _assemble(path, chosen, directions, scan.size)
     scan.warnings += _remarks(ds, chosen)
-    every = {one.name for one in own}
+    every = {one.name for one in used}
     ds.attrs = {
         "source": path.name,
         "source_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),

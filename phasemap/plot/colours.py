@@ -113,9 +113,9 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
                 raise InputError(what, value, "a colour map of matplotlib, such as 'cividis', 'coolwarm' or 'gray'")
             asked[name][what] = value
     found = {name: Colours(**values) for name, values in asked.items()}
-    for name, one in found.items():
-        if one.vmin is not None and one.vmax is not None and one.vmin >= one.vmax:
-            raise InputError(f"vmin of {name}", one.vmin, f"a number below vmax, which is {one.vmax:g}")
+    for name, scale in found.items():
+        if scale.vmin is not None and scale.vmax is not None and scale.vmin >= scale.vmax:
+            raise InputError(f"vmin of {name}", scale.vmin, f"a number below vmax, which is {scale.vmax:g}")
     return found
 
 

@@ -99,10 +99,10 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
 def keys_of(ds: xr.Dataset, names: list[str]) -> list[Any]:
     """Make the legend's entries, of what the maps have: lines, star, and one for each material that is bistable."""
     regime = ds["regime"].values
-    there = {"inversion": ds.sizes["inversion"], "jump": ds.sizes["jump"], "regime": _turns(regime).any()}
+    counts = {"inversion": ds.sizes["inversion"], "jump": ds.sizes["jump"], "regime": _turns(regime).any()}
     words = {"regime": "border of regimes"}
     return [
-        *(Line2D([], [], label=words.get(kind, kind), **LINES[kind]) for kind, count in there.items() if count),
+        *(Line2D([], [], label=words.get(kind, kind), **LINES[kind]) for kind, count in counts.items() if count),
         Line2D([], [], label="recommended", **SMALL_STAR),
         *(
             Patch(facecolor="none", edgecolor="0.25", linewidth=0, hatch=hatch, label=f"{name} bistable")

@@ -218,13 +218,13 @@ def _draw_maps(ds: xr.Dataset, colours: Colours) -> Page:
     page = Page(WIDTH, rows * (high + titled) + AXIS, _head(ds), [keys], _notes(ds), left=LEFT)
     first: Axes | None = None
     for k, index in enumerate(shown):
-        one = ds.isel(frequency=index) if titled else ds
+        cut = ds.isel(frequency=index) if titled else ds
         row, column = divmod(k, columns)
-        title = f"driven at {readable(float(one['frequency']), 'Hz').say(float(one['frequency']), 6)}" if titled else ""
+        title = f"driven at {readable(float(cut['frequency']), 'Hz').say(float(cut['frequency']), 6)}" if titled else ""
         left, top = LEFT + column * (wide + GAP), row * (high + titled) + titled
         axes = page.place(left, top, wide, high, title, sharex=first, sharey=first)
         first = first or axes
-        mesh = draw_map(axes, one, y_name, unit, (wide, high), norm, colours.cmap)
+        mesh = draw_map(axes, cut, y_name, unit, (wide, high), norm, colours.cmap)
         lowest = k + columns >= len(shown)
         axes.tick_params(labelbottom=lowest, labelleft=column == 0)
         if lowest:

@@ -47,12 +47,12 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
     at = float(numbers("at", at, units))
     if not values.min() <= at <= values.max():
         raise InputError("at", say(at, units), f"from {say(values.min(), units)} to {say(values.max(), units)}")
-    one = ds.isel({axis: int(np.argmin(np.abs(values - at)))})
-    place = f"{ds[axis].attrs['long_name']} {say(one[axis].item(), units, 5)}"
+    nearest = ds.isel({axis: int(np.argmin(np.abs(values - at)))})
+    place = f"{ds[axis].attrs['long_name']} {say(nearest[axis].item(), units, 5)}"
     head = titles(ds)
     head[0] = f"{place}: {head[0]}" if head else place
-    words = [str(name) for name in one["direction"].values]
-    states = [Status.of(int(code)) for code in one["status"].values]
+    words = [str(name) for name in nearest["direction"].values]
+    states = [Status.of(int(code)) for code in nearest["status"].values]
     keys = [
         Line2D(
             [], [], **_style(direction),
@@ -63,12 +63,12 @@ def trace(ds: xr.Dataset, at: Scalar, path: str | os.PathLike[str] | None = None
     page = Page(WIDTH, 2 * PANEL + GAP + AXIS, head, [keys], left=LEFT)
     for row, (name, label) in enumerate((("deflection", "deflection to surface"), ("force", "force"))):
         axes = page.panel(LEFT, row * (PANEL + GAP), WIDTH - LEFT - RIGHT, PANEL)
-        shown = one[f"trace_{name}"].values
-        unit = readable(float(np.nanmax(np.abs(shown), initial=0.0)), one[f"trace_{name}"].attrs["units"])
+        shown = nearest[f"trace_{name}"].values
+        unit = readable(float(np.nanmax(np.abs(shown), initial=0.0)), nearest[f"trace_{name}"].attrs["units"])
         axes.axhline(0, color="0.8", linewidth=0.6, zorder=1)
         for direction in range(len(words)):
             period = np.append(shown[direction], shown[direction, :1]) / unit.size
-            axes.plot(np.append(one["drive_phase"].values, 360.0), period, **_style(direction))
+            axes.plot(np.append(nearest["drive_phase"].values, 360.0), period, **_style(direction))
         axes.set_ylabel(unit.label(label), fontsize=9)
         axes.set(xlim=(0, 360), xticks=range(0, 361, 45))
         axes.tick_params(labelbottom=row == 1)
@@ -175,8 +175,8 @@ def _draw_curve(axes: Axes, _: Axes, ds: xr.Dataset, name: str) -> None:
     unit = ds[name].attrs.get("units", "1")
     factor, word = (1.0, "°" if unit == "degree" else unit) if unit != "m" else (1e9, "nm")
     for colour, way in zip(PALETTE, ds["direction"].values, strict=False):
-        one = ds.sel(direction=way)
-        axes.plot(1e9 * one["distance"], factor * one[name], ".", markersize=2, color=colour, label=str(way))
+        part = ds.sel(direction=way)
+        axes.plot(1e9 * part["distance"], factor * part[name], ".", markersize=2, color=colour, label=str(way))
     axes.set(xlabel="distance [nm], from an arbitrary zero", ylabel=f"recorded {name} [{word}]")
 
 

@@ -218,26 +218,26 @@ def _page(ds: xr.Dataset, scales: dict[str, Scale], mark_irregular: bool) -> Pag
     lines = -(-len(scales) // ACROSS)
     across = -(-len(scales) // lines)
     page = Page(LEFT + STEP * across, len(rows) * lines * step, _titles(ds), notes=notes, left=LEFT)
-    for row, (words, one) in enumerate(rows):
+    for row, (words, image) in enumerate(rows):
         for number, (name, scale) in enumerate(scales.items()):
             line, column = divmod(number, across)
             left, top = LEFT + column * STEP, (row * lines + line) * step + TITLE
             called = words_of(name)
             title = ", ".join([called[0].upper() + called[1:], *words])
             picture = page.picture(left, top, WIDE, tall, title)
-            if not np.isfinite(one[name].values).any():
+            if not np.isfinite(image[name].values).any():
                 picture.text(0.5, 0.5, "no value in any pixel", ha="center", transform=picture.transAxes)
                 picture.set_facecolor("0.95")
                 continue
             label = scale.label if LETTER * len(scale.label) <= tall else ""  # the histogram has it too
-            bar = page.bar(_draw_image(picture, one, name, scale), [picture], label)
-            free = one[name].attrs.get("free", 0.0)
+            bar = page.bar(_draw_image(picture, image, name, scale), [picture], label)
+            free = image[name].attrs.get("free", 0.0)
             if name == "phase" and scale.low < free < scale.high:
                 bar.ax.axhline(free, color="white", linewidth=1.2)
             if mark_irregular:
-                _mark(picture, one["motion"].values == 1, (WIDE, tall))
+                _mark(picture, image["motion"].values == 1, (WIDE, tall))
             below = page.panel(left, top + tall + GAP, WIDE, HISTOGRAM)
-            _draw_histogram(below, scale.shown(one[name].values), scale)
+            _draw_histogram(below, scale.shown(image[name].values), scale)
     return page
 
 
@@ -251,9 +251,9 @@ def _rows(ds: xr.Dataset) -> Iterator[tuple[list[str], xr.Dataset]]:
     """The images of a Dataset, with what is said of each."""
     dims = [dim for dim in LEADING if dim in ds.dims]
     for place in np.ndindex(*(ds.sizes[dim] for dim in dims)):
-        one = ds.isel(dict(zip(dims, place, strict=True)))
+        image = ds.isel(dict(zip(dims, place, strict=True)))
         said = {"setpoint": "setpoint {:g}", "direction": "{}"}
-        yield [said[dim].format(one[dim].item()) for dim in dims if dim in one.coords], one
+        yield [said[dim].format(image[dim].item()) for dim in dims if dim in image.coords], image
 
 
 def _levelled(ds: xr.Dataset) -> xr.Dataset:

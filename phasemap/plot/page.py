@@ -76,12 +76,12 @@ def round_numbers(axis: Axis, digits: Sequence[float] = (1.0, 2.0, 5.0)) -> None
 
 def own_axes(ax: Any, names: Sequence[str], path: object) -> list[Axes]:
     """Axes of the user's own figure, one for each name; their figure is not saved here."""
-    own = [ax] if hasattr(ax, "plot") else list(np.ravel(np.asarray(ax, object)))
-    if len(own) != len(names) or not all(hasattr(axes, "plot") for axes in own):
-        raise InputError("ax", len(own), f"{len(names)} Axes, one for each of {', '.join(names)}")
+    given = [ax] if hasattr(ax, "plot") else list(np.ravel(np.asarray(ax, object)))
+    if len(given) != len(names) or not all(hasattr(axes, "plot") for axes in given):
+        raise InputError("ax", len(given), f"{len(names)} Axes, one for each of {', '.join(names)}")
     if path is not None:
         raise InputError("path", str(path), "None where ax is given", "Save the figure: fig.savefig(path).")
-    return own
+    return given
 
 
 LINE, KEYS, EDGE = 0.17, 0.23, 0.12  # heights of a line and of a row of the legend, and the page's edge [inch]
@@ -185,11 +185,11 @@ class Page(Figure):
 def beyond(shown: Iterable[Any]) -> Literal["neither", "min", "max", "both"]:
     """At which ends of a colour bar values lie beyond its colours: "neither", "min", "max" or "both"."""
     below = above = False
-    for one in shown:
-        values = np.ma.masked_invalid(one.get_array()).compressed()
-        spare = 1e-9 * abs(one.norm.vmax - one.norm.vmin)
-        below |= bool((values < one.norm.vmin - spare).any())
-        above |= bool((values > one.norm.vmax + spare).any())
+    for mesh in shown:
+        values = np.ma.masked_invalid(mesh.get_array()).compressed()
+        spare = 1e-9 * abs(mesh.norm.vmax - mesh.norm.vmin)
+        below |= bool((values < mesh.norm.vmin - spare).any())
+        above |= bool((values > mesh.norm.vmax + spare).any())
     return "both" if below and above else "min" if below else "max" if above else "neither"
 
 

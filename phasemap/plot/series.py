@@ -93,8 +93,8 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
         for curve in range(ds.sizes["curve"]):
             low, high = (ds[name].values[curve, region] for name in ("curve_low", "curve_high"))
             axes.fill_between(level, low, high, color=color, alpha=0.12, linewidth=0)
-            own = ds["curve_contrast"].values[curve, region]
-            axes.plot(level, own, color=color, linewidth=1.2, linestyle=STYLES[curve % len(STYLES)])
+            likeliest = ds["curve_contrast"].values[curve, region]
+            axes.plot(level, likeliest, color=color, linewidth=1.2, linestyle=STYLES[curve % len(STYLES)])
             some = np.flatnonzero(curve_of == curve)
             at = ds["setpoint"].values[some]
             measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))

@@ -175,13 +175,13 @@ def curve(
     sweep = Sweep.of(ds)
     keys = _keys(sweep)
     if ax is not None:
-        own = own_axes(ax, names, path)
-        for axes, name in zip(own, names, strict=True):
+        drawn = own_axes(ax, names, path)
+        for axes, name in zip(drawn, names, strict=True):
             _scale_axis(axes, sweep)
             _draw_panel(axes, sweep, name)
             _label_axis(axes, sweep)
-        own[0].legend(handles=keys, fontsize=8, frameon=False)
-        return own[0].get_figure(root=True)  # type: ignore[return-value]
+        drawn[0].legend(handles=keys, fontsize=8, frameon=False)
+        return drawn[0].get_figure(root=True)  # type: ignore[return-value]
     page = Page(WIDTH, len(names) * (PANEL + GAP) - GAP + AXIS, titles(ds), [keys], _notes(sweep), left=LEFT)
     first: Axes | None = None
     for row, name in enumerate(names):

@@ -210,14 +210,14 @@ def _derive(
     used = sorted({name for channel in wanted for name in (*channel.needs, channel.of_orbit) if name in image})
     orbit = {name: image[name] for name in used}
     for channel in wanted:
-        own = {name: orbit[name] for name in (*channel.needs, channel.of_orbit) if name in orbit}
-        from_orbit = channel.of_orbit in own
+        needed = {name: orbit[name] for name in (*channel.needs, channel.of_orbit) if name in orbit}
+        from_orbit = channel.of_orbit in needed
         attributes = channel_attributes(channel, from_orbit)
         if "status" in image:
             attributes["ancillary_variables"] = "status"
-        yield channel.name, _apply(channel, scope, amplitude, phase, own).assign_attrs(attributes)
+        yield channel.name, _apply(channel, scope, amplitude, phase, needed).assign_attrs(attributes)
         if spread:
-            first = {name: values for name, values in own.items() if name in channel.needs}
+            first = {name: values for name, values in needed.items() if name in channel.needs}
             deviation = _deviation(channel, scope, amplitude, phase, first, spread)
             attributes = {"long_name": f"standard deviation of the {channel.long_name}", "units": channel.units}
             yield f"error_{channel.name}", deviation.assign_attrs(attributes)

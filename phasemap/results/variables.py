@@ -56,9 +56,9 @@ def _wide(long_name: str, units: str, index: int, description: str = "") -> Vari
 
 def _spread(long_name: str, units: str, index: int) -> Variable:
     """Variable of a spread, which no solver of periodic orbits fills in: 0 there, NaN where there is no motion."""
-    one = _column(long_name, units, index, LOCK_IN)
-    value = one.value
-    return one._replace(
+    column = _column(long_name, units, index, LOCK_IN)
+    value = column.value
+    return column._replace(
         value=lambda rows: np.where(np.isnan(rows[..., col.AMPLITUDE]), np.nan, np.nan_to_num(value(rows)))
     )
 

@@ -264,11 +264,11 @@ def _naming_sample(sample: int) -> Iterator[None]:
         yield
     except (InputError, FileError) as error:
         complaints = Complaints()
-        for one in error.errors if isinstance(error, InputErrors) else (error,):
-            if isinstance(one, InputError):
-                complaints.add(InputError(f"{one.name} of sample {sample}", one.value, one.allowed, one.hint))
+        for part in error.errors if isinstance(error, InputErrors) else (error,):
+            if isinstance(part, InputError):
+                complaints.add(InputError(f"{part.name} of sample {sample}", part.value, part.allowed, part.hint))
             else:
-                complaints.add(FileError(f"sample {sample}: {one}"))
+                complaints.add(FileError(f"sample {sample}: {part}"))
         complaints.make()
 
 

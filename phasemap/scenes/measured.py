@@ -216,12 +216,12 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
     _fill(tables, notes, measured, "as recorded")
     scope, law = recorded_microscope(attrs) or (None, "")
-    own = {} if scope is None else written_microscope(scope)
-    if law or not own:
-        own["interaction"] = {}
+    written = {} if scope is None else written_microscope(scope)
+    if law or not written:
+        written["interaction"] = {}
         note = f"assumed, for {law} is not one of phasemap's laws" if law else "assumed"
         _fill(tables, notes, {"interaction.contact": "dmt"}, note)
-    for part, table in own.items():
+    for part, table in written.items():
         tables.setdefault(part, {})
         _fill(tables, notes, {f"{part}.{name}": value for name, value in table.items()}, "as recorded")
     if "preset" in lever:
@@ -278,11 +278,11 @@ def _off_resonance(tables: Table) -> float | None:
 def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, str]:
     """Labels of the materials, and a sentence where there is one only that was not asked for."""
     values = scan["height" if phases == 1 else by].values
-    one = np.zeros(values.shape, int)
+    uniform = np.zeros(values.shape, int)
     if phases == 1:
-        return one, ""
+        return uniform, ""
     if phases is None and not np.ptp(values):
-        return one, f"The {by} is the same everywhere: there is one material."
+        return uniform, f"The {by} is the same everywhere: there is one material."
     labels = segment_phase(values, phases or 2) if by == "phase" else segment_height(values, phases or 2)
     levelled = values if by == "phase" else level_height(values, labels == np.bincount(labels.ravel()).argmax())
     distance, ratio = separation_of(levelled, labels)
@@ -295,7 +295,7 @@ def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, 
     if phases is not None:
         other = "height" if by == "phase" else "phase"
         raise InputError("phases", phases, "fewer for this image", f"{said}. Try by={other!r} (--by {other}) too.")
-    return one, f"{said}: there is one material."
+    return uniform, f"{said}: there is one material."
 
 
 def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:

@@ -118,9 +118,9 @@ def _interaction(tables: Table, folder: Path) -> Interaction:
     table = table_of(tables, "interaction")
     if isinstance(table.get("longrange"), str) and table["longrange"] in FORCES:
         # Parameters of a long-range force that is only named may stand beside its name.
-        own = {field.name for field in dataclasses.fields(FORCES[table["longrange"]])}
-        beside = {key: value for key, value in table.items() if key in own}
-        table = {key: value for key, value in table.items() if key not in own}
+        fields = {field.name for field in dataclasses.fields(FORCES[table["longrange"]])}
+        beside = {key: value for key, value in table.items() if key in fields}
+        table = {key: value for key, value in table.items() if key not in fields}
         table["longrange"] = {"law": table["longrange"], **beside}
     for key, laws in (("contact", WITH_PARAMETERS), ("longrange", FORCES)):
         if isinstance(given := table.get(key), dict):

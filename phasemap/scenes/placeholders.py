@@ -37,9 +37,9 @@ def placeholder_with(preset: str, given: Any) -> Any:
         return given  # what is wrong is said when the scene is checked
     if "preset" in given:
         return given
-    own = {name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if value is not None}
-    del own["viscosity" if given.get("damping") else "damping"]
-    return own | given
+    numbers = {name: value for name, value in dataclasses.asdict(Material.preset(preset)).items() if value is not None}
+    del numbers["viscosity" if given.get("damping") else "damping"]
+    return numbers | given
 
 
 def with_own_damping(table: Any, given: Any, scope: Microscope) -> Any:

@@ -110,14 +110,14 @@ def _from_labels(
     table: dict[str, Any], materials: Mapping[str, Material], files: Files, generator: Callable[..., np.ndarray] | None
 ) -> tuple[Surface, MaterialMap]:
     """A map of labels, given or generated, and the material of each."""
-    own = ("materials", "pixel_size", "topography", "heights", "variation")
+    common = ("materials", "pixel_size", "topography", "heights", "variation")
     if generator is None:
-        check_keys("[surface]", table, ("labels", *own), ("labels", "materials", "pixel_size"))
+        check_keys("[surface]", table, ("labels", *common), ("labels", "materials", "pixel_size"))
         given = _map("labels", table["labels"], files, table)
         labels = as_array("[surface] labels", given, "a 2-D map of whole numbers")
     else:
         required, optional = _arguments(generator)
-        check_keys("[surface]", table, (*required, *optional, *own), (*required, "materials", "pixel_size"))
+        check_keys("[surface]", table, (*required, *optional, *common), (*required, "materials", "pixel_size"))
         labels = construct("[surface]", {key: table[key] for key in (*required, *optional) if key in table}, generator)
     names = table["materials"]
     if isinstance(names, dict):

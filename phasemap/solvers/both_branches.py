@@ -120,15 +120,15 @@ def _fill_both_branches(work: Work, solver: Solver, accuracy: Accuracy, answers:
     known, engaged = answers.of(ENGAGED), answers.status[ENGAGED] == col.GOOD
     for slot, side in SIDES.items():
         here = np.flatnonzero(engaged & (col.is_repulsive(known.rows) == (slot == REPELLING)))
-        own = answers.of(slot)
-        own.status[:] = col.PENDING
-        own.put(here, known.of(here))
-        if side_rows(work.pixels, side, limits, allowed, own):
+        on_side = answers.of(slot)
+        on_side.status[:] = col.PENDING
+        on_side.put(here, known.of(here))
+        if side_rows(work.pixels, side, limits, allowed, on_side):
             from phasemap._kernels.quadrature import TABLES
             from phasemap._kernels.rows.by_collocation import collocation_side_rows
 
-            if collocation_side_rows(work.pixels, TABLES, side, own):
-                _search(work, side, own)
+            if collocation_side_rows(work.pixels, TABLES, side, on_side):
+                _search(work, side, on_side)
     if solver.name == "averaging":
         _average(work, answers)
     elif isinstance(solver, March):

@@ -58,8 +58,8 @@ class InTime:
         some, codes, _ = answers.of(chosen)
         for i in range(len(chosen)):  # one by one, because one may take seconds
             check_stopped()
-            one = slice(i, i + 1)
-            rows_of(work.part(chosen[one]).pixels, eta, periods, some[one], codes[one])
+            row = slice(i, i + 1)
+            rows_of(work.part(chosen[row]).pixels, eta, periods, some[row], codes[row])
         periodic = (codes == col.GOOD) & ~col.is_mean(some)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])

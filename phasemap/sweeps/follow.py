@@ -239,10 +239,10 @@ def _sweep_at_offset(curves: Curves, height: float) -> list[Visit]:
     """Sweeps up and down at a fixed tip offset [m], each begun on the orbit that stays farthest from the surface."""
     parts, visits = segments(curves), []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
-        there = [(part.row_at(x), part) for part in parts]
-        reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(there) if row is not None]
+        reached_rows = [(part.row_at(x), part) for part in parts]
+        reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(reached_rows) if row is not None]
         far = OffOrbit(state=far_state(curves.oscillator_at(x), height))
-        first: Segment | OffOrbit = there[min(reached)[1]][1] if reached else far
+        first: Segment | OffOrbit = reached_rows[min(reached)[1]][1] if reached else far
         visits.append(walk(curves, first, parts, direction == 1, direction))
     return visits
 

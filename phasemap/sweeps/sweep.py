@@ -199,17 +199,17 @@ def _offset(value: object) -> float:
 
 def check_axis(name: str, values: Any, number: Number[Any]) -> np.ndarray:
     """Return the values of a sweep of a number as an array, in its unit, and warn of what is not usual."""
-    axis, one = real_numbers(name, values, number.unit), number.called(name)
+    axis, field = real_numbers(name, values, number.unit), number.called(name)
     if axis.ndim != 1 or len(axis) < 2:
         raise InputError(name, Word(f"an array of shape {axis.shape}"), "at least two values in one dimension")
     for value in axis.tolist():
-        one.check(value)
+        field.check(value)
     steps = np.diff(axis)
     if not ((steps > 0).all() or (steps < 0).all()):
         wrong = int(np.flatnonzero(np.sign(steps) != (np.sign(steps[0]) or 1))[0])
         pair = f"{axis[wrong]:g}, {axis[wrong + 1]:g} (values {wrong + 1} and {wrong + 2})"
         raise InputError(name, pair, "values that only rise or only fall")
-    one.look_at(float(min(axis[axis != 0][[0, -1]], key=abs)))  # a sweep may go beyond, but not begin and end there
+    field.look_at(float(min(axis[axis != 0][[0, -1]], key=abs)))  # a sweep may go beyond, but not begin and end there
     return axis
 
 

@@ -176,12 +176,12 @@ def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Clai
 def _quantities(again: Again) -> dict[str, _Quantity]:
     """Values of `QUANTITIES` in the image and found again; errors of both and the quantisation are allowed."""
     picture, values, said = again.picture, again.values, _stated(again)
-    own = StatedErrors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
+    stated = StatedErrors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
     made = again.raw("solver") if "solver" in picture else np.full(len(again.pixels), col.AVERAGING)
     approximate = np.isin(made, (col.AVERAGING, col.INTERPOLATED))
-    largest = _allowed(again, StatedErrors(said.phase + own.phase, said.height + own.height), approximate)
-    there = filter(picture.__contains__, QUANTITIES)
-    return {name: _Quantity(again.claimed(name), values[name], largest[name]) for name in there}
+    largest = _allowed(again, StatedErrors(said.phase + stated.phase, said.height + stated.height), approximate)
+    names = filter(picture.__contains__, QUANTITIES)
+    return {name: _Quantity(again.claimed(name), values[name], largest[name]) for name in names}
 
 
 def _dataset(again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
@@ -206,10 +206,10 @@ def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
     """
     picture, values = again.picture, again.values
     made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
-    own = all_variables_of(picture.claims.control)
+    known = all_variables_of(picture.claims.control)
     if changes(picture.claims.realism):  # channels are derived of what was recorded, not of what the tip did
-        values = {name: found for name, found in values.items() if name in own}
-    values = values | (recorded := _recorded(picture, own))
+        values = {name: found for name, found in values.items() if name in known}
+    values = values | (recorded := _recorded(picture, known))
     names = [str(name) for name in picture.image.data_vars if name in values]
     largest = _largest(again, SHARE if made == here else BOTH)
     largest |= {name: SAME_FORMULA * np.abs(found) for name, found in recorded.items()}

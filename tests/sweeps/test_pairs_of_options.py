@@ -134,7 +134,7 @@ def swept(case: Case) -> xr.Dataset:
     return pm.sweep_parameter(*given, name, values, tip_offset=RATIO * FREE, samples=samples)
 
 
-def standing_at(case: Case, value: float) -> tuple[pm.Material, pm.Microscope]:
+def material_and_scope_at(case: Case, value: float) -> tuple[pm.Material, pm.Microscope]:
     """Material and microscope of one point."""
     name, material, scope = case["swept"], material_of(case), scope_of(case)
     if name == "modulus":
@@ -165,7 +165,7 @@ def differs(
 def assert_known(case: Case, here: xr.Dataset, value: float, first: bool) -> None:
     """A point of a sweep is an orbit that the plain way knows; the first of a direction that on which a tip engages."""
     name = case["swept"]
-    material, scope = standing_at(case, value)
+    material, scope = material_and_scope_at(case, value)
     found, free = list[str](), scope.driven_amplitude
     held = "tip_offset" if name == "tip_offset" or case["held"] == "tip offset" else "setpoint"
     if held == "setpoint":

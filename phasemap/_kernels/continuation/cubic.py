@@ -39,9 +39,9 @@ def cubic_slopes(path: Path, reach: float, before: Point, after: Point) -> tuple
 
 
 @kernel(light=True)
-def cubic_terms(one: float, two: float, rise: float) -> tuple[float, float]:
-    """Coefficients of t^3 and t^2 in a cubic that rises by `rise` from slope `one` at t = 0 to slope `two` at t = 1."""
-    return one + two - 2.0 * rise, 3.0 * rise - 2.0 * one - two
+def cubic_terms(first: float, last: float, rise: float) -> tuple[float, float]:
+    """Coefficients of t^3 and t^2 in a cubic that rises by `rise`, from slope `first` at 0 to `last` at t = 1."""
+    return first + last - 2.0 * rise, 3.0 * rise - 2.0 * first - last
 
 
 @kernel
@@ -53,34 +53,34 @@ def turns_twice_between(path: Path, reach: float, before: Point, point: Point) -
     by_one, by_two = cubic_slopes(path, reach, before, point)
     u, v = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
     for index, scale in ((control_entry(path), u), (answer_entry(path), v)):
-        one, two, rise = (
+        first, last, rise = (
             by_one * before.rate[index],
             by_two * point.rate[index],
             point.value[index] - before.value[index],
         )
-        cubic, square = cubic_terms(one, two, rise)
+        cubic, square = cubic_terms(first, last, rise)
         # The slope has its own extreme at t = -square / 3 cubic.
-        if one * two > 0.0 and cubic * one > 0.0 and 0.0 < -square / (3.0 * cubic) < 1.0:
-            if (square * square / (3.0 * cubic) - one) * one > AT_FOLD * scale * abs(by_one * one):
+        if first * last > 0.0 and cubic * first > 0.0 and 0.0 < -square / (3.0 * cubic) < 1.0:
+            if (square * square / (3.0 * cubic) - first) * first > AT_FOLD * scale * abs(by_one * first):
                 return True
     return False
 
 
 @kernel
-def hermite(one: float, rise: float, two: float, end: float, t: float) -> float:
-    """The cubic from `one` with slope `rise` at t = 0 to `two` with slope `end` at t = 1."""
-    cubic, square = cubic_terms(rise, end, two - one)
-    return one + t * (rise + t * (square + t * cubic))
+def hermite(x0: float, slope0: float, x1: float, slope1: float, t: float) -> float:
+    """Value at t of the cubic from `x0` with slope `slope0` at t = 0 to `x1` with slope `slope1` at t = 1."""
+    cubic, square = cubic_terms(slope0, slope1, x1 - x0)
+    return x0 + t * (slope0 + t * (square + t * cubic))
 
 
 @kernel
-def place_on_cubic(one: float, rise: float, two: float, end: float, value: float) -> float:
-    """Parameter t in 0 ... 1 at which the cubic of `hermite` passes a value between `one` and `two`."""
-    low, high, at = 0.0, 1.0, (value - one) / (two - one)
-    cubic, square = cubic_terms(rise, end, two - one)
+def place_on_cubic(x0: float, slope0: float, x1: float, slope1: float, value: float) -> float:
+    """Parameter t in 0 ... 1 at which the cubic of `hermite` passes a value between `x0` and `x1`."""
+    low, high, t = 0.0, 1.0, (value - x0) / (x1 - x0)
+    cubic, square = cubic_terms(slope0, slope1, x1 - x0)
     for _ in range(MOST_LENGTH_STEPS):
-        x, slope = hermite(one, rise, two, end, at) - value, rise + at * (2.0 * square + 3.0 * at * cubic)
+        x, slope = hermite(x0, slope0, x1, slope1, t) - value, slope0 + t * (2.0 * square + 3.0 * t * cubic)
         if abs(x) < LENGTH_ERROR * abs(slope):
             break
-        at, low, high = newton_in_bracket(at, x, slope, low, high, two > one)
-    return at
+        t, low, high = newton_in_bracket(t, x, slope, low, high, x1 > x0)
+    return t

@@ -133,10 +133,10 @@ def add_row(path: Path, orbit: Orbit, kind: int, index: int, made: Made, count: 
     lever = oscillator.lever
     row[:] = math.nan
     fill_observables(oscillator, orbit, row[: col.COLUMNS])
-    of = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
-    row[col.SEEN] = detected_amplitude_of_orbit(lever, *of)
+    harmonic = head_of(orbit).amplitude, head_of(orbit).push, head_of(orbit).drag
+    row[col.SEEN] = detected_amplitude_of_orbit(lever, *harmonic)
     if curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
-        rate = detected_amplitude_rate(lever, of, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
+        rate = detected_amplitude_rate(lever, harmonic, (1.0, orbit.system[RP, RIGHT], orbit.system[RS, RIGHT]))
         row[col.SLOPE] = rate / orbit.system[RZ, RIGHT]
     complete_row(oscillator, orbit, row)
     row[col.PARAMETER], row[col.KIND], row[col.INDEX] = head_of(orbit).parameter, kind, index
@@ -210,18 +210,18 @@ def turn_between(
     There x is exact to rounding, and the other values as exact as s is. A long step round a sharp turn may fail; the
     next one then starts where a shorter one ended.
     """
-    begun, base, spare, at = Point(), new_orbit_like(orbit), new_orbit_like(orbit), 0.0
+    begun, base, spare, passed = Point(), new_orbit_like(orbit), new_orbit_like(orbit), 0.0
     assign(begun, start.point)
     copy_orbit(start.orbit, base)
     head_of(base).level = level
-    one, f_one, two, f_two = 0.0, begun.rate[entry], after.length, after.rate[entry]
-    rises, most = f_one > 0.0, max(abs(f_one), abs(f_two))
-    steep, natural = (abs(f_one) + abs(f_two)) / after.length, OF_AMPLITUDE * begun.value[ENTRY_A]
+    near, f_near, far, f_far = 0.0, begun.rate[entry], after.length, after.rate[entry]
+    rises, most = f_near > 0.0, max(abs(f_near), abs(f_far))
+    steep, natural = (abs(f_near) + abs(f_far)) / after.length, OF_AMPLITUDE * begun.value[ENTRY_A]
     if entry == control_entry(path):
         natural = scales(path, natural_length(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
-        share = f_one / (f_one - f_two)
-        step = one + (two - one) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
+        share = f_near / (f_near - f_far)
+        step = near + (far - near) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
         copy_orbit(base, orbit)
         assign(point, begun)
         status, _ = next_point(path, point, step, orbit, spare)
@@ -231,22 +231,22 @@ def turn_between(
         good = make_exact(path, orbit, point, tolerance)
         if not good:
             return False
-        point.length = at + reached
+        point.length = passed + reached
         f = point.rate[entry]
         if abs(f) <= FOLD_FLAT * most or 0.5 * f * f <= FOLD_PLACE * natural * steep:
             return True
-        if abs(two - one) < CLOSED_BRACKET:
+        if abs(far - near) < CLOSED_BRACKET:
             return False
-        one, f_one, two, f_two = narrowed(one, f_one, two, f_two, reached, f)
+        near, f_near, far, f_far = narrowed(near, f_near, far, f_far, reached, f)
         if reached < step and (f > 0.0) == rises:
             assign(begun, point)
             copy_orbit(orbit, base)
-            at, one, two = at + reached, one - reached, two - reached
+            passed, near, far = passed + reached, near - reached, far - reached
     return abs(point.rate[entry]) <= FOLD_ROUGH * most
 
 
 @kernel
-def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orbit, made: Made, count: int) -> int:
+def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, crossing: Orbit, made: Made, count: int) -> int:
     """Record the orbits at the values wanted between two places, in the order in which they come."""
     index, wanted, tolerance = asked.entry, asked.wanted, asked.tolerance
     before, after, beside = start.point, end.point, Point()
@@ -257,17 +257,17 @@ def add_wanted_rows(path: Path, asked: Asked, start: Place, end: Place, one: Orb
     for i in range(last - first):
         k = first + i if rising else last - 1 - i
         if i == 0:
-            copy_orbit(start.orbit, one)
-        head_of(one).level = max(head_of(one).level, asked.level)
-        good = find_crossing(path, Wanted(index, wanted[k], tolerance), start, beside, after, one)
+            copy_orbit(start.orbit, crossing)
+        head_of(crossing).level = max(head_of(crossing).level, asked.level)
+        good = find_crossing(path, Wanted(index, wanted[k], tolerance), start, beside, after, crossing)
         if not good:
-            copy_orbit(end.orbit, one)
+            copy_orbit(end.orbit, crossing)
         else:
-            now = add_row(path, one, col.WANTED, k, made, count)
+            now = add_row(path, crossing, col.WANTED, k, made, count)
             if now > count and (index == ENTRY_A or index == ENTRY_SEEN):
-                fill_errors(oscillator_at(path, head_of(one).parameter), one, asked, made.rows[count])
+                fill_errors(oscillator_at(path, head_of(crossing).parameter), crossing, asked, made.rows[count])
             if now > count:
-                _keep_orbit(one, made.kept)
+                _keep_orbit(crossing, made.kept)
             count = now
     return count
 
@@ -278,7 +278,7 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
 
     Returns how it ended, PIECE_LEFT to PIECE_FULL, and the number of rows made, in the order of the curve.
     """
-    saved, one, top, tops = (
+    saved, crossing, top, tops = (
         new_orbit_like(orbit),
         new_orbit_like(orbit),
         new_orbit_like(orbit),
@@ -314,13 +314,13 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
             which = 1 - i if swapped else i
             turn, length = Place(turned[which], tops[which]), turned[which].length
             turn.point.length -= done
-            count = add_wanted_rows(path, asked, start, turn, one, made, count)
+            count = add_wanted_rows(path, asked, start, turn, crossing, made, count)
             kind = col.FOLD if entries[which] == control_entry(path) else col.TURN
             count = add_row(path, tops[which], kind, -1, made, count)
             start, done = turn, length
         assign(after, point)
         after.length -= done
-        count = add_wanted_rows(path, asked, start, Place(after, orbit), one, made, count)
+        count = add_wanted_rows(path, asked, start, Place(after, orbit), crossing, made, count)
         if count == len(made.rows):
             return PIECE_FULL, count
         if not lowest <= point.value[control_entry(path)] <= highest or point.value[ENTRY_A] < least:

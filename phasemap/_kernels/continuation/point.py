@@ -111,8 +111,8 @@ def solve_in_plane(
 ) -> tuple[int, int]:
     """Solve for the orbit in the plane row (z0, A, m) = const through this one; `coarse` if it is on the way only."""
     (r_z, r_a, r_m), head = row, head_of(orbit)
-    at = r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter
-    across = Equation(r_z, r_a, r_m, at, 0.0, 0.0)
+    equals = r_z * head.tip_offset + r_a * head.amplitude + r_m * head.parameter
+    across = Equation(r_z, r_a, r_m, equals, 0.0, 0.0)
     return solve_orbit(
         path, orbit, across, NewtonLimits(head.level, tolerance, most, coarse=coarse, along=True, seen=0.0)
     )

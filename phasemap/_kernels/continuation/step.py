@@ -159,10 +159,11 @@ def mark_point(path: Path, orbit: Orbit, point: Point) -> bool:
     point.rate[ENTRY_Z0], point.rate[ENTRY_A], point.rate[ENTRY_M] = dz / length, da / length, dm / length
     point.rate[ENTRY_P], point.rate[ENTRY_S] = right[RP] / length, right[RS] / length
     lever = oscillator_at(path, head.parameter).lever
-    of, by = (head.amplitude, head.push, head.drag), (point.rate[ENTRY_A], point.rate[ENTRY_P], point.rate[ENTRY_S])
+    harmonic = head.amplitude, head.push, head.drag
+    rates = point.rate[ENTRY_A], point.rate[ENTRY_P], point.rate[ENTRY_S]
     value[ENTRY_SEEN], point.rate[ENTRY_SEEN] = (
-        detected_amplitude_of_orbit(lever, *of),
-        detected_amplitude_rate(lever, of, by),
+        detected_amplitude_of_orbit(lever, *harmonic),
+        detected_amplitude_rate(lever, harmonic, rates),
     )
     return math.isfinite(length)
 
@@ -226,10 +227,10 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
     index, value, _ = wanted
     head, guess = head_of(orbit), np.empty(5)
     by_one, by_two = cubic_slopes(path, natural_length(path, orbit), last, after)
-    one, two = last.value[index], after.value[index]
-    at = place_on_cubic(one, by_one * last.rate[index], two, by_two * after.rate[index], value)
+    x_last, x_after = last.value[index], after.value[index]
+    t = place_on_cubic(x_last, by_one * last.rate[index], x_after, by_two * after.rate[index], value)
     for i in range(5):
-        guess[i] = hermite(last.value[i], by_one * last.rate[i], after.value[i], by_two * after.rate[i], at)
+        guess[i] = hermite(last.value[i], by_one * last.rate[i], after.value[i], by_two * after.rate[i], t)
     if index != ENTRY_SEEN:
         guess[index] = value
     way, to = tangent_row(path, natural_length(path, orbit), after), (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])

@@ -99,10 +99,10 @@ def collocation_orbit_at_detected_amplitude(
         if done == col.GOOD:
             done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)
         if done == col.GOOD:
-            there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
-            if there == BY_AVERAGING and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
+            decider_there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
+            if decider_there == BY_AVERAGING and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
                 break
-            if there == IN_TIME:
+            if decider_there == IN_TIME:
                 done = col.NOT_CONVERGED
         if decides != BY_AVERAGING:
             break

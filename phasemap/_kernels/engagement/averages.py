@@ -107,9 +107,9 @@ def begin_lock_in(lever: np.ndarray, acc: PeriodResult, lock_in: LockIn) -> None
 @kernel
 def add_total(total: Total, more: Total) -> None:
     """Add sums over other periods."""
-    deepest, to, of = max(total.period.deepest, more.period.deepest), numbers_of(total), numbers_of(more)
-    for j in range(len(to)):
-        to[j] += of[j]
+    deepest, sums, numbers = max(total.period.deepest, more.period.deepest), numbers_of(total), numbers_of(more)
+    for j in range(len(sums)):
+        sums[j] += numbers[j]
     total.period.deepest = deepest
 
 
@@ -234,7 +234,7 @@ def half_width(x: np.ndarray, count: int) -> float:
 
 
 @kernel
-def slope_on(x: np.ndarray, y: np.ndarray) -> float:
+def fitted_slope(x: np.ndarray, y: np.ndarray) -> float:
     """Slope of a straight line fitted to all points; 0 where all x are the same."""
     x_mean = y_mean = both = square = 0.0
     for i in range(len(x)):
@@ -271,7 +271,7 @@ def errors_of_mean(lever: np.ndarray, series: Series, first: int, count: int, am
         w[i] = series.offset[i] - z[i]
     slope = w_slope = missed = branch = 0.0
     if held:
-        slope, w_slope, branch = slope_on(z, a), slope_on(z, w), branch_slope(lever, x, y)
+        slope, w_slope, branch = fitted_slope(z, a), fitted_slope(z, w), branch_slope(lever, x, y)
         missed = math.hypot(x, y) / (count - first) - amplitude
     for i in range(first, count):
         a[i - first] = a[i] - slope * z[i]

@@ -140,9 +140,10 @@ def descend_by_turn(
     Returns what `descend` does; the amplitude may just reach the setpoint where it turns.
     """
     entry, value, tolerance = wanted
-    one, two, sense = start.point.rate[entry], after.rate[entry], 1.0 if start.point.rate[entry] > 0.0 else -1.0
+    rate_before, rate_after = start.point.rate[entry], after.rate[entry]
+    sense = 1.0 if rate_before > 0.0 else -1.0
     beyond = min(sense * (value - start.point.value[entry]), sense * (value - after.value[entry]))
-    if one * two >= 0.0 or not 0.0 < beyond < MAY_REACH * abs(one - two) * after.length:
+    if rate_before * rate_after >= 0.0 or not 0.0 < beyond < MAY_REACH * abs(rate_before - rate_after) * after.length:
         return descend(path, wanted, start, after, near, way, found)
     turn, top, end = Point(), new_orbit_like(found), Point()
     level = head_of(near).level

@@ -134,13 +134,13 @@ def add_group_of_averages(
     groups.short += short
     groups.missed += short * short
     held_at = z0 + short
-    off = held_at - groups.offset  # Welford's running mean and sum of squares
-    groups.offset += off / groups.full
-    groups.offset_square += off * (held_at - groups.offset)
+    difference = held_at - groups.offset  # Welford's running mean and sum of squares
+    groups.offset += difference / groups.full
+    groups.offset_square += difference * (held_at - groups.offset)
     lag = angle_between(lock_in.from_cos, lock_in.from_sin, x, y)
-    off = lag - groups.lag
-    groups.lag += off / groups.full
-    groups.lag_square += off * (lag - groups.lag)
+    difference = lag - groups.lag
+    groups.lag += difference / groups.full
+    groups.lag_square += difference * (lag - groups.lag)
     return True, series
 
 
@@ -154,8 +154,8 @@ def come_to_mean(
         good, series = average_and_control(oscillator, controller, tip, lock_in, series, groups)
         if not good:
             return False, series
-        off = abs(mean_amplitude(lever, lock_in) - amplitude)
-        if controller.sticky and j >= GROUP and off < CALM_ENOUGH * amplitude:
+        missed = abs(mean_amplitude(lever, lock_in) - amplitude)
+        if controller.sticky and j >= GROUP and missed < CALM_ENOUGH * amplitude:
             break
     groups.first = groups.count
     lock_in.from_cos, lock_in.from_sin = mean_phasor(lever, lock_in.total)

@@ -131,19 +131,19 @@ def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, t
         move_state(lever, slopes, -stride, u)
         copy_state(u, predicted)
         rests = skip_transient(oscillator, tolerance, 0.0, tip)
-        off = math.hypot(u[Z] - predicted[Z], u[V] - predicted[V]) if rests else math.inf
+        missed = math.hypot(u[Z] - predicted[Z], u[V] - predicted[V]) if rests else math.inf
         turned = (
             rests and amplitude_slope(linear) < -SLOPED and slope > SLOPED
         )  # the amplitude has a minimum on the way
         small = stride <= SHORTEST_STRIDE * step
-        if not small and (turned or off > PREDICTION_MISS * amplitude):
+        if not small and (turned or missed > PREDICTION_MISS * amplitude):
             stride *= SHORTER
             copy(before, u)
             if rests or trail == 0.0:
                 continue
             # A tip that moves trails its orbit, and loses one that draws in its closest neighbours only.
             u[Z0] -= trail
-            off = math.inf
+            missed = math.inf
             if not skip_transient(oscillator, tolerance, 0.0, tip):
                 return ORBIT_LEFT
         elif not rests and trail > 0.0 and stride > 0.0:
@@ -159,7 +159,7 @@ def follow_down(oscillator: Oscillator, goal: Goal, step: float, trail: float, t
         slope = slopes_of_orbit(linear, slopes)
         if stride == 0.0:
             stride = FIRST_STRIDE * step
-        elif off < WELL_PREDICTED * PREDICTION_MISS * amplitude:
+        elif missed < WELL_PREDICTED * PREDICTION_MISS * amplitude:
             stride = min(2.0 * stride, max(LONGEST_STRIDE * step, -DEEPER_STRIDE * u[Z0]))
     return TIME_SPENT
 

@@ -86,7 +86,7 @@ def nodes_of(
     side = REPULSIVE if harmonic.push > 0.0 else ATTRACTIVE
     faint = oscillator.lever[col.DRIVE] < FAINT_DRIVE * row[col.AMPLITUDE]
     if faint:
-        if _by_passes(oscillator, row, side, workspace):
+        if _fill_nodes_by_passes(oscillator, row, side, workspace):
             return True
         fill_harmonic_from_row(oscillator.lever, row, harmonic)  # which passes began elsewhere
     done, _ = collocation_orbit_from_harmonic(oscillator, harmonic, orbit, workspace.row)
@@ -95,13 +95,13 @@ def nodes_of(
         done = orbit_along_curve(oscillator, wanted, workspace.curve, workspace.row)
         orbit = workspace.curve.found
     if done != col.GOOD or not same_orbit(workspace.row, row):
-        return not faint and _by_passes(oscillator, row, side, workspace)  # what holds the harmonics roughly
+        return not faint and _fill_nodes_by_passes(oscillator, row, side, workspace)  # what holds the harmonics roughly
     nodes_from_collocation(oscillator, orbit, workspace.nodes)
     return True
 
 
 @kernel
-def _by_passes(oscillator: Oscillator, row: np.ndarray, side: int, workspace: RowWorkspace) -> bool:
+def _fill_nodes_by_passes(oscillator: Oscillator, row: np.ndarray, side: int, workspace: RowWorkspace) -> bool:
     """Fill the nodes of a row on this branch, if passes of the lever's response find its orbit; else False."""
     amplitude, response, harmonic = row[col.AMPLITUDE], workspace.response, workspace.harmonic
     if not (forces_are_plain(oscillator) and fill_averaged_orbit_near(oscillator, amplitude, side, harmonic)):

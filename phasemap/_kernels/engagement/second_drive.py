@@ -54,8 +54,8 @@ def averaging_weight(i: int, count: int) -> float:
 def felt_by_second_mode(lever: np.ndarray, phasor: complex) -> complex:
     """Dynamic stiffness [1] that the surface adds to the second mode, by the mode's complex amplitude [m]."""
     mode = mode_of(lever, 1)
-    own = dynamic_stiffness_at(mode, lever[col.SECOND_OMEGA])
-    return mode.share * lever[col.SECOND_FORCE] / phasor - own
+    free_stiffness = dynamic_stiffness_at(mode, lever[col.SECOND_OMEGA])
+    return mode.share * lever[col.SECOND_FORCE] / phasor - free_stiffness
 
 
 @kernel

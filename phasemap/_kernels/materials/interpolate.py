@@ -78,7 +78,7 @@ def border_height(tree: Tree, which: int, x0: float, x1: float) -> float:
     box, coefficients = tree.boxes[which], tree.coefficients
     a, b = scaled(x0, box[0]), scaled(x1, box[1])
     rows, columns, start = tree.sizes[which, 0], tree.sizes[which, 1], tree.starts[which]
-    one, two = 0.0, 0.0
+    b1, b2 = 0.0, 0.0
     for i in range(rows - 1, -1, -1):
         first, second = 0.0, 0.0
         at = start + i * columns
@@ -86,10 +86,10 @@ def border_height(tree: Tree, which: int, x0: float, x1: float) -> float:
             first, second = coefficients[at + j] + 2.0 * b * first - second, first
         value = coefficients[at] + b * first - second
         if i > 0:
-            one, two = value + 2.0 * a * one - two, one
+            b1, b2 = value + 2.0 * a * b1 - b2, b1
         else:
-            one = value + a * one - two
-    return one
+            b1 = value + a * b1 - b2
+    return b1
 
 
 @kernel

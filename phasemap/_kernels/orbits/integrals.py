@@ -116,8 +116,8 @@ def _sidebands(yields: np.ndarray, slopes: np.ndarray, row: np.ndarray) -> None:
     share = 1.0 / (1.0 + others / mean)
     felt = mean * share
     for n in range(SLOPE_HARMONICS):
-        power, own = slopes[0, n] ** 2 + slopes[1, n] ** 2, yields[1, n + 1]
-        felt -= share * share * power * own / (1.0 + mean * share * own)
+        power, compliance = slopes[0, n] ** 2 + slopes[1, n] ** 2, yields[1, n + 1]
+        felt -= share * share * power * compliance / (1.0 + mean * share * compliance)
     row[SIDEBANDS], row[SIDEBANDS + 1] = mean - felt.real, -felt.imag
 
 

@@ -54,7 +54,7 @@ MOST_STARTS, FARTHER_START = 6, 0.04  # harmonic orbits to start from, and how f
 def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> None:
     """Orbit by collocation of every row whose status is PENDING."""
     (out, status, solver), lever = answers, pixels.lever
-    curve, harmonic, top, at = new_curve_workspace(lever, tables), HarmonicOrbit(), Maximum(), OrbitNodes()
+    curve, harmonic, top, nodes = new_curve_workspace(lever, tables), HarmonicOrbit(), Maximum(), OrbitNodes()
     for i in range(len(out)):
         if status[i] != col.PENDING:
             continue
@@ -70,8 +70,8 @@ def collocation_rows(pixels: Pixels, tables: np.ndarray, answers: Answers) -> No
         estimate_errors(oscillator, curve.found, row)
         fill_errors_as_seen(lever, amplitude, along, row)
         if out.shape[1] > col.COLUMNS:
-            nodes_from_collocation(oscillator, curve.found, at)
-            keep_nodes(at, out[i])
+            nodes_from_collocation(oscillator, curve.found, nodes)
+            keep_nodes(nodes, out[i])
 
 
 @kernel
@@ -148,8 +148,8 @@ def _finds_nodes(oscillator: Oscillator, solved: SolvedRows, i: int, workspace: 
 @kernel
 def force_rows(pixels: Pixels, tables: np.ndarray, second: int, solved: SolvedRows, harmonics: int) -> None:
     """Fill in what `fill_force_integrals` does for so many harmonics of the force, in rows that have an orbit."""
-    at, loads = OrbitNodes(), new_load_workspace(harmonics)
-    workspace = new_row_workspace(pixels.lever, tables, at, ResponseWorkspace())
+    nodes, loads = OrbitNodes(), new_load_workspace(harmonics)
+    workspace = new_row_workspace(pixels.lever, tables, nodes, ResponseWorkspace())
     for i in range(len(solved.rows)):
         oscillator = oscillator_of(pixels, i)
         if solved.kept.shape[1] > 0 and solved.kept[i, KEPT_COUNT] == SECOND_IN_TIME:
@@ -157,7 +157,7 @@ def force_rows(pixels: Pixels, tables: np.ndarray, second: int, solved: SolvedRo
             row[col.GRADIENT], row[col.DRAG] = kept[FELT_RE], 0.0
             row[col.SIDEBANDS], row[col.SIDEBANDS + 1] = 0.0, -kept[FELT_IM]
         elif _finds_nodes(oscillator, solved, i, workspace):
-            fill_force_integrals(oscillator, at, second, loads, solved.rows[i])
+            fill_force_integrals(oscillator, nodes, second, loads, solved.rows[i])
 
 
 @kernel
@@ -166,9 +166,9 @@ def adhesion_rows(pixels: Pixels, tables: np.ndarray, bare: np.ndarray, solved: 
 
     `bare` are the rows of the same contacts without adhesion and bias.
     """
-    at = OrbitNodes()
-    workspace = new_row_workspace(pixels.lever, tables, at, ResponseWorkspace())
+    nodes = OrbitNodes()
+    workspace = new_row_workspace(pixels.lever, tables, nodes, ResponseWorkspace())
     for i in range(len(solved.rows)):
         oscillator = oscillator_of(pixels, i)
         if _finds_nodes(oscillator, solved, i, workspace):
-            fill_adhesion_integrals(oscillator, parameters(bare[i]), at, solved.rows[i])
+            fill_adhesion_integrals(oscillator, parameters(bare[i]), nodes, solved.rows[i])

@@ -38,7 +38,7 @@ def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: A
     orbit (`orbit_nodes`).
     """
     (out, status, solver), lever = answers, pixels.lever
-    workspace, at, harmonic, waiting = ResponseWorkspace(), OrbitNodes(), HarmonicOrbit(), 0
+    workspace, nodes, harmonic, waiting = ResponseWorkspace(), OrbitNodes(), HarmonicOrbit(), 0
     average = average and sees_tip(lever)
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
@@ -53,8 +53,8 @@ def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: A
             if out.shape[1] > col.COLUMNS:
                 if solver[i] == col.CORRECTED and lever[col.DRIVE] < FAINT_DRIVE * amplitude:
                     f = nodes_of_solution(workspace)
-                    nodes_from_response(f, workspace.state.amplitude, workspace.state.centre, at)
-                    keep_nodes(at, out[i])
+                    nodes_from_response(f, workspace.state.amplitude, workspace.state.centre, nodes)
+                    keep_nodes(nodes, out[i])
     return waiting
 
 

@@ -100,11 +100,11 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
     oscillator, y, memory = Oscillator(law, parameters(row), lever), state.y, state.memory
     period = 2.0 * math.pi / lever[col.OMEGA]
     noisy = loop.thermal_noise > 0.0 or loop.detector_noise > 0.0
-    at, still = memory.ahead, complex(0.0, 0.0)
-    if at > 0.0:
-        _add_time(memory, min(at, span), tally)
-    while at + 0.5 * period < span:
-        z0 = y[SCANNER] - ground - slope * (at + 0.5 * period)
+    passed, still = memory.ahead, complex(0.0, 0.0)
+    if passed > 0.0:
+        _add_time(memory, min(passed, span), tally)
+    while passed + 0.5 * period < span:
+        z0 = y[SCANNER] - ground - slope * (passed + 0.5 * period)
         if march_period(oscillator, z0, memory.step_size, state.tip, state.sums) < 0:
             return col.DIVERGED
         y[A_REAL], y[A_IMAG] = state.sums.cos, -state.sums.sin
@@ -116,13 +116,13 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
         memory.scanner = y[SCANNER]
         memory.amplitude = 0.5 * (amplitude + amplitude_after)
         memory.phase = 0.5 * (phase + phase_after)
-        to, rate, stopped = scanner_command(loop, y)
+        command, rate, stopped = scanner_command(loop, y)
         y[INTEGRAL] += rate * period
-        to, _, _ = scanner_command(loop, y)
-        move_scanner(loop, y, to, period)
+        command, _, _ = scanner_command(loop, y)
+        move_scanner(loop, y, command, period)
         if stopped:
             tally.stopped = 1
-        _add_time(memory, min(at + period, span) - max(at, 0.0), tally)
-        at += period
-    memory.ahead = at - span
+        _add_time(memory, min(passed + period, span) - max(passed, 0.0), tally)
+        passed += period
+    memory.ahead = passed - span
     return col.GOOD

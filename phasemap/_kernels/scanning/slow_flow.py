@@ -111,11 +111,11 @@ def slow_flow_rhs(
     oscillator, shares = sample
     lever = oscillator.lever
     omega = lever[col.OMEGA]
-    to, out[INTEGRAL], _ = scanner_command(loop, y)
-    place, out[SCANNER], out[SCANNER_SPEED] = to, 0.0, 0.0
+    command, out[INTEGRAL], _ = scanner_command(loop, y)
+    place, out[SCANNER], out[SCANNER_SPEED] = command, 0.0, 0.0
     if loop.spring != 0.0:
         place, out[SCANNER] = y[SCANNER], y[SCANNER_SPEED]
-        out[SCANNER_SPEED] = loop.spring * (to - place) - loop.loss * y[SCANNER_SPEED]
+        out[SCANNER_SPEED] = loop.spring * (command - place) - loop.loss * y[SCANNER_SPEED]
     elif loop.proportional != 0.0:
         # The controller acts once a period: Kp e is half a period old, on average. The sum over periods that is I has
         # the latest error whole, and is half a period ahead: both together are in time.

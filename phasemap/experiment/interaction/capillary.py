@@ -119,21 +119,21 @@ class Capillary(SphereLaw):
     def necks(self, radius: float, liquid: Array) -> Necks:
         """The necks of a tip of this radius [m] on films of this thickness [m] and contact angle [degree]."""
         film, angle = liquid.T
-        own = self.film_thickness
-        if own is None:
-            own = adsorbed_film(HUMIDITY if self.humidity is None else self.humidity)
-        on_tip = own if self.tip_film is None else self.tip_film
-        both = np.where(np.isfinite(film), film, own) + on_tip
+        on_sample = self.film_thickness
+        if on_sample is None:
+            on_sample = adsorbed_film(HUMIDITY if self.humidity is None else self.humidity)
+        on_tip = on_sample if self.tip_film is None else self.tip_film
+        both = np.where(np.isfinite(film), film, on_sample) + on_tip
         angle = np.where(np.isfinite(angle), angle, self.contact_angle)
         wetting = 0.5 * (np.cos(np.radians(angle)) + math.cos(math.radians(self.tip_angle)))
         cap = np.minimum(both, 2 * (radius + on_tip))  # the tip with its film as a whole, where that is under liquid
         volume = np.pi * cap**2 * (radius + on_tip - cap / 3) if self.volume is None else self.volume + 0.0 * both
-        there = (both > 0) & (wetting > 0)
-        volume, both = np.where(there, volume, 0.0), np.where(there, both, 0.0)
+        forms = (both > 0) & (wetting > 0)
+        volume, both = np.where(forms, volume, 0.0), np.where(forms, both, 0.0)
         release = -(np.cbrt(volume) - np.cbrt(volume) ** 2 / (5 * radius))
-        curve = np.where(there, 1 / np.sqrt(np.where(there, volume, 1.0) / (np.pi * radius)), 0.0)
-        fall = np.where(there, -1 / np.where(there, release, -1.0), 0.0)
-        force = np.where(there, 4 * np.pi * radius * self.surface_tension * wetting, 0.0)
+        curve = np.where(forms, 1 / np.sqrt(np.where(forms, volume, 1.0) / (np.pi * radius)), 0.0)
+        fall = np.where(forms, -1 / np.where(forms, release, -1.0), 0.0)
+        force = np.where(forms, 4 * np.pi * radius * self.surface_tension * wetting, 0.0)
         return Necks(
             release + 0.0, 0.0 - self.reach * both, force,
             curve if self.model == "constant volume" else 0.0 * curve, fall if self.model == "linear" else 0.0 * fall,

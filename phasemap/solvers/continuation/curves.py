@@ -283,10 +283,10 @@ class Curves:
             if ended == PIECE_CLOSED:
                 break
         if len(halves) == 2:  # the first was followed the other way
-            one, two = halves
-            rows = np.concatenate([one.rows[:0:-1], two.rows])
-            traces = np.concatenate([one.traces[:0:-1], two.traces])
-            halves = [Piece(rows, traces, one.orbits + two.orbits, max(one.ended, two.ended))]
+            first, second = halves
+            rows = np.concatenate([first.rows[:0:-1], second.rows])
+            traces = np.concatenate([first.traces[:0:-1], second.traces])
+            halves = [Piece(rows, traces, first.orbits + second.orbits, max(first.ended, second.ended))]
         for piece in halves:
             if not any(self._repeats(piece, other) for other in self.pieces):
                 self.pieces.append(piece)

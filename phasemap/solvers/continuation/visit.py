@@ -205,9 +205,9 @@ def walk(
             here = again
         if here is None:
             # Nothing was reached on which the tip stays: it is found again where there is only one such orbit.
-            there = [part for part in parts if part.row_at(x) is not None]
-            here = _only_one(curves, there, x)
-            if there and here is None:
+            reaching = [part for part in parts if part.row_at(x) is not None]
+            here = _only_one(curves, reaching, x)
+            if reaching and here is None:
                 status[k] = Status.not_settled.code
         if here is None:
             k += on
@@ -270,11 +270,11 @@ def _only_one(curves: Curves, there: list[Segment], x: float) -> Segment | None:
 
 def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
     """The segment on which a tip settles that comes from the orbit `start` and finds itself at x; or off all."""
-    there = [part for part in parts if part.x[0] <= x <= part.x[-1]]
-    found = _only_one(curves, there, x)
-    if there and found is None:
+    reaching = [part for part in parts if part.x[0] <= x <= part.x[-1]]
+    found = _only_one(curves, reaching, x)
+    if reaching and found is None:
         row = curves.let_go(start, x)
-        found = None if row is None else like(there, x, row)
+        found = None if row is None else like(reaching, x, row)
     return found or OffOrbit(start)
 
 
@@ -317,9 +317,9 @@ class SlowFeedback:
         z0, places = float(row[col.TIP_OFFSET]), list[tuple[float, float, TipPlace]]()
         for part in self.parts:
             here = TipPlace(part, float(np.clip(z0, part.x[0], part.x[-1])))
-            there = part.row_at(here.z0)
-            assert there is not None
-            apart = abs(there[col.AMPLITUDE] / row[col.AMPLITUDE] - 1.0) + abs(there[col.PHASE] - row[col.PHASE])
+            orbit = part.row_at(here.z0)
+            assert orbit is not None
+            apart = abs(orbit[col.AMPLITUDE] / row[col.AMPLITUDE] - 1.0) + abs(orbit[col.PHASE] - row[col.PHASE])
             places.append((abs(here.z0 - z0), float(apart), here))
         return min(places, key=lambda place: place[:2], default=(0.0, 0.0, TipPlace(OffOrbit(row), z0)))[2]
 

@@ -61,8 +61,8 @@ def _follow_all_orbits_at(curves: Curves, m: float) -> None:
     """Follow the curve from every orbit at m that is not known yet."""
     oscillator, of_amplitude = curves.oscillator_at(m), curves.path.kind == HELD_AMPLITUDE
     value, path = held_value(curves.path, m), fixed_path(oscillator)
-    there = curves_to_amplitude(path, value) if of_amplitude else curves_to_offset(path, value, False)
-    for orbit in (orbit for piece in there.pieces for orbit in piece.orbits):
+    known = curves_to_amplitude(path, value) if of_amplitude else curves_to_offset(path, value, False)
+    for orbit in (orbit for piece in known.pieces for orbit in piece.orbits):
         curves.from_orbit(orbit, m)
     if not of_amplitude:
         # Where nothing acts, or no curve leads there, the lever still swings freely.

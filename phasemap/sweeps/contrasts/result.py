@@ -82,9 +82,9 @@ def dataset_of_map(
     data["jump_material"] = ("jump", material, coded("material whose phase jumps", *names))
     for word, side in (("from", "before"), ("to", "after")):
         phases = np.array([getattr(jump, side) for jump in jumps]).reshape(-1, 2)
-        own, contrast = phases[np.arange(len(jumps)), material], phases[:, 1] - phases[:, 0]
+        its_phase, contrast = phases[np.arange(len(jumps)), material], phases[:, 1] - phases[:, 0]
         data[f"jump_{word}_contrast"] = ("jump", contrast, {"long_name": f"contrast {side} the jump", **degree})
-        data[f"jump_{word}_phase"] = ("jump", own, {"long_name": f"phase {side} the jump", **degree})
+        data[f"jump_{word}_phase"] = ("jump", its_phase, {"long_name": f"phase {side} the jump", **degree})
     inverts = np.array([jump.inverts for jump in jumps], np.int8)
     data["jump_inverts"] = ("jump", inverts, coded("whether the contrast changes its sign in the jump", "no", "yes"))
     return xr.Dataset(data, coords)

@@ -183,23 +183,23 @@ def fill_signal_and_slopes(
     here = detector_signal_of_harmonic_orbit(oscillator, amplitude, c)
     values[MEASURED_PHASE], values[MEASURED_OFFSET] = here.phase, here.offset
     small, wide = C_DIFFERENCE * mismatch_scale(reach, amplitude, c), AMPLITUDE_DIFFERENCE * amplitude
-    there = detector_signal_of_harmonic_orbit(oscillator, amplitude, c + small)
+    moved = detector_signal_of_harmonic_orbit(oscillator, amplitude, c + small)
     h_c, v_c, phase_c, offset_c = (
-        (there.mismatch - here.mismatch) / small, (there.amplitude - here.amplitude) / small,
-        (there.phase - here.phase) / small, (there.offset - here.offset) / small,
+        (moved.mismatch - here.mismatch) / small, (moved.amplitude - here.amplitude) / small,
+        (moved.phase - here.phase) / small, (moved.offset - here.offset) / small,
     )  # fmt: skip
     h_a, v_a, phase_a, offset_a = 0.0, 1.0, 0.0, 0.0
     if not sees_tip(lever):
-        there = detector_signal_of_harmonic_orbit(oscillator, amplitude + wide, c)
-        h_a, v_a = (there.mismatch - here.mismatch) / wide, (there.amplitude - here.amplitude) / wide
-        phase_a, offset_a = (there.phase - here.phase) / wide, (there.offset - here.offset) / wide
+        moved = detector_signal_of_harmonic_orbit(oscillator, amplitude + wide, c)
+        h_a, v_a = (moved.mismatch - here.mismatch) / wide, (moved.amplitude - here.amplitude) / wide
+        phase_a, offset_a = (moved.phase - here.phase) / wide, (moved.offset - here.offset) / wide
     for k in range(len(rows) - 1):
         other = parameters(rows[1 + k, i])
-        there = detector_signal_of_harmonic_orbit(Oscillator(law, other, lever), amplitude, c)
+        moved = detector_signal_of_harmonic_orbit(Oscillator(law, other, lever), amplitude, c)
         # By how much c and A change for this step of the logarithm: drive and amplitude seen stay.
-        h, v = here.mismatch - there.mismatch, here.amplitude - there.amplitude
+        h, v = here.mismatch - moved.mismatch, here.amplitude - moved.amplitude
         both = h_c * v_a - h_a * v_c
         along, wider = (h * v_a - v * h_a) / both, (v * h_c - h * v_c) / both
-        phase, offset = there.phase - here.phase, there.offset - here.offset
+        phase, offset = moved.phase - here.phase, moved.offset - here.offset
         slopes[MEASURED_PHASE, k] = (phase + phase_c * along + phase_a * wider) / step
         slopes[MEASURED_OFFSET, k] = (offset + offset_c * along + offset_a * wider) / step

@@ -100,18 +100,19 @@ def attraction_integrals(known: Known, amplitude: float, c: float) -> tuple[floa
         return (less + 1.0) * share, share
     beta, start2 = less / more, (1.0 - c) / (1.0 + c)
     start, above = math.sqrt(start2), 2.0 * ratio / ((1.0 + c) * more)  # above = start^2 + beta
+    # Integrals of 1/(u^2 + beta) and of its square over u = tan(theta/2), from contact on.
     if abs(beta) < SMALL_ARGUMENT * start2:
-        x, one, two = beta / start2, 0.0, 0.0
+        x, first_power, second_power = beta / start2, 0.0, 0.0
         for k in range(SERIES_TERMS):
             n = SERIES_TERMS - 1 - k
-            one, two = 1.0 / (2 * n + 1) - x * one, (n + 1) / (2 * n + 3) - x * two
-        one, two = one / start, two / (start * start2)
+            first_power, second_power = 1.0 / (2 * n + 1) - x * first_power, (n + 1) / (2 * n + 3) - x * second_power
+        first_power, second_power = first_power / start, second_power / (start * start2)
     else:
         root = math.sqrt(abs(beta))
         if beta > 0.0:
-            one = math.atan2(root, start) / root
+            first_power = math.atan2(root, start) / root
         else:
-            one = 0.5 * math.log((start + root) * (start + root) / above) / root
-        two = 0.5 * (one - start / above) / beta
+            first_power = 0.5 * math.log((start + root) * (start + root) / above) / root
+        second_power = 0.5 * (first_power - start / above) / beta
     share = 2.0 * strength / (more * more)
-    return share * (one + (1.0 - beta) * two), share * ((1.0 + beta) * two - one)
+    return share * (first_power + (1.0 - beta) * second_power), share * ((1.0 + beta) * second_power - first_power)

@@ -48,6 +48,7 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
     detuned, scale = amplitude * oscillator.lever[col.DYNAMIC_STIFFNESS], scale_of(oscillator)
     start = max(ratio_far_from_surface(oscillator, amplitude), 1.5)
     begin, end = math.asinh(2.0 * start * amplitude / scale), -math.asinh(6.0 * amplitude / scale)
+    # Gaps from far off to deep in contact, evenly in asinh(gap / scale): close together where the tip touches.
     gaps, f, count = np.empty(2 * SAMPLES + 2), np.empty(2 * SAMPLES + 2), 0
     before = (0.0, 0.0)
     for i in range(SAMPLES + 1):

@@ -64,9 +64,13 @@ def _append_drive(lever: np.ndarray, orbit: Orbit, drift: np.ndarray) -> int:
 def _fill_held_equations(held: tuple[Equation, Equation], row: int, system: np.ndarray) -> None:
     """Fill in the coefficients of two equations for what is held, from a row of the system on."""
     for i in range(2):
-        one = held[i]
-        system[row + i, RZ], system[row + i, RA], system[row + i, RM] = one.normal_z, one.normal_a, one.normal_m
-        system[row + i, RP], system[row + i, RS] = one.normal_p, one.normal_s
+        equation = held[i]
+        system[row + i, RZ], system[row + i, RA], system[row + i, RM] = (
+            equation.normal_z,
+            equation.normal_a,
+            equation.normal_m,
+        )
+        system[row + i, RP], system[row + i, RS] = equation.normal_p, equation.normal_s
 
 
 @kernel

@@ -232,9 +232,9 @@ def _point_of(orbit: Orbit, e: int, k: int) -> tuple[float, float, float]:
     """Return the angle, d and d' at point k of an element: its start, its nodes, its end."""
     head = head_of(orbit)
     if k == 0 or k == NODES + 1:
-        at = element_of(orbit, e if k == 0 else e + 1)
-        c, s = math.cos(at.edge), math.sin(at.edge)
-        return at.edge, head.amplitude * c + at.edge_w - head.tip_offset, at.edge_u - head.amplitude * s
+        begins = element_of(orbit, e if k == 0 else e + 1)
+        c, s = math.cos(begins.edge), math.sin(begins.edge)
+        return begins.edge, head.amplitude * c + begins.edge_w - head.tip_offset, begins.edge_u - head.amplitude * s
     element, j = element_of(orbit, e), k - 1
     return (
         element.theta[j],

@@ -228,17 +228,17 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
     """Interpolate the motion of `source` to the nodes and edges of `orbit`."""
     last, count = head_of(source).count, head_of(orbit).count
     several = mode_count(orbit) > 1 and head_of(source).swept == 1  # each mode's own motion is asked for then only
-    begin, at = element_of(source, 0).edge, 0
+    begin, e_source = element_of(source, 0).edge, 0
     for e in range(count):
         element, motion = element_of(orbit, e), motion_of_mode(orbit, e, 0)
         for k in range(PLACES):
             theta = element.edge if k == NODES else element.theta[k]
             theta -= math.floor((theta - begin) / TWO_PI) * TWO_PI
-            if theta < element_of(source, at).edge:
-                at = 0
-            while at < last - 1 and theta > element_of(source, at + 1).edge:
-                at += 1
-            w, u = motion_in_element(source, at, theta)
+            if theta < element_of(source, e_source).edge:
+                e_source = 0
+            while e_source < last - 1 and theta > element_of(source, e_source + 1).edge:
+                e_source += 1
+            w, u = motion_in_element(source, e_source, theta)
             if k == NODES:
                 element.edge_w, element.edge_u = w, u
             else:
@@ -246,7 +246,7 @@ def interpolate_motion(source: Orbit, orbit: Orbit) -> None:
             if several:
                 for i in range(mode_count(orbit)):
                     to = motion_of_mode(orbit, e, i)
-                    to.w[k], to.u[k] = interpolate_mode(source, at, theta, i)
+                    to.w[k], to.u[k] = interpolate_mode(source, e_source, theta, i)
             else:
                 motion.w[k], motion.u[k] = w, u
     close_ring(orbit)
@@ -263,7 +263,7 @@ def lay_again(oscillator: Oscillator, orbit: Orbit, level: int) -> bool:
     for e in range(head_of(orbit).count + 1):
         assign(element_of(orbit, e), element_of(other, e))
         for i in range(mode_count(orbit)):
-            of, to = motion_of_mode(other, e, i), motion_of_mode(orbit, e, i)
-            copy(of.w, to.w)
-            copy(of.u, to.u)
+            source, target = motion_of_mode(other, e, i), motion_of_mode(orbit, e, i)
+            copy(source.w, target.w)
+            copy(source.u, target.u)
     return True

@@ -101,9 +101,9 @@ def slopes_along_curve(lever: np.ndarray, orbit: Orbit) -> Along:
     if not curve_derivative(lever, orbit, no_drift(), (hold_parameter(orbit), hold_amplitude(orbit))):
         return Along(math.nan, math.nan, math.nan)
     head, rate = head_of(orbit), orbit.system[:, RIGHT]
-    of, by = (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS])
-    (x, y), (by_x, by_y) = drive_needed(lever, *of), drive_needed(lever, *by)
-    return Along(detected_amplitude_rate(lever, of, by), phase_rate(x, y, by_x, by_y), rate[RZ])
+    harmonic, rates = (head.amplitude, head.push, head.drag), (rate[RA], rate[RP], rate[RS])
+    (x, y), (by_x, by_y) = drive_needed(lever, *harmonic), drive_needed(lever, *rates)
+    return Along(detected_amplitude_rate(lever, harmonic, rates), phase_rate(x, y, by_x, by_y), rate[RZ])
 
 
 @kernel

@@ -39,14 +39,14 @@ def hold_amplitude(orbit: Orbit) -> Equation:
 def hold_detected_setpoint(lever: np.ndarray, orbit: Orbit, seen: float) -> Equation:
     """The equation by which the detector sees the setpoint, an amplitude [m], linearised about an orbit."""
     head = head_of(orbit)
-    of = (head.amplitude, head.push, head.drag)
+    harmonic = (head.amplitude, head.push, head.drag)
     by_a, by_p = (
-        detected_amplitude_rate(lever, of, (1.0, 0.0, 0.0)),
-        detected_amplitude_rate(lever, of, (0.0, 1.0, 0.0)),
+        detected_amplitude_rate(lever, harmonic, (1.0, 0.0, 0.0)),
+        detected_amplitude_rate(lever, harmonic, (0.0, 1.0, 0.0)),
     )
-    by_s = detected_amplitude_rate(lever, of, (0.0, 0.0, 1.0))
+    by_s = detected_amplitude_rate(lever, harmonic, (0.0, 0.0, 1.0))
     lacks = seen - detected_amplitude_of_orbit(lever, head.amplitude, head.push, head.drag)
-    return Equation(0.0, by_a, 0.0, lacks + by_a * of[0] + by_p * of[1] + by_s * of[2], by_p, by_s)
+    return Equation(0.0, by_a, 0.0, lacks + by_a * harmonic[0] + by_p * harmonic[1] + by_s * harmonic[2], by_p, by_s)
 
 
 @kernel

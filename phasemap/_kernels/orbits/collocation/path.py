@@ -62,10 +62,10 @@ def swept_path(law: Law, table: np.ndarray, kind: int, width: float) -> Path:
 @kernel(light=True)
 def chebyshev(coefficients: np.ndarray, m: float) -> float:
     """Value of a Chebyshev series (Clenshaw)."""
-    one, two = 0.0, 0.0
+    b1, b2 = 0.0, 0.0
     for k in range(len(coefficients) - 1, 0, -1):
-        one, two = coefficients[k] + 2.0 * m * one - two, one
-    return coefficients[0] + m * one - two
+        b1, b2 = coefficients[k] + 2.0 * m * b1 - b2, b1
+    return coefficients[0] + m * b1 - b2
 
 
 @kernel(light=True)
@@ -114,9 +114,9 @@ def held_equation(path: Path, lever: np.ndarray, orbit: Orbit, drift: np.ndarray
     rate = (held_value(path, m + DRIFT_STEP) - held_value(path, m - DRIFT_STEP)) / (2.0 * DRIFT_STEP)
     if path.kind == HELD_OFFSET:
         return Equation(1.0, 0.0, -rate, value - rate * m, 0.0, 0.0)
-    of = head.amplitude, head.push, head.drag
-    ahead = detected_amplitude_of_orbit(drift[0][LEVER_ROW:], *of)
-    behind = detected_amplitude_of_orbit(drift[1][LEVER_ROW:], *of)
+    harmonic = head.amplitude, head.push, head.drag
+    ahead = detected_amplitude_of_orbit(drift[0][LEVER_ROW:], *harmonic)
+    behind = detected_amplitude_of_orbit(drift[1][LEVER_ROW:], *harmonic)
     by_m = (ahead - behind) / (2.0 * DRIFT_STEP) - rate
     held = hold_detected_setpoint(lever, orbit, value)
     return Equation(0.0, held.normal_a, by_m, held.equals + by_m * m, held.normal_p, held.normal_s)

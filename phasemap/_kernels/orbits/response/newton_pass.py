@@ -100,7 +100,7 @@ def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) ->
                 -nodes.weight[j] * nodes.growth[j] * nodes.turn_sin[j],
             )
         for j in range(n):
-            at, own = contact_node(j), j // N
+            at, part_of_j = contact_node(j), j // N
             by_w, by_u = kappa[j] + mode.decay * gamma[j], mode.turn * gamma[j]
             shrink = share / nodes.growth[at]
             t_re, t_im = shrink * nodes.turn_cos[at], shrink * nodes.turn_sin[at]
@@ -110,14 +110,14 @@ def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) ->
             row = m[j]
             for part in range(parts):
                 first, start = first_of(part), N * part
-                if part == own:
+                if part == part_of_j:
                     for k in range(N):
-                        passed, weight = RUNNING[j - N * own, k], GAUSS_WEIGHTS[k]
+                        passed, weight = RUNNING[j - N * part_of_j, k], GAUSS_WEIGHTS[k]
                         row[start + k] += (b_re * weight + t_re * passed) * nodes.im[first + k] + (
                             b_im * weight + t_im * passed
                         ) * nodes.re[first + k]
                 else:
-                    p_re, p_im = (b_re + t_re, b_im + t_im) if part < own else (b_re, b_im)
+                    p_re, p_im = (b_re + t_re, b_im + t_im) if part < part_of_j else (b_re, b_im)
                     for k in range(N):
                         row[start + k] += GAUSS_WEIGHTS[k] * (p_re * nodes.im[first + k] + p_im * nodes.re[first + k])
     for j in range(n):

@@ -166,16 +166,16 @@ def on_same_branch(lever: np.ndarray, harmonic: HarmonicOrbit, state: PassState)
 @kernel
 def slope_is_clear(oscillator: Oscillator, limits: ErrorLimits, workspace: ResponseWorkspace) -> bool:
     """True if the tip offset clearly rises with the amplitude along the exact orbits, at that of workspace.state."""
-    f, here, there = nodes_of_solution(workspace), workspace.state, workspace.other
+    f, here, beside = nodes_of_solution(workspace), workspace.state, workspace.other
     if workspace.seen > 0.0:
         return here.offset_by_a > LEAST_SLOPE_ALONG
-    assign(there, here)
+    assign(beside, here)
     move = SLOPE_STEP * here.amplitude
-    there.amplitude += move
-    there.centre += move
-    if converge_passes(oscillator, f, there, False, limits.phase, min(limits.tip_offset, SLOPE_ERROR * move)) != FOUND:
+    beside.amplitude += move
+    beside.centre += move
+    if converge_passes(oscillator, f, beside, False, limits.phase, min(limits.tip_offset, SLOPE_ERROR * move)) != FOUND:
         return False
-    if not there.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
+    if not beside.tip_offset - here.tip_offset > LEAST_SLOPE_ALONG * move:
         return False
     found = converge_passes(oscillator, f, here, False, limits.phase, limits.tip_offset)  # back to where the nodes were
     return found == FOUND and orbit_is_kept(oscillator, f, here)

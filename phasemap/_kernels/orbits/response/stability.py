@@ -204,7 +204,7 @@ def fill_monodromy(oscillator: Oscillator, nodes: Nodes, state: PassState, motio
     """Fill in the monodromy matrix, shape (2 modes, 2 modes) and zero at first: theory, Eq. (stability-7)."""
     lever = oscillator.lever
     modes = modes_of(lever)
-    turns, one = np.empty((count_of(nodes), 3 * modes)), np.empty((2, 2 * modes))
+    turns, workspace = np.empty((count_of(nodes), 3 * modes)), np.empty((2, 2 * modes))
     for i in range(modes):
         fill_mode(nodes, mode_of(lever, i))
         for j in range(count_of(nodes)):
@@ -215,7 +215,7 @@ def fill_monodromy(oscillator: Oscillator, nodes: Nodes, state: PassState, motio
     for k in range(2 * N + contact):
         j, in_contact = node_in_time(nodes, k), N <= k < N + contact
         if (nodes.touches if in_contact else nodes.outside) == 1:
-            _kick(oscillator, nodes, state, j, in_contact, turns[j], one, motions)
+            _kick(oscillator, nodes, state, j, in_contact, turns[j], workspace, motions)
     for i in range(modes):  # on to the next period
         mode = mode_of(lever, i)
         shrink = math.exp(2.0 * math.pi * mode.decay)
@@ -228,12 +228,12 @@ def fill_monodromy(oscillator: Oscillator, nodes: Nodes, state: PassState, motio
 @kernel
 def _kick(
     oscillator: Oscillator, nodes: Nodes, state: PassState, j: int, in_contact: bool, turns: np.ndarray,
-    one: np.ndarray, motions: np.ndarray,
+    workspace: np.ndarray, motions: np.ndarray,
 ) -> None:  # fmt: skip
     """Kick small motions of each mode by the force with which the surface answers them at node j.
 
     `turns` (shape (3 modes,)): growth, cosine and sine of each mode there.
-    `one` (shape (2, 2 modes)): workspace.
+    `workspace` (shape (2, 2 modes)): workspace.
     `motions` (shape (2 modes, 2 modes)): x and y of each mode, a motion in each column.
     """
     law, p, lever = oscillator
@@ -249,14 +249,14 @@ def _kick(
     for i in range(modes):
         mode = mode_of(lever, i)
         c, s, grow = turns[3 * i + 1], turns[3 * i + 2], turns[3 * i]
-        one[0, 2 * i] = (kappa * c + gamma * (mode.decay * c - mode.turn * s)) / grow
-        one[0, 2 * i + 1] = (kappa * s + gamma * (mode.decay * s + mode.turn * c)) / grow
-        one[1, 2 * i] = width * mode.share / mode.turn * grow * s
-        one[1, 2 * i + 1] = -width * mode.share / mode.turn * grow * c
+        workspace[0, 2 * i] = (kappa * c + gamma * (mode.decay * c - mode.turn * s)) / grow
+        workspace[0, 2 * i + 1] = (kappa * s + gamma * (mode.decay * s + mode.turn * c)) / grow
+        workspace[1, 2 * i] = width * mode.share / mode.turn * grow * s
+        workspace[1, 2 * i + 1] = -width * mode.share / mode.turn * grow * c
     within = 1.0 / (1.0 + 0.5 * width * gamma * all_shares(lever))  # damping acts on the mean of the velocities
     for k in range(2 * modes):
         force = 0.0
         for i in range(2 * modes):
-            force += one[0, i] * motions[i, k]
+            force += workspace[0, i] * motions[i, k]
         for i in range(2 * modes):
-            motions[i, k] += within * force * one[1, i]
+            motions[i, k] += within * force * workspace[1, i]

@@ -76,9 +76,9 @@ def multiply_by(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> N
 @kernel
 def convert(matrix: np.ndarray, arms: Arms) -> None:
     """Multiply the value, slope and curvature of an element, in all arms, by a matrix of `Arms`."""
-    for of in (arms.value, arms.slope, arms.curve):
-        multiply_by(matrix, arms.count, of, arms.converted)
-        of[: arms.count] = arms.converted[: arms.count]
+    for values in (arms.value, arms.slope, arms.curve):
+        multiply_by(matrix, arms.count, values, arms.converted)
+        values[: arms.count] = arms.converted[: arms.count]
 
 
 @kernel

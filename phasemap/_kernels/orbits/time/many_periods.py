@@ -95,18 +95,18 @@ def pass_many(
     The formulae for an integral are those of Bogacki and Shampine (orders 3 and 2), with weights for a sum.
     """
     u, y, omega, n = tip.u, np.empty(len(tip.u)), oscillator.lever[col.OMEGA], int(flow.count)
-    at, z0, k1 = complex(u[Z], u[V]), u[Z0] - pace, complex(flow.z, flow.v)
+    state, z0, k1 = complex(u[Z], u[V]), u[Z0] - pace, complex(flow.z, flow.v)
     share = 0.0
     while n >= FEWEST_IN_STEP:
         x = 1.0 / n
         b2, b3 = (1.0 - x) * (1.0 + 4.0 * x) / 3.0, 4.0 / 9.0 * (1.0 - x) * (1.0 - 2.0 * x)
         half, more = 0.5 * n, 0.75 * n
-        k2 = _change(oscillator, step_size, tip, at + half * k1, z0 - half * pace, y)
-        k3 = _change(oscillator, step_size, tip, at + more * k2, z0 - more * pace, y)
-        end = at + n * ((1.0 - b2 - b3) * k1 + b2 * k2 + b3 * k3)
+        k2 = _change(oscillator, step_size, tip, state + half * k1, z0 - half * pace, y)
+        k3 = _change(oscillator, step_size, tip, state + more * k2, z0 - more * pace, y)
+        end = state + n * ((1.0 - b2 - b3) * k1 + b2 * k2 + b3 * k3)
         k4 = _change(oscillator, step_size, tip, end, z0 - n * pace, y)
-        off = -5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4
-        error = n * math.hypot(off.real, off.imag / omega) / allowed
+        difference = -5 / 72 * k1 + 1 / 12 * k2 + 1 / 9 * k3 - 1 / 8 * k4
+        error = n * math.hypot(difference.real, difference.imag / omega) / allowed
         if not math.isfinite(error):
             return 0
         share = min(MOST_GROWTH, max(LEAST_GROWTH, STEP_SAFETY * max(error, 1e-9) ** (-1.0 / 3.0)))
@@ -114,7 +114,7 @@ def pass_many(
             break
         n = int(share * n)
     else:
-        share, n, end = n + 1.0, 1, at + k1
+        share, n, end = n + 1.0, 1, state + k1
         k4 = _change(oscillator, step_size, tip, end, z0 - pace, y)
     u[Z], u[V], u[Z0] = end.real, end.imag, u[Z0] - n * pace
     flow.z, flow.v, flow.count = k4.real, k4.imag, share * n
@@ -130,16 +130,16 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
     ahead, y, share = Way(), np.empty(len(tip.u)), lingering(oscillator)
     if share == 0 or FORMING_TIME > -math.log(share) * most_periods:
         return False
-    tip.periods.formed, way = 1, math.inf
+    tip.periods.formed, gone = 1, math.inf
     while tip.periods.marched < most_periods:
-        if way > FORMING_WAY * target:
+        if gone > FORMING_WAY * target:
             if not linearise_period(oscillator, tolerance.step_size, tip):
                 return False
             fill_way_to_rest(tip.linear, tip.linear.now, target, ahead)
-            way = 0.0
+            gone = 0.0
         step = length_of(ahead) + abs(ahead.z0)
         part = min(FORMING_STEP * target / step, 1.0)
-        way += part * step
+        gone += part * step
         remaining = pass_along(oscillator, tolerance, target, part, tip, ahead, y)
         if not remaining < math.inf or remaining <= 1 - share * share:
             return remaining < math.inf

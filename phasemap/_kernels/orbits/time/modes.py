@@ -81,6 +81,6 @@ def air_beside_first_harmonic(lever: np.ndarray, tip: complex, air: float) -> fl
     for i in range(modes_of(lever)):
         mode = mode_of(lever, i)
         if mode.share > 0.0:
-            own = abs(harmonic_of_mode(lever, i, tip)) ** 2
-            air -= 2.0 * math.pi * stiffness * mode.rate * omega * own / mode.share
+            amplitude2 = abs(harmonic_of_mode(lever, i, tip)) ** 2
+            air -= 2.0 * math.pi * stiffness * mode.rate * omega * amplitude2 / mode.share
     return air

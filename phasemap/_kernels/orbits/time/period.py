@@ -129,13 +129,13 @@ def end_step_at_event(here: Here, motion: Motion, event: int) -> None:
     for _ in range(MOST_EVENT_STEPS):
         take_step(here, motion, h, end)
         past, slope = overshoot_of_event(here, motion, event, end)
-        more = -past / slope
-        if abs(more) <= LAST_NEWTON_STEP * whole:
+        move = -past / slope
+        if abs(move) <= LAST_NEWTON_STEP * whole:
             find_slopes(here, motion, end)
-            to, rates = numbers_of(end.at), numbers_of(end.slope)
-            for j in range(len(to)):
-                to[j] += more * rates[j]
-            h += more
+            numbers, rates = numbers_of(end.at), numbers_of(end.slope)
+            for j in range(len(numbers)):
+                numbers[j] += move * rates[j]
+            h += move
             break
         h, low, high = newton_in_bracket(h, past, slope, low, high, beyond)
     motion.h, motion.event, end.known = h, event, 0

@@ -137,10 +137,10 @@ def work_from_far(law: Law, p: Any, d: float) -> float:
     """
     if not has_longrange(p):
         return 0.0
-    size, total_ = reach_of(p) - d, 0.0
+    size, integral = reach_of(p) - d, 0.0
     for i in range(len(FAR_LENGTHS)):
-        total_ += FAR_WEIGHTS[i] * longrange_force(law, d - size * FAR_LENGTHS[i], p)
-    return size * total_
+        integral += FAR_WEIGHTS[i] * longrange_force(law, d - size * FAR_LENGTHS[i], p)
+    return size * integral
 
 
 @kernel

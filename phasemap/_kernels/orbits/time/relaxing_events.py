@@ -102,11 +102,11 @@ def shorten_to_turn(here: Here, motion: Motion) -> None:
             high = h
         if i > 0 and old_speed != speed:
             bend = (speed - old_speed) / (h - old)
-        way = -speed / bend
-        if abs(way) < near * high or high - low < near * high:
+        move = -speed / bend
+        if abs(move) < near * high or high - low < near * high:
             break
         old, old_speed = h, speed
-        h += way
+        h += move
         if not low < h < high:
             h = 0.5 * (low + high)
     motion.h, motion.event = h, CONTACT_TURN
@@ -120,10 +120,10 @@ def find_edge(contact: Relaxing, d: float, u: Moved) -> float:
     q = u.x if u.x > 0 else math.sqrt(max(d, 0.0))
     for _ in range(MOST_TURN_STEPS):
         w, slope, _ = dent_at_edge(contact, u, q, 0.0)
-        off = q * q + w - d
-        if abs(off) <= 1e-15 * (abs(d) + q * q) or not q > 0:
+        missed = q * q + w - d
+        if abs(missed) <= 1e-15 * (abs(d) + q * q) or not q > 0:
             break
-        q = max(q - off / (2 * q * (1 + slope)), 0.1 * q)
+        q = max(q - missed / (2 * q * (1 + slope)), 0.1 * q)
     return q
 
 

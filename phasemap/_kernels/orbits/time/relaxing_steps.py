@@ -94,8 +94,8 @@ def strays_from_line(contact: Relaxing, motion: Motion) -> bool:
 
     Then the edge or the tip's speed does not follow the slopes at both ends, or the edge passes many nodes of a dent.
     """
-    u, of, end, to, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
-    if off_line(of.x, to.x, end.x - u.x, h) or off_line(of.v, to.v, end.v - u.v, h):
+    u, slope, end, slope_end, h = motion.here.at, motion.here.slope, motion.end.at, motion.end.slope, motion.h
+    if off_line(slope.x, slope_end.x, end.x - u.x, h) or off_line(slope.v, slope_end.v, end.v - u.v, h):
         return True
     j = int(contact.m[memory.OUTER_COUNT]) - MOST_NODES_PASSED
     if contact.now.mode != memory.GROWING or j < 0:

@@ -142,13 +142,13 @@ def _fill_slopes(here: Here, start: StepStart, off: bool, many: bool, y: Moved, 
             air -= 0.5 / beam.alpha0 * modes.second * c2 * v
             k.second_cos, k.second_sin = w * y.modes[0] * c2, w * y.modes[0] * s2
         for i in range(1, modes.count):
-            own, speed = y.modes[2 * i - 2], y.modes[2 * i - 1]
+            displaced, speed = y.modes[2 * i - 2], y.modes[2 * i - 1]
             rise = modes.drive_re[i] * c - modes.drive_im[i] * s - modes.shares[i] * pull
-            rise -= modes.square[i] * own + modes.damping[i] * speed
+            rise -= modes.square[i] * displaced + modes.damping[i] * speed
             k.modes[2 * i - 2], k.modes[2 * i - 1] = w * speed, w * rise
             a += rise
             air += modes.loss[i] * speed * speed
-            first -= own
+            first -= displaced
             first_speed -= speed
         a += modes.drive_re[0] * c - modes.drive_im[0] * s - modes.shares[0] * pull
         a -= modes.square[0] * first + modes.damping[0] * first_speed

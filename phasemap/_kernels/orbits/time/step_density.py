@@ -79,7 +79,7 @@ def depth_reached(contact: Any, beam: DrivenLever, q: float, v: float, pull: flo
     """
     goal = q * q * contact_rate(contact, beam, 0.0, q) + v * v
     deep = FIRST_ROOT * math.sqrt(pull)
-    for _ in range(ROOT_STEPS):
+    for _ in range(ROOT_STEPS):  # of a fixed point: q^2 rate goes about with q^5
         deep *= ((goal / (deep * deep) + pull) / contact_rate(contact, beam, 0.0, deep)) ** 0.2
     return deep
 

@@ -120,9 +120,9 @@ def fill_higher_modes(lever: np.ndarray, mean: float, u: np.ndarray) -> None:
     turned = complex(math.cos(begin), math.sin(begin))
     tip = complex(u[Z] - mean, -u[V] / lever[col.OMEGA]) * turned.conjugate()
     for i in range(1, modes_of(lever)):
-        own = harmonic_of_mode(lever, i, tip) * turned
-        u[entry_of(2 * i)] = mean * static_share(lever, i) + own.real
-        u[entry_of(2 * i + 1)] = -lever[col.OMEGA] * own.imag
+        phasor = harmonic_of_mode(lever, i, tip) * turned
+        u[entry_of(2 * i)] = mean * static_share(lever, i) + phasor.real
+        u[entry_of(2 * i + 1)] = -lever[col.OMEGA] * phasor.imag
 
 
 @kernel(light=True)
@@ -164,20 +164,20 @@ def amplitude_of(lever: np.ndarray, acc: PeriodResult) -> float:
 
 
 @kernel
-def add_period(total: PeriodResult, one: PeriodResult) -> None:
+def add_period(total: PeriodResult, period: PeriodResult) -> None:
     """Add the observables of a period to a total, whose depth is the largest."""
-    deepest, to, more = max(total.deepest, one.deepest), numbers_of(total), numbers_of(one)
-    for j in range(len(to)):
-        to[j] += more[j]
+    deepest, sums, numbers = max(total.deepest, period.deepest), numbers_of(total), numbers_of(period)
+    for j in range(len(sums)):
+        sums[j] += numbers[j]
     total.deepest = deepest
 
 
 @kernel
 def divide_result(total: PeriodResult, count: float) -> None:
     """Turn a total over so many periods into means."""
-    deepest, of = total.deepest, numbers_of(total)
-    for j in range(len(of)):
-        of[j] /= count
+    deepest, numbers = total.deepest, numbers_of(total)
+    for j in range(len(numbers)):
+        numbers[j] /= count
     total.deepest = deepest
 
 
