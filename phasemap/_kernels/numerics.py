@@ -80,7 +80,7 @@ def fill_growth(angle: np.ndarray, rate: float, growth: np.ndarray) -> None:
 
 
 @kernel
-def narrowed(a: float, f_a: float, b: float, f_b: float, x: float, f: float) -> tuple[float, float, float, float]:
+def narrow_bracket(a: float, f_a: float, b: float, f_b: float, x: float, f: float) -> tuple[float, float, float, float]:
     """Bracket (a, f(a), b, f(b)) of a root, narrowed by the point x of its chord, which becomes b.
 
     Where the sign at x is that at the last point, b, the end that stays counts less: by as much as a parabola through

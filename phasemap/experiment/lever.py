@@ -11,7 +11,7 @@ from phasemap._shared.arrays import Array
 from phasemap.experiment.lever_modes import modal_motion
 
 
-def supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
+def energy_supplied(lever: Array, amplitude: Array, phase: Array) -> Array:
     """Work of the drive, pi k u0 A cos(phase) [J per cycle], for levers of `lever_of`, shape (..., n)."""
     return np.pi * lever[..., col.STIFFNESS] * lever[..., col.DRIVE] * amplitude * np.cos(phase)
 
@@ -104,7 +104,7 @@ def of_tip(lever: Array, amplitude: Any, phase: Any) -> tuple[Array, Array]:
     return np.abs(tip), np.angle(tip)
 
 
-def seen(rows: Array, lever: Array) -> Array:
+def rows_as_seen(rows: Array, lever: Array) -> Array:
     """Result rows, shape (..., COLUMNS), as the detector sees them: amplitude and phase.
 
     They are exact for the means of motion that is not periodic too, for the base's motion is constant. Its spreads

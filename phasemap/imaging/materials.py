@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phasemap._kernels.materials.distinct import gather, look_up
+from phasemap._kernels.materials.distinct import add_distinct_rows, look_up
 from phasemap._shared.arrays import Array, is_lazy, is_uniform
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.threads import bounds_of, found_in
@@ -50,7 +50,7 @@ class Distinct:
         """Take in materials, and return how many there was room for."""
         if not self._count:
             self._known = np.empty((len(self._known), materials.shape[1]), np.uint64)
-        self._count, taken = gather(_bits(materials), self._table, self._known, self._count)
+        self._count, taken = add_distinct_rows(_bits(materials), self._table, self._known, self._count)
         return int(taken)
 
     def numbers(self, materials: Array) -> NDArray[np.int32]:

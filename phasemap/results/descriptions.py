@@ -166,10 +166,10 @@ def describe_validity(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     configuration = json.loads(ds.attrs.get("configuration", "{}"))
     if "microscope" not in configuration:
         return []
-    return list(_lines(ds, configuration, what))
+    return list(_validity_lines(ds, configuration, what))
 
 
-def _lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
+def _validity_lines(ds: xr.Dataset, configuration: dict[str, Any], what: str) -> Iterator[str]:
     """Lines on depth, films, a second drive, long contacts, failures and averaging, where they exceed the model."""
     lever, tip = configuration["microscope"]["cantilever"], configuration["microscope"]["tip"]
     if "indentation" in ds:

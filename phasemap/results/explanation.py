@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasemap._shared.units import ELECTRONVOLT
-from phasemap.experiment.lever import lost_in_air, of_tip, supplied
+from phasemap.experiment.lever import energy_supplied, lost_in_air, of_tip
 
 LEAST = 0.5  # degrees of contrast that stand out of the noise of a phase image
 SHARE = 0.2  # of the contrast that the losses may leave open
@@ -67,7 +67,8 @@ class PointMotion(NamedTuple):
         tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(phase))
         return cls(
             phase=phase, tip_phase=math.degrees(float(tip_phase)), air=float(lost_in_air(lever, tip_amplitude)),
-            most=float(supplied(lever, tip_amplitude, np.zeros(()))), height=known["tip_offset"] - amplitude, **known,
+            most=float(energy_supplied(lever, tip_amplitude, np.zeros(()))), height=known["tip_offset"] - amplitude,
+            **known,
         )  # fmt: skip
 
     @property

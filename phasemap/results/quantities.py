@@ -16,7 +16,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
 from phasemap._shared.units import ELECTRONVOLT
-from phasemap.experiment.lever import drive_energy, lost_in_air, of_tip, supplied, virial_of
+from phasemap.experiment.lever import drive_energy, energy_supplied, lost_in_air, of_tip, virial_of
 from phasemap.experiment.lever_modes import lever_of, modal_motion
 from phasemap.experiment.microscope import Microscope, SecondMode
 from phasemap.results.variables import FLOATS
@@ -45,7 +45,7 @@ class TipMotion:
     @cached_property
     def dissipation(self) -> Array:
         """Energy that the surface takes per cycle, as amplitude and phase tell it [J]."""
-        return supplied(self.lever, self.amplitude, self.phase) - lost_in_air(self.lever, self.amplitude)
+        return energy_supplied(self.lever, self.amplitude, self.phase) - lost_in_air(self.lever, self.amplitude)
 
     @cached_property
     def virial(self) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
-from phasemap.experiment.lever import lost_in_air, supplied
+from phasemap.experiment.lever import energy_supplied, lost_in_air
 
 
 def fill_energy_closure(rows: Array, lever: Array) -> None:
@@ -19,6 +19,6 @@ def fill_energy_closure(rows: Array, lever: Array) -> None:
     if not lacking.any():
         return
     amplitude, phase = rows[..., col.AMPLITUDE], rows[..., col.PHASE]
-    given = supplied(lever, amplitude, phase)
+    given = energy_supplied(lever, amplitude, phase)
     left = (given - rows[..., col.DISSIPATION] - lost_in_air(lever, amplitude)) / given
     rows[..., col.CLOSURE] = np.where(lacking, left, rows[..., col.CLOSURE])

@@ -16,7 +16,7 @@ from phasemap._shared.arrays import Array
 from phasemap.experiment.lever import (
     in_proportion,
     offset_and_factor,
-    seen,
+    rows_as_seen,
     tip_seen,
 )
 from phasemap.solvers.energy_balance import fill_energy_closure
@@ -38,4 +38,4 @@ def shown(rows: Array, work: Work) -> Array:
     fill_energy_closure(rows, work.lever)
     if in_proportion(work.lever):
         rows[:, [col.SLOPE, col.SPREAD_AMPLITUDE]] *= abs(offset_and_factor(work.lever)[1])
-    return seen(rows, work.lever)
+    return rows_as_seen(rows, work.lever)

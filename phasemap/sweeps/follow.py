@@ -16,7 +16,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._shared.errors import InputError
 from phasemap.experiment.described import describe
-from phasemap.experiment.lever import seen
+from phasemap.experiment.lever import rows_as_seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import STABILITY, coded, flag_attributes, of_rows, provenance
@@ -30,11 +30,11 @@ from phasemap.solvers.continuation.visit import (
     TipPlace,
     Visit,
     far_state,
-    like,
     move_in_time,
-    segments,
-    stable,
-    walk,
+    segment_through,
+    stable_rows,
+    stable_segments,
+    visit_values,
 )
 from phasemap.solvers.continuation.whole_curves import distance_curves, held_curves, swept_curves
 from phasemap.solvers.problem import Work, longest_memory
@@ -81,7 +81,7 @@ def dataset(
     """
     order = np.argsort(np.argsort(axis.values))  # the kernels had the values in rising order
     rows = np.stack([visit.rows for visit in visits])
-    rows = (curves.seen(rows) if levers is None else seen(rows, levers))[:, order]
+    rows = (curves.seen(rows) if levers is None else rows_as_seen(rows, levers))[:, order]
     dims = ("direction", axis.name)
     data = _variables("", rows, dims, axis.name)
     status = np.stack([visit.status[order] for visit in visits]).astype(np.int8)
@@ -131,7 +131,7 @@ def _curve(curves: Curves, axis: Axis) -> Variables:
             attributes = {"long_name": axis.long_name, "units": axis.units}
             data[prefix + axis.name] = (dim, axis.value(some[:, axis.column]), attributes)
         data[prefix + "piece"] = (dim, number[part], {"long_name": "number of the connected piece"})
-    flags = stable(rows, axis.held) | (rows[:, col.KIND] == axis.fold)
+    flags = stable_rows(rows, axis.held) | (rows[:, col.KIND] == axis.fold)
     data["curve_stable"] = ("point", flags.astype(np.int8), coded("stability of the orbit", *STABILITY))
     return data
 
@@ -160,11 +160,11 @@ def distance(question: Question, axis: np.ndarray, samples: int) -> xr.Dataset:
         work = question.work(marched=True)
         return _dataset_in_time(question, [work], about, there_and_back(work, wanted))
     curves = distance_curves(path_of(question), wanted, samples)
-    parts = segments(curves)
+    parts = stable_segments(curves)
     above = (part for part in parts if part.row_at(wanted[-1]) is not None)  # on the curve from far
     first = next(above, None) or OffOrbit(state=far_state(curves.oscillator_at(0.0), wanted[-1]))
-    approach = walk(curves, first, parts, True, 0)
-    retract = walk(curves, approach.ended, parts, False, 1)
+    approach = visit_values(curves, first, parts, True, 0)
+    retract = visit_values(curves, approach.ended, parts, False, 1)
     return dataset(curves, about, [approach, retract], question)
 
 
@@ -223,7 +223,7 @@ def _hold(feedback: SlowFeedback, place: TipPlace, order: range, direction: int)
     rows, traces = np.full((n, col.FULL), np.nan), np.full((n, 2, curves.samples), np.nan)
     status, jumps = np.full(n, Status.no_stable_orbit.code, np.int8), list[Jump]()
     for k in order:
-        held = feedback.seek(place, k, direction)
+        held = feedback.move_to_wanted(place, k, direction)
         status[k] = held.status
         if held.jump is not None:
             if jumps and jumps[-1].after is None and np.array_equal(jumps[-1].before, held.jump.before, equal_nan=True):
@@ -237,19 +237,19 @@ def _hold(feedback: SlowFeedback, place: TipPlace, order: range, direction: int)
 
 def _sweep_at_offset(curves: Curves, height: float) -> list[Visit]:
     """Sweeps up and down at a fixed tip offset [m], each begun on the orbit that stays farthest from the surface."""
-    parts, visits = segments(curves), []
+    parts, visits = stable_segments(curves), []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         reached_rows = [(part.row_at(x), part) for part in parts]
         reached = [(float(row[col.INDENTATION]), i) for i, (row, _) in enumerate(reached_rows) if row is not None]
         far = OffOrbit(state=far_state(curves.oscillator_at(x), height))
         first: Segment | OffOrbit = reached_rows[min(reached)[1]][1] if reached else far
-        visits.append(walk(curves, first, parts, direction == 1, direction))
+        visits.append(visit_values(curves, first, parts, direction == 1, direction))
     return visits
 
 
 def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, ratio: float) -> list[Visit]:
     """Sweeps up and down with the setpoint held, each begun by engaging from far."""
-    parts = segments(curves, held=True)
+    parts = stable_segments(curves, held=True)
 
     def landing(edge: np.ndarray, m: float) -> Segment | OffOrbit:
         """The feedback moves the tip, at the new value of the parameter, until the amplitude is back."""
@@ -260,15 +260,15 @@ def _sweep_held(curves: Curves, question: Question, name: str, scale: Spacing, r
         here = question.with_parameter(name, float(scale.value(m)))
         feedback = SlowFeedback(held_curves(path_of(here), np.array([ratio * here.scope.driven_amplitude]), 0))
         place = feedback.far() if edge is None else feedback.nearest(edge)
-        held = feedback.seek(place, 0, 0)
+        held = feedback.move_to_wanted(place, 0, 0)
         if held.place is None or held.row is None:
             return None
-        return held.place.on if isinstance(held.place.on, OffOrbit) else like(parts, m, held.row)
+        return held.place.on if isinstance(held.place.on, OffOrbit) else segment_through(parts, m, held.row)
 
     visits = []
     for direction, x in enumerate((curves.wanted[0], curves.wanted[-1])):
         first = engaged(float(x))
-        visits.append(walk(curves, first, parts, direction == 1, direction, landing))
+        visits.append(visit_values(curves, first, parts, direction == 1, direction, landing))
     return visits
 
 

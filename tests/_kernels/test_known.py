@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from phasemap._kernels.columns import CONTACT, DAMPING, EXPONENT, INVERSE_REACH, LONGRANGE, PULL, ROW
 from phasemap._kernels.forces import hertzian, inverse_square, power_law
-from phasemap._kernels.numerics import narrowed
+from phasemap._kernels.numerics import narrow_bracket
 from phasemap._kernels.orbits.averaged.known import attraction_integrals, constants_of, contact_integrals
 
 A = 30e-9
@@ -74,7 +74,7 @@ def test_a_root_takes_few_steps() -> None:
     while abs(f) > 1e-12:
         x = (a * f_b - b * f_a) / (f_b - f_a)
         f = math.exp(x) - 0.5
-        a, f_a, b, f_b = narrowed.py_func(a, f_a, b, f_b, x, f)
+        a, f_a, b, f_b = narrow_bracket.py_func(a, f_a, b, f_b, x, f)
         assert min(a, b) <= math.log(0.5) <= max(a, b)
         steps += 1
     assert steps < 12

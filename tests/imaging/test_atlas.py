@@ -387,5 +387,5 @@ class TestParts:
         assert np.allclose(values.T[inside], expected[inside], rtol=0, atol=1e-12)
         assert np.isnan(values[:, piece < 0]).all()
         again, where = np.empty(50, np.int32), np.empty((3, 50))
-        kernel.locate.py_func(np.ascontiguousarray(points.T), atlas.tree, again, where)
+        kernel.locate_pieces.py_func(np.ascontiguousarray(points.T), atlas.tree, again, where)
         assert np.array_equal(again, piece)

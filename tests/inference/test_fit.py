@@ -613,7 +613,7 @@ def test_a_branch_that_is_left_and_reached_again_is_two(monkeypatch: pytest.Monk
     rows[:, col.AMPLITUDE] = np.arange(7.0)
     visit = Visit(rows, rows, np.zeros(7, np.int8), [])
     monkeypatch.setattr(residuals, "there_and_back", lambda *_: (visit, visit))
-    monkeypatch.setattr(residuals, "seen", lambda rows, _: rows)
+    monkeypatch.setattr(residuals, "rows_as_seen", lambda rows, _: rows)
     wet = CurveSetting(
         pm.Material(1e9, 0.05, 0.01, liquid_film=1e-9), replace(SCOPE, interaction=pm.Interaction("capillary")), 0.0
     )

@@ -136,7 +136,7 @@ def test_curves_that_get_stuck_or_lead_nowhere_are_not_complete(monkeypatch: pyt
     assert pm.orbits(PINCHED, scope, setpoint=0.6).attrs["complete"] == 1
     for ended, complete in ((PIECE_AT_JUMP, 1), (PIECE_STUCK, 0), (PIECE_FULL, 0)):
         with monkeypatch.context() as patched:
-            patched.setattr(Curves, "mend", lambda self, ended=ended: _end_last(self, ended))
+            patched.setattr(Curves, "follow_past_ends", lambda self, ended=ended: _end_last(self, ended))
             assert pm.orbits(PINCHED, scope, setpoint=0.6).attrs["complete"] == complete
     with monkeypatch.context() as patched:
         patched.setattr(Curves, "_follow", lambda *_: None)

@@ -9,8 +9,8 @@ from phasemap._kernels.continuation.point import (
     ENTRY_Z0,
     Point,
     answer_entry,
+    axis_scales,
     control_entry,
-    scales,
     tangent_row,
 )
 from phasemap._kernels.numerics import newton_in_bracket
@@ -51,7 +51,7 @@ def turns_twice_between(path: Path, reach: float, before: Point, point: Point) -
     Nothing else would reveal a pair of folds within one step.
     """
     by_one, by_two = cubic_slopes(path, reach, before, point)
-    u, v = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
+    u, v = axis_scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
     for index, scale in ((control_entry(path), u), (answer_entry(path), v)):
         first, last, rise = (
             by_one * before.rate[index],

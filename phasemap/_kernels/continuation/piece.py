@@ -16,10 +16,10 @@ from phasemap._kernels.continuation.point import (
     ENTRY_Z0,
     OF_AMPLITUDE,
     Point,
+    axis_scales,
     control_entry,
     natural_length,
     scaled_direction,
-    scales,
     solve_in_plane,
     tangent_row,
 )
@@ -40,7 +40,7 @@ from phasemap._kernels.continuation.step import (
 from phasemap._kernels.excitation import detected_amplitude_of_orbit, detected_amplitude_rate
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import phase_of
-from phasemap._kernels.numerics import copy, copy_rows, count_smaller, narrowed
+from phasemap._kernels.numerics import copy, copy_rows, count_smaller, narrow_bracket
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.contacts_and_necks import is_grazing
 from phasemap._kernels.orbits.collocation.errors import estimate_errors, fill_errors_as_seen, slopes_along_curve
@@ -161,7 +161,7 @@ def fill_errors(oscillator: Oscillator, orbit: Orbit, asked: Asked, row: np.ndar
 def make_exact(path: Path, orbit: Orbit, point: Point, tolerance: float) -> bool:
     """Solve exactly, in the plane across the curve, for the orbit of a point that was solved coarsely on the way."""
     lever, reach = oscillator_at(path, head_of(orbit).parameter).lever, natural_length(path, orbit)
-    along = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
+    along = axis_scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
     turning = abs(point.rate[control_entry(path)]) < NEAR_FOLD * along
     if (
         head_of(orbit).equations == EQUATIONS_KEPT
@@ -218,7 +218,7 @@ def turn_between(
     rises, most = f_near > 0.0, max(abs(f_near), abs(f_far))
     steep, natural = (abs(f_near) + abs(f_far)) / after.length, OF_AMPLITUDE * begun.value[ENTRY_A]
     if entry == control_entry(path):
-        natural = scales(path, natural_length(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
+        natural = axis_scales(path, natural_length(path, base), begun.value[ENTRY_Z0], begun.value[ENTRY_A])[0]
     for _ in range(MOST_FOLD_STEPS):
         share = f_near / (f_near - f_far)
         step = near + (far - near) * min(max(share, LEAST_FOLD_PART), 1.0 - LEAST_FOLD_PART)
@@ -237,7 +237,7 @@ def turn_between(
             return True
         if abs(far - near) < CLOSED_BRACKET:
             return False
-        near, f_near, far, f_far = narrowed(near, f_near, far, f_far, reached, f)
+        near, f_near, far, f_far = narrow_bracket(near, f_near, far, f_far, reached, f)
         if reached < step and (f > 0.0) == rises:
             assign(begun, point)
             copy_orbit(orbit, base)
@@ -351,7 +351,7 @@ def mark_start(path: Path, orbit: Orbit, sense: float, point: Point) -> bool:
     at_z, at_m = (sense, 0.0) if control_entry(path) == ENTRY_Z0 else (0.0, sense)
     point.tangent_u, point.tangent_v = scaled_direction(path, reach, point, at_z, 0.0, at_m)
     if control_entry(path) == ENTRY_Z0:
-        of_gap, of_amplitude = scales(path, reach, z0, a)
+        of_gap, of_amplitude = axis_scales(path, reach, z0, a)
         point.tangent_v = point.tangent_u * of_amplitude / of_gap
     return mark_point(path, orbit, point)
 

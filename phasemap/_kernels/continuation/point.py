@@ -66,7 +66,7 @@ def answer_entry(path: Path) -> int:
 
 
 @kernel
-def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float, float]:
+def axis_scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float, float]:
     """Natural lengths of the two coordinates that move: theory, Eqs. (continuation-1) and (continuation-6).
 
     These are z0 and A [m] on a path that is fixed, else the parameter m and the one of z0 and A [m] that is not held.
@@ -80,7 +80,7 @@ def scales(path: Path, reach: float, z0: float, amplitude: float) -> tuple[float
 @kernel
 def tangent_row(path: Path, reach: float, point: Point) -> tuple[float, float, float]:
     """The tangent as a row for (dz0, dA, dm), made from the scaled coordinates."""
-    u, v = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
+    u, v = axis_scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
     other = point.tangent_v * u / v
     if path.kind == FIXED_PATH:
         return point.tangent_u, other - point.tangent_u, 0.0
@@ -90,7 +90,7 @@ def tangent_row(path: Path, reach: float, point: Point) -> tuple[float, float, f
 @kernel
 def scaled_direction(path: Path, reach: float, point: Point, dz: float, da: float, dm: float) -> tuple[float, float]:
     """Components of a direction in the scaled coordinates."""
-    u, v = scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
+    u, v = axis_scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])
     if path.kind == FIXED_PATH:
         return (dz - da) / u, da / v
     return dm / u, (dz if path.kind == HELD_AMPLITUDE else da) / v

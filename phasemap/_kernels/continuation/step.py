@@ -24,11 +24,11 @@ from phasemap._kernels.continuation.point import (
     ENTRY_Z0,
     Point,
     answer_entry,
+    axis_scales,
     control_entry,
     gap_scale,
     natural_length,
     scaled_direction,
-    scales,
     solve_in_plane,
     solve_tangent,
     tangent_row,
@@ -179,7 +179,7 @@ def same_piece(path: Path, reach: float, before: Point, point: Point) -> bool:
     entry = control_entry(path)
     if (
         answer_entry(path) != ENTRY_A
-        or abs(point.rate[entry]) < AT_FOLD * scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
+        or abs(point.rate[entry]) < AT_FOLD * axis_scales(path, reach, point.value[ENTRY_Z0], point.value[ENTRY_A])[0]
     ):
         return True
     return before.rate[entry] * before.determinant * point.rate[entry] * point.determinant >= 0.0

@@ -60,7 +60,7 @@ IN_TIME = 3  # the tip is carried over its resonance, or rebounds
 
 
 @kernel(light=True)
-def detuning(lever: np.ndarray) -> tuple[float, float]:
+def free_drive_shares(lever: np.ndarray) -> tuple[float, float]:
     """(x, y): drive that stiffness and damping of the free lever take, over the whole drive."""
     stiff, damped = lever[col.DYNAMIC_STIFFNESS], lever[col.DYNAMIC_LOSS]
     whole = math.hypot(stiff, damped)
@@ -70,7 +70,7 @@ def detuning(lever: np.ndarray) -> tuple[float, float]:
 @kernel(light=True)
 def narrowest_amplitude_ratio(lever: np.ndarray) -> float:
     """Amplitude over the free one where the attractive branch is nearest to its end: theory, Eq. (engagement-4)."""
-    x, y = detuning(lever)
+    x, y = free_drive_shares(lever)
     return math.sqrt((2.0 + x * x + x * math.sqrt(8.0 + x * x)) / 6.0) / y
 
 
@@ -84,7 +84,7 @@ def forces_are_plain(oscillator: Oscillator) -> bool:
 def leaps_to_resonance(oscillator: Oscillator) -> bool:
     """True if attraction brings the lever to its resonance by a jump: the amplitude rises by more than the reach."""
     lever = oscillator.lever
-    x, y = detuning(lever)
+    x, y = free_drive_shares(lever)
     return x > 0.0 and (1.0 / y - 1.0) * free_amplitude(lever) > reach_of(oscillator.p)
 
 
@@ -97,7 +97,7 @@ def low_q_margin_factor(lever: np.ndarray) -> float:
 @kernel
 def decisive_mismatch(lever: np.ndarray, amplitude: float) -> float:
     """Size of the maximum mismatch from which averaging decides the branch without doubt, at resonance."""
-    x, y = detuning(lever)
+    x, y = free_drive_shares(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
     return (CLEAR_MISMATCH * q * (q + r * x) + LEAST_CLEAR) * low_q_margin_factor(lever)
@@ -115,7 +115,7 @@ def mismatch_at_attraction_share(lever: np.ndarray, amplitude: float, share: flo
 
     It is (X^2 + Y^2)/u0^2 - 1, with X/u0 = r x - share (q + r x) and (Y/u0)^2 = 1 - q^2.
     """
-    x, y = detuning(lever)
+    x, y = free_drive_shares(lever)
     r = amplitude / free_amplitude(lever)
     q = math.sqrt(max(1.0 - r * r * y * y, 0.0))
     return (r * x - share * (q + r * x)) ** 2 - q * q

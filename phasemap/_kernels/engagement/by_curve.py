@@ -103,7 +103,7 @@ class CurveDescent:
 
 
 @kernel
-def descend(
+def descend_to_next_point(
     path: Path, wanted: Wanted, start: Place, after: Point, near: Orbit, way: CurveDescent, found: Orbit
 ) -> int:
     """Go from a point of the curve to the next, whose orbit is `near`, without a turn of the amplitude between.
@@ -137,25 +137,25 @@ def descend_by_turn(
 ) -> int:
     """Go down from one point of the curve to the next, by the point between at which the amplitude turns, if any.
 
-    Returns what `descend` does; the amplitude may just reach the setpoint where it turns.
+    Returns what `descend_to_next_point` does; the amplitude may just reach the setpoint where it turns.
     """
     entry, value, tolerance = wanted
     rate_before, rate_after = start.point.rate[entry], after.rate[entry]
     sense = 1.0 if rate_before > 0.0 else -1.0
     beyond = min(sense * (value - start.point.value[entry]), sense * (value - after.value[entry]))
     if rate_before * rate_after >= 0.0 or not 0.0 < beyond < MAY_REACH * abs(rate_before - rate_after) * after.length:
-        return descend(path, wanted, start, after, near, way, found)
+        return descend_to_next_point(path, wanted, start, after, near, way, found)
     turn, top, end = Point(), new_orbit_like(found), Point()
     level = head_of(near).level
     good = turn_between(path, start, after, entry, level, tolerance, top, turn)
     if not good:
         return col.NOT_CONVERGED
-    status = descend(path, wanted, start, turn, top, way, found)
+    status = descend_to_next_point(path, wanted, start, turn, top, way, found)
     if status != col.PENDING:
         return status
     assign(end, after)
     end.length -= turn.length
-    return descend(path, wanted, Place(turn, top), end, near, way, found)
+    return descend_to_next_point(path, wanted, Place(turn, top), end, near, way, found)
 
 
 @kernel

@@ -15,7 +15,7 @@ from phasemap._kernels.law import Law, Oscillator, has_longrange
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.averaged.sides import Maximum
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_row_from_harmonic
-from phasemap._kernels.orbits.time.arms import lingering
+from phasemap._kernels.orbits.time.arms import dent_survival
 from phasemap._kernels.orbits.time.contact import OFF_SURFACE
 from phasemap._kernels.orbits.time.many_periods import form_dents
 from phasemap._kernels.orbits.time.period_map import hold_periodic
@@ -37,7 +37,7 @@ def hold_in_time(oscillator: Oscillator, goal: Goal, tip: MovingTip, row: np.nda
     law, p = oscillator.law, oscillator.p
     tolerance = fine_tolerance(p, goal)
     status = hold_periodic(oscillator, tolerance, goal.amplitude, goal.most_periods, tip, row)
-    if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and lingering(oscillator) == 0:
+    if status == col.GOOD and law.memory != 0 and tip.u[CONTACT_MODE] != OFF_SURFACE and dent_survival(oscillator) == 0:
         again = row.copy()
         if hold_orbit_near_row(oscillator, goal, False, again):
             copy(again, row)

@@ -163,7 +163,7 @@ def come_to_mean(
 
 
 @kernel
-def astray(amplitude: float, groups: Groups) -> bool:
+def misses_setpoint(amplitude: float, groups: Groups) -> bool:
     """True if the mean misses the amplitude that is held by so much that it belongs to another motion."""
     return amplitude > 0.0 and abs(groups.short) > MEAN_MISS * amplitude * groups.full
 
@@ -184,7 +184,7 @@ def judge_groups(lever: np.ndarray, controller: Controller, series: Series, most
     if full >= fewest:
         z_error = math.sqrt(groups.offset_square / (full - 1) / full)
         a_error = math.sqrt(groups.lag_square / (full - 1) / full)
-        if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not astray(amplitude, groups):
+        if z_error < LENGTH_SOUGHT and a_error < PHASE_SOUGHT and not misses_setpoint(amplitude, groups):
             if scatters_little(errors_of_mean(lever, series, groups.first, groups.count, amplitude)):
                 return col.GOOD
         needed = size * controller.block * full * max(z_error / WORST_LENGTH, a_error / WORST_PHASE) ** 2
@@ -210,7 +210,7 @@ def fill_mean(
     """
     lever, amplitude, total = oscillator.lever, controller.amplitude, groups.total
     errors = errors_of_mean(lever, series, groups.first, groups.count, amplitude)
-    if groups.full < controller.fewest or astray(amplitude, groups) or not scatters_little(errors):
+    if groups.full < controller.fewest or misses_setpoint(amplitude, groups) or not scatters_little(errors):
         return col.NOT_SETTLED
     divide_result(total.period, total.count)
     fill_row_of_period(lever, groups.offset if amplitude > 0.0 else tip.u[Z0], total.period, row)

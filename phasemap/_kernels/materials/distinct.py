@@ -36,7 +36,7 @@ def slot_of(row: np.ndarray, table: np.ndarray, known: np.ndarray) -> np.int64:
 
 
 @kernel
-def gather(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -> tuple[int, int]:
+def add_distinct_rows(rows: np.ndarray, table: np.ndarray, known: np.ndarray, count: int) -> tuple[int, int]:
     """Add new rows to the `known`, of which there are `count`, until that is full.
 
     Returns the number of known rows then, and that of rows that were looked at.

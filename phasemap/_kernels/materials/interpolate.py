@@ -106,7 +106,7 @@ def layer_coordinate(rho: float, form: int) -> float:
 
 
 @kernel
-def locate(points: np.ndarray, tree: Tree, piece: np.ndarray, inside: np.ndarray) -> None:
+def locate_pieces(points: np.ndarray, tree: Tree, piece: np.ndarray, inside: np.ndarray) -> None:
     """Fill in the piece of every point (shape (3, n)), or NO_PIECE, and its coordinates in [-1, 1] `inside` it."""
     for i in range(points.shape[1]):
         x0, x1, x2 = points[0, i], points[1, i], points[2, i]
@@ -186,7 +186,7 @@ def _by_piece(piece: np.ndarray, pieces: int) -> tuple[np.ndarray, np.ndarray]:
 def sum_series(
     piece: np.ndarray, inside: np.ndarray, wanted: np.ndarray, series: ChebyshevSeries, out: np.ndarray
 ) -> None:
-    """Sum the Chebyshev series of the functions `wanted` at every point that `locate` found a piece for.
+    """Sum the Chebyshev series of the functions `wanted` at every point that `locate_pieces` found a piece for.
 
     The points of a piece are taken together, LANES at a time. `out` has the shape (len(wanted), n).
     """

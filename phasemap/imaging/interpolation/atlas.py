@@ -18,7 +18,7 @@ from phasemap._kernels.materials.interpolate import (
     NO_PIECE,
     ChebyshevSeries,
     Tree,
-    locate,
+    locate_pieces,
     sum_series,
 )
 from phasemap._shared.arrays import Array
@@ -82,7 +82,7 @@ class Atlas:
         count = points.shape[1]
         piece, inside = np.empty(count, np.int32), np.empty((3, count))
         out = np.full((len(wanted), count), np.nan)
-        locate(points, self.tree, piece, inside)
+        locate_pieces(points, self.tree, piece, inside)
         sum_series(piece, inside, wanted, self.series, out)
         return piece, out
 

@@ -14,7 +14,7 @@ from phasemap._kernels.rows.by_collocation import nearby_rows
 from phasemap._shared.arrays import Array
 from phasemap._shared.threads import bounds_of, chunk_of, spread
 from phasemap.experiment.accuracy import ERROR_HEIGHT, ERROR_PHASE, Accuracy
-from phasemap.experiment.lever import of_tip, seen
+from phasemap.experiment.lever import of_tip, rows_as_seen
 from phasemap.experiment.microscope import Microscope
 from phasemap.results.variables import OF_ORBITS
 from phasemap.solvers.integrals import bare_rows, widened
@@ -144,7 +144,7 @@ class ExactOrbits:
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)
         spread(solve, bounds_of(count, size), self._workers, None)
-        return self._functions(work, points, seen(rows, work.lever), status, np.full(count, col.ORBIT, np.int8))
+        return self._functions(work, points, rows_as_seen(rows, work.lever), status, np.full(count, col.ORBIT, np.int8))
 
     def _functions(
         self, work: Work, points: Array, rows: Array, status: NDArray[np.int8], used: NDArray[np.int8]

@@ -16,11 +16,11 @@ from phasemap._kernels.orbits.collocation.path import Path
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError
 from phasemap._shared.threads import workers_of
-from phasemap.experiment.lever import seen
+from phasemap.experiment.lever import rows_as_seen
 from phasemap.inference.curves.data import CurveSetting, Data, Parameter
 from phasemap.solvers.continuation.curves import Curves
 from phasemap.solvers.continuation.path import Question, Spacing, path_of, path_over
-from phasemap.solvers.continuation.visit import segments
+from phasemap.solvers.continuation.visit import stable_segments
 from phasemap.solvers.continuation.whole_curves import distance_curves, swept_curves
 from phasemap.sweeps.follow import there_and_back
 
@@ -86,7 +86,7 @@ def moved(setup: CurveSetting, axis: str, values: np.ndarray, rows: np.ndarray, 
     """
     path, x, m = Course.of(setup, axis, values)
     curves = Curves(path, ENTRY_Z0, x, (0.0, np.inf, 0.0), 0)
-    found = curves.beside(rows, m[at], x[at])
+    found = curves.stable_rows_at(rows, m[at], x[at])
     if found is None or (np.abs(found[:, col.AMPLITUDE] / rows[:, col.AMPLITUDE] - 1) > NEAR).any():
         return None
     turned = within_half_a_turn(np.degrees(found[:, col.PHASE] - rows[:, col.PHASE]))
@@ -102,7 +102,7 @@ def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> CurveBranc
     nearer = np.linspace(half, nearest, NEARER if half < nearest else 0, endpoint=False)
     x, work, found = np.concatenate([nearer, np.sort(tip_offsets)]), question.work(marched=True), []
     for visit in there_and_back(work, x):
-        rows = seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
+        rows = rows_as_seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
         repelled = col.is_repulsive(rows)
         for side in (repelled, ~repelled):
             there = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
@@ -124,7 +124,7 @@ def _no_branches(values: np.ndarray) -> CurveBranches:
 
 def _collect(curves: Curves, x: np.ndarray, unit: float) -> CurveBranches:
     """Values at x, which are rows of the curves, so that the interpolation between rows changes nothing."""
-    parts = segments(curves)
+    parts = stable_segments(curves)
     if not parts:  # nothing oscillates
         return _no_branches(x * unit)
     rows = np.stack([np.stack([np.interp(x, part.x, one) for one in part.rows.T], axis=1) for part in parts])

@@ -37,7 +37,7 @@ from phasemap._kernels.orbits.time.tip import Z0
 from phasemap._kernels.quadrature import TABLES
 from phasemap._shared.interrupts import check_stopped
 from phasemap.experiment.accuracy import MOST_PERIODS
-from phasemap.experiment.lever import seen, sees_tip
+from phasemap.experiment.lever import rows_as_seen, sees_tip
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 ROOM = 6000  # rows of one piece
@@ -90,7 +90,7 @@ class Curves:
             return rows
         at = np.nan_to_num(rows[..., col.PARAMETER]).reshape(-1)
         levers = np.array([self.oscillator_at(m).lever for m in at]).reshape(*rows.shape[:-1], -1)
-        return seen(rows, levers)
+        return rows_as_seen(rows, levers)
 
     @property
     def wanted_rows(self) -> np.ndarray:
@@ -146,7 +146,7 @@ class Curves:
         if not self.knows(row, m):
             self._follow(orbit, (1.0, -1.0))
 
-    def beside(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
+    def stable_rows_at(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
         """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
         found = self._exact_from_harmonic(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
         if len(found) < len(rows) or not (found[:, col.FLOQUET] < 1).all():
@@ -162,7 +162,7 @@ class Curves:
         push = rows[:, col.STIFFENING] * amplitude
         return np.stack([tip_offsets, rows[:, col.MEAN], amplitude, push, drag, np.zeros(len(rows))], axis=1)
 
-    def seek(self, amplitude: float, lift: float = 0.0) -> None:
+    def follow_from_averaged(self, amplitude: float, lift: float = 0.0) -> None:
         """Follow further pieces of a fixed path from averaged orbits of this amplitude [m] that lie on none so far.
 
         `lift`: by which these orbits are first lifted [m].
@@ -175,7 +175,7 @@ class Curves:
             if len(found) and not self._near(*(found[0, c] for c in (col.TIP_OFFSET, col.AMPLITUDE, col.STIFFENING))):
                 self._follow(orbit, (1.0, -1.0))
 
-    def mend(self) -> None:
+    def follow_past_ends(self) -> None:
         """Follow the pieces on which a tip lands that is let go just beyond an end, in contact made or lost.
 
         A law with a neck, or a force that jumps, divides its curve.
@@ -231,7 +231,7 @@ class Curves:
         """True if a piece that was followed has this orbit among its rows at m."""
         return any(_contains(piece.rows[np.abs(piece.rows[:, col.PARAMETER] - m) < 1e-9], row) for piece in self.pieces)
 
-    def choose(self, wanted: np.ndarray) -> None:
+    def keep_wanted(self, wanted: np.ndarray) -> None:
         """Keep only these of the values wanted; rows at the others become rows on the way."""
         number = np.full(len(self.wanted), -1)
         number[np.searchsorted(self.wanted, wanted)] = np.arange(len(wanted))

@@ -124,18 +124,18 @@ class Visit:
 Landing = Callable[[np.ndarray, float], Segment | OffOrbit]
 
 
-def stable(rows: np.ndarray, held: bool = False) -> np.ndarray:
+def stable_rows(rows: np.ndarray, held: bool = False) -> np.ndarray:
     """True for stable orbits: at fixed tip offset, and with `held` under a feedback too."""
     good: np.ndarray = rows[:, col.FLOQUET] < 1
     return good & (rows[:, col.SLOPE] > 0) if held else good
 
 
-def segments(curves: Curves, held: bool = False) -> list[Segment]:
+def stable_segments(curves: Curves, held: bool = False) -> list[Segment]:
     """Stable segments of all pieces; folds, where stability ends, belong to them."""
     found, column = [], curves.column
     for piece in curves.pieces:
         rows, folds = piece.rows, piece.rows[:, col.KIND] == col.FOLD
-        good = stable(rows, held) | folds
+        good = stable_rows(rows, held) | folds
         steps = np.sign(np.diff(rows[:, column], prepend=rows[:1, column]))
         begin = 0
         for i in range(1, len(rows) + 1):
@@ -158,7 +158,7 @@ def _segment(piece: Piece, part: slice, column: int, held: bool) -> Segment | No
     rows, traces = piece.rows[part], piece.traces[part]
     x = rows[:, column]
     inside = rows[(rows[:, col.KIND] != col.FOLD)]
-    if not len(inside) or not stable(inside, held).all():
+    if not len(inside) or not stable_rows(inside, held).all():
         return None
     if x[-1] < x[0]:
         rows, traces, x = rows[::-1], traces[::-1], x[::-1]
@@ -166,14 +166,14 @@ def _segment(piece: Piece, part: slice, column: int, held: bool) -> Segment | No
     return Segment(rows[rising], traces[rising], x[rising])
 
 
-def walk(
+def visit_values(
     curves: Curves, first: Segment | OffOrbit | None, parts: list[Segment], down: bool, direction: int,
     landing: Landing | None = None,
 ) -> Visit:  # fmt: skip
     """Go through the values wanted, from the highest down or from the lowest up, beginning on `first`.
 
-    `landing` says where a tip goes whose segment has ended; by default `land` does. As long as it follows no periodic
-    orbit it goes on in time, and its rows are means, with their spread.
+    `landing` says where a tip goes whose segment has ended; by default `settle_at` does. As long as it follows no
+    periodic orbit it goes on in time, and its rows are means, with their spread.
     """
     wanted = curves.wanted
     n = len(wanted)
@@ -190,13 +190,13 @@ def walk(
             edge = here.rows[0 if down else -1]
             at = float(edge[curves.column])
             beyond = max(at - beside, x) if down else min(at + beside, x)
-            here = landing(edge, beyond) if landing else land(curves, parts, edge, beyond)
-            after = _after(curves, here, beyond)
-            if after is None or apart(edge, after) > GOES_ON:
+            here = landing(edge, beyond) if landing else settle_at(curves, parts, edge, beyond)
+            after = _row_after_jump(curves, here, beyond)
+            if after is None or orbit_distance(edge, after) > GOES_ON:
                 jumps.append(Jump(direction, edge, after))
         if isinstance(here, OffOrbit):
             status[k], row = here.go(curves, curves.column, x)
-            again = like(parts, x, row) if is_periodic(row) else None
+            again = segment_through(parts, x, row) if is_periodic(row) else None
             if again is None:
                 rows[k] = row
                 here = here if status[k] == col.GOOD else None
@@ -212,7 +212,7 @@ def walk(
         if here is None:
             k += on
             continue
-        end = _passed(here, wanted, k, down)
+        end = _next_beyond(here, wanted, k, down)
         part = slice(end - on, k + 1) if down else slice(k, end)
         numbers, of = here.at_wanted
         known = (numbers >= part.start) & (numbers < part.stop)
@@ -223,14 +223,14 @@ def walk(
     return Visit(rows, traces, status, jumps, here)
 
 
-def _passed(here: Segment, wanted: np.ndarray, k: int, down: bool) -> int:
+def _next_beyond(here: Segment, wanted: np.ndarray, k: int, down: bool) -> int:
     """The next value wanted on the way that the segment does not reach, after number k, which it does."""
     if down:
         return min(int(np.searchsorted(wanted, here.x[0])), k) - 1
     return max(int(np.searchsorted(wanted, here.x[-1], side="right")), k + 1)
 
 
-def _after(curves: Curves, here: Segment | OffOrbit, x: float) -> np.ndarray | None:
+def _row_after_jump(curves: Curves, here: Segment | OffOrbit, x: float) -> np.ndarray | None:
     """The row of a tip just after a jump; None if it comes to no steady motion."""
     if isinstance(here, Segment):
         return here.row_at(x)
@@ -243,17 +243,17 @@ def is_periodic(row: np.ndarray) -> bool:
     return bool(np.isfinite(row[col.AMPLITUDE]) and not col.is_mean(row))
 
 
-def like(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
+def segment_through(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
     """The segment that passes this orbit at x."""
     best, found = LIKE, None
     for part in parts:
         here = part.row_at(x)
-        if here is not None and apart(here, row) < best:
-            best, found = apart(here, row), part
+        if here is not None and orbit_distance(here, row) < best:
+            best, found = orbit_distance(here, row), part
     return found
 
 
-def apart(one: np.ndarray, two: np.ndarray) -> float:
+def orbit_distance(one: np.ndarray, two: np.ndarray) -> float:
     """How far two orbits are apart in phase [rad], tip offset and amplitude, both over the amplitude."""
     places = abs(one[col.TIP_OFFSET] - two[col.TIP_OFFSET]) + abs(one[col.AMPLITUDE] - two[col.AMPLITUDE])
     return float(abs(one[col.PHASE] - two[col.PHASE]) + places / two[col.AMPLITUDE])
@@ -268,13 +268,13 @@ def _only_one(curves: Curves, there: list[Segment], x: float) -> Segment | None:
     return there[0] if len(there) == 1 and not hysteretic else None
 
 
-def land(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
+def settle_at(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
     """The segment on which a tip settles that comes from the orbit `start` and finds itself at x; or off all."""
     reaching = [part for part in parts if part.x[0] <= x <= part.x[-1]]
     found = _only_one(curves, reaching, x)
     if reaching and found is None:
         row = curves.let_go(start, x)
-        found = None if row is None else like(reaching, x, row)
+        found = None if row is None else segment_through(reaching, x, row)
     return found or OffOrbit(start)
 
 
@@ -302,7 +302,7 @@ class SlowFeedback:
 
     def __init__(self, curves: Curves) -> None:
         self.curves = curves
-        self.parts = segments(curves)
+        self.parts = stable_segments(curves)
         self.span = float(np.ptp(curves.wanted)) or float(curves.wanted[-1])
 
     def far(self) -> TipPlace:
@@ -323,7 +323,7 @@ class SlowFeedback:
             places.append((abs(here.z0 - z0), float(apart), here))
         return min(places, key=lambda place: place[:2], default=(0.0, 0.0, TipPlace(OffOrbit(row), z0)))[2]
 
-    def seek(self, place: TipPlace, index: int, direction: int) -> Held:
+    def move_to_wanted(self, place: TipPlace, index: int, direction: int) -> Held:
         """Move the tip until the amplitude is the wanted value `index`."""
         target = float(self.curves.wanted[index])
         lost: np.ndarray | None = None
@@ -348,7 +348,7 @@ class SlowFeedback:
             edge = rows[0 if down else -1]
             lost = edge if lost is None else lost
             beyond = float(edge[col.TIP_OFFSET]) + (-BESIDE if down else BESIDE) * self.span
-            place = TipPlace(land(self.curves, self.parts, edge, beyond), beyond)
+            place = TipPlace(settle_at(self.curves, self.parts, edge, beyond), beyond)
         return Held(None, None, None, None if lost is None else Jump(direction, lost, None), col.NO_STABLE_ORBIT)
 
     def _in_time(self, tip: OffOrbit, index: int, direction: int, lost: np.ndarray | None) -> Held:
@@ -357,7 +357,7 @@ class SlowFeedback:
         if status != col.GOOD:
             return Held(None, None, None, None if lost is None else Jump(direction, lost, None), status)
         jump, z0 = None if lost is None else Jump(direction, lost, row), float(row[col.TIP_OFFSET])
-        segment = like(self.parts, z0, row) if is_periodic(row) else None
+        segment = segment_through(self.parts, z0, row) if is_periodic(row) else None
         if segment is None:
             return Held(TipPlace(tip, z0), row, None, jump, col.GOOD)
         known = (segment.rows[:, col.KIND] == col.WANTED) & (segment.rows[:, col.INDEX] == index)

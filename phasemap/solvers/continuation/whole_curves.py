@@ -31,8 +31,8 @@ def held_curves(path: Path, amplitudes: np.ndarray, samples: int, left: float = 
     curves.from_far(0.0)
     # A start is not a value wanted: beside the lowest one.
     for amplitude in np.linspace(1.0037 * least, max(0.98 * free, 1.01 * least), APART):
-        curves.seek(float(amplitude))
-    curves.mend()
+        curves.follow_from_averaged(float(amplitude))
+    curves.follow_past_ends()
     return curves
 
 
@@ -42,7 +42,7 @@ def distance_curves(path: Path, wanted: np.ndarray, samples: int = 0, beyond: fl
     box = (low - beyond, np.inf, FAINT * float(free_amplitude(path.lever)))
     curves = Curves(path, ENTRY_Z0, wanted, box, samples)
     curves.from_far(high + (beyond or 1e-3 * abs(high) + 1e-10))
-    complete(curves, low)
+    add_pieces_apart(curves, low)
     return curves
 
 
@@ -52,8 +52,8 @@ def swept_curves(path: Path, wanted: np.ndarray, samples: int = 0) -> Curves:
     for m in STARTS:
         _follow_all_orbits_at(curves, m)
     if path.kind == HELD_OFFSET:
-        curves.mend()
-    curves.choose(wanted)
+        curves.follow_past_ends()
+    curves.keep_wanted(wanted)
     return curves
 
 
@@ -71,21 +71,21 @@ def _follow_all_orbits_at(curves: Curves, m: float) -> None:
         curves.from_row(free, m)
 
 
-def complete(curves: Curves, lowest: float) -> None:
+def add_pieces_apart(curves: Curves, lowest: float) -> None:
     """Add to the curve from far the pieces apart from it, for tip offsets from `lowest` [m] on."""
     # A tip that taps at z0 has an amplitude of about z0, or more; contact may bring the lever nearer to resonance.
     free, most = _free_amplitudes(curves.path)
     for amplitude in np.linspace(np.clip(lowest, 0.05 * free, 0.9 * 0.98 * most), 0.98 * most, APART):
-        curves.seek(float(amplitude))
-    curves.mend()
+        curves.follow_from_averaged(float(amplitude))
+    curves.follow_past_ends()
 
 
 def curves_to_amplitude(path: Path, amplitude: float) -> Curves:
     """Curves with all orbits that the detector sees with this amplitude [m]."""
     curves = held_curves(path, np.array([amplitude]), 0, HARDLY_MOVING, FINE)
     for share in AROUND:
-        curves.seek(share * amplitude)
-    curves.seek(AROUND[0] * amplitude, THROWN_LIFT * amplitude)
+        curves.follow_from_averaged(share * amplitude)
+    curves.follow_from_averaged(AROUND[0] * amplitude, THROWN_LIFT * amplitude)
     return curves
 
 
@@ -99,7 +99,7 @@ def curves_to_offset(path: Path, tip_offset: float, apart: bool = True) -> Curve
     curves = Curves(path, ENTRY_Z0, np.array([tip_offset]), box, 0)
     curves.from_far(tip_offset + 1e-3 * abs(tip_offset) + 1e-10)
     if apart:
-        complete(curves, tip_offset)
+        add_pieces_apart(curves, tip_offset)
     return curves
 
 

@@ -14,7 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, longrange_force
 from phasemap._kernels.lever import lowest_tip_offset, mismatch, reach_of
-from phasemap._kernels.numerics import narrowed, parabola
+from phasemap._kernels.numerics import narrow_bracket, parabola
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit, fill_harmonic_orbit
 from phasemap._kernels.records import record
@@ -142,7 +142,7 @@ def gap_of_crossing(
         f = sided_log_mismatch(lever, amplitude, side, h, push)
         if abs(f) < CROSSING_TOLERANCE:
             return math.exp(x) - shift if logarithmic else x
-        a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
+        a, f_a, b, f_b = narrow_bracket(a, f_a, b, f_b, x, f)
     return math.nan
 
 
@@ -158,7 +158,7 @@ def gap_of_push(
         f = mismatch_at_gap(oscillator, amplitude, x)[1] - wanted
         if abs(f) < CROSSING_TOLERANCE * oscillator.lever[col.DRIVE]:
             break
-        a, f_a, b, f_b = narrowed(a, f_a, b, f_b, x, f)
+        a, f_a, b, f_b = narrow_bracket(a, f_a, b, f_b, x, f)
     return x
 
 

@@ -40,7 +40,7 @@ class Arms:
     value: np.ndarray = column(col.MOST_ARMS)  # of an element: numbers, and derivatives by xi
     slope: np.ndarray = column(col.MOST_ARMS)
     curve: np.ndarray = column(col.MOST_ARMS)
-    converted: np.ndarray = column(col.MOST_ARMS)  # space of `convert`
+    converted: np.ndarray = column(col.MOST_ARMS)  # space of `transform_arms`
 
 
 @intrinsic
@@ -74,7 +74,7 @@ def multiply_by(matrix: np.ndarray, n: int, of: np.ndarray, to: np.ndarray) -> N
 
 
 @kernel
-def convert(matrix: np.ndarray, arms: Arms) -> None:
+def transform_arms(matrix: np.ndarray, arms: Arms) -> None:
     """Multiply the value, slope and curvature of an element, in all arms, by a matrix of `Arms`."""
     for values in (arms.value, arms.slope, arms.curve):
         multiply_by(matrix, arms.count, values, arms.converted)
@@ -128,7 +128,7 @@ def recovery_of(p: Any, lever: np.ndarray) -> float:
 
 
 @kernel
-def lingering(oscillator: Oscillator) -> float:
+def dent_survival(oscillator: Oscillator) -> float:
     """Share of a dent that is left after a period of the drive; 0 where that is less than 3 %."""
     law, p, lever = oscillator
     if law.memory == 0 or not remembers(p):

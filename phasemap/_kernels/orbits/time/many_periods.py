@@ -19,7 +19,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.time.arms import lingering
+from phasemap._kernels.orbits.time.arms import dent_survival
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.period_map import (
     Tolerance,
@@ -127,7 +127,7 @@ def form_dents(oscillator: Oscillator, tolerance: Tolerance, target: float, most
 
     The tip goes on ahead as the map of one period says, whose derivatives are taken anew now and then.
     """
-    ahead, y, share = Way(), np.empty(len(tip.u)), lingering(oscillator)
+    ahead, y, share = Way(), np.empty(len(tip.u)), dent_survival(oscillator)
     if share == 0 or FORMING_TIME > -math.log(share) * most_periods:
         return False
     tip.periods.formed, gone = 1, math.inf

@@ -15,7 +15,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.energy_balance import energy_closure
-from phasemap._kernels.orbits.time.arms import lingering
+from phasemap._kernels.orbits.time.arms import dent_survival
 from phasemap._kernels.orbits.time.march import march_period
 from phasemap._kernels.orbits.time.modes import air_beside_first_harmonic
 from phasemap._kernels.orbits.time.surface_memory import OUTER_COUNT
@@ -90,7 +90,7 @@ def march_beside(oscillator: Oscillator, step_size: float, tip: MovingTip, way: 
     """
     u, lever = tip.u, oscillator.lever
     copy_memory(u, y)
-    lasts = lingering(oscillator) > 0
+    lasts = dent_survival(oscillator) > 0
     for again in range(2):  # the second time over the dents that the first time has left
         if again and not (lasts and y[OUTER_COUNT] > 0):
             break
@@ -162,7 +162,7 @@ def _creep(
     Returns the next step, over the tolerance; infinite where there is none. While dents change, what is left of the way
     is that over the share of them that a pass of two periods takes.
     """
-    share, remaining = lingering(oscillator), math.inf
+    share, remaining = dent_survival(oscillator), math.inf
     most = 2 + int(min(-0.5 * math.log(DENT_GONE) / -math.log(share), MOST_CREEP)) if share > 0 else 2
     farthest = max(CREEP_STEP * motion_scale(oscillator.lever, tip.u), CREEP_GROWTH * max(length_of(way), abs(way.z0)))
     for i in range(most):
@@ -208,11 +208,11 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
             before, moved = remaining, True
         if moved and before <= 1 and near:  # so near that the derivatives are those at the end
             remaining = _creep(oscillator, tolerance, target, tip, way, y)
-            return remaining <= 1 or (lingering(oscillator) == 0 and remaining < math.inf)
+            return remaining <= 1 or (dent_survival(oscillator) == 0 and remaining < math.inf)
         if moved:
             continue
         # Where dents last, what is left of the way may be theirs.
-        if not (remaining <= before and lingering(oscillator) > 0):
+        if not (remaining <= before and dent_survival(oscillator) > 0):
             return False
         where = u.copy()
         remaining = _creep(oscillator, tolerance, target, tip, way, y)

@@ -23,7 +23,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Law, contact_force, has_longrange, longrange_force
 from phasemap._kernels.lever import reach_of
 from phasemap._kernels.orbits.time import surface_memory as memory
-from phasemap._kernels.orbits.time.arms import Arms, convert, multiply_by
+from phasemap._kernels.orbits.time.arms import Arms, multiply_by, transform_arms
 from phasemap._kernels.orbits.time.contact import (
     OFF_SURFACE,
     PLACE_OF_X,
@@ -267,13 +267,13 @@ def lay_edge(contact: Relaxing, u: Moved, t: float, speed: float) -> None:
     _, slope, _ = dent_at_edge(contact, u, u.x, t)
     bend = (1 + slope) / speed if speed != 0 else 0.0
     if contact.now.mode == memory.GROWING:
-        convert(arms.to_arms, arms)
+        transform_arms(arms.to_arms, arms)
         turn_over(arms, u, xi, bend)
         memory.lay_node(m, False, xi, t, memory.OPEN_PEAK, arms)
         memory.drop_covered_nodes(m, xi)
         return
     turn_over(arms, u, xi, bend)
-    convert(arms.to_dents, arms)
+    transform_arms(arms.to_dents, arms)
     if speed == 0:  # it has a root there: what it is in the mean, from the node before
         top = memory.node_at(m, True, int(m[memory.OUTER_COUNT]) - 1)
         for j in range(arms.count):

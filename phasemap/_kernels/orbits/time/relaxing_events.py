@@ -14,7 +14,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.orbits.time import surface_memory as memory
-from phasemap._kernels.orbits.time.arms import Arms, convert, fill_arms, fill_kelvin, recovery_of
+from phasemap._kernels.orbits.time.arms import Arms, fill_arms, fill_kelvin, recovery_of, transform_arms
 from phasemap._kernels.orbits.time.contact import (
     CONTACT_TURN,
     FIRST_TOUCH,
@@ -316,7 +316,7 @@ def begin_on_surface(contact: Relaxing, here: Here, touched: bool, motion: Motio
         m[memory.INNER_COUNT] = 0.0
         if contact.t0 == 0:
             memory.fill_dents_outside(m, 0.0, 0.0, arms)
-            convert(arms.to_arms, arms)
+            transform_arms(arms.to_arms, arms)
             for a in range(arms.count):
                 arms.value[a], arms.slope[a], arms.curve[a] = d - arms.value[a], -1.0, 0.0
             memory.lay_node(m, False, 0.0, 0.0, memory.OPEN_PEAK, arms)
