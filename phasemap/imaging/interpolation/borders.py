@@ -27,7 +27,7 @@ from phasemap.imaging.interpolation.exact_orbits import (
     ExactOrbits,
     jumps_on,
     orbits_above,
-    scan,
+    orbits_on_lines,
 )
 
 LEAST_BELOW = 4  # steps between them that make a layer of their own
@@ -76,7 +76,7 @@ def find_borders(
     Raises Undecided if a border exists over a part of the box only, or is not smooth, or is for few materials only.
     """
     bases = _bases(box)
-    lines = scan(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)
+    lines = orbits_on_lines(exact, bases, np.full(len(bases), low), np.full(len(bases), high), few)
     worth = few > -np.inf
     lost = np.diff(np.isfinite(lines.offsets), axis=1)
     if lost.any():  # beside the attractive branch's end orbits are held on both sides
@@ -126,7 +126,7 @@ def _followed(
     """Look for the jump beyond the adhesions met, on the lines that have none among them."""
     missing = np.flatnonzero(~jumps)
     count = len(missing)
-    lines = scan(exact, bases[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
+    lines = orbits_on_lines(exact, bases[missing], np.full(count, low / WIDEN), np.full(count, high * WIDEN))
     more, found = jumps_on(exact, bases[missing], lines)
     if not found.all():
         raise Undecided

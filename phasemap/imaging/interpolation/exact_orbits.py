@@ -209,7 +209,7 @@ def _points(bases: Array, heights: Array) -> Array:
     return points
 
 
-def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> AdhesionLines:
+def orbits_on_lines(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float = np.inf) -> AdhesionLines:
     """Orbits along lines.
 
     Time, which is slow, is asked where it may find periodic orbits that curves do not lead to: past the last that they
@@ -225,6 +225,7 @@ def scan(exact: ExactOrbits, bases: Array, low: Array, high: Array, few: float =
     beside[:, 0] &= held[:, 1]
     beside[:, -1] &= held[:, -2]
     lowest = ~held & (heights == np.min(heights, where=~held, initial=np.inf))
+    # The lost point of least adhesion, then those next to an orbit, then the rest; where one step finds none, no more.
     for where in (lowest, beside & ~lowest, ~held & ~beside & ~lowest):
         if not where.any():
             continue
