@@ -50,8 +50,8 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     about = "set a part of the microscope, such as tip.radius=7nm"
     parser.add_argument("overrides", metavar="key=value", nargs="*", default=[], help=about)
     add_columns(parser)
-    about = "contact laws to compare, with commas, such as 'jkr,lossy dmt', or all; default: dmt"
-    parser.add_argument("--law", metavar="LIST", default="dmt", help=about)
+    about = "contact laws to compare, with commas, such as 'jkr,lossy dmt', or all; default: as simulated, else dmt"
+    parser.add_argument("--law", metavar="LIST", help=about)
     about = "preset of the material that the sample should be, to start from"
     parser.add_argument("--sample", metavar="PRESET", help=about)
     parser.add_argument("--starts", type=whole_number, default=3, metavar="N", help="most starting points; default: 3")
@@ -82,7 +82,8 @@ def fit(arguments: argparse.Namespace) -> None:
     with untold():  # it is printed below
         curve = read_curve(arguments.file, **columns_of(arguments))
     scope, told = microscope_of_files([curve.assign_attrs(title=curve.attrs["source"])], arguments.overrides)
-    laws = arguments.law if arguments.law == "all" else [one.strip() for one in arguments.law.split(",")]
+    given = arguments.law
+    laws = given if given in (None, "all") else [one.strip() for one in given.split(",")]
     start = PRIOR if arguments.sample is None else Material.preset(arguments.sample)
     found = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)
     notes = [line for line in str(curve.attrs["warnings"]).splitlines() if not line.startswith("Not recorded")]

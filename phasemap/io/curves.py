@@ -64,8 +64,9 @@ def read_curve(
     path, number = Path(path), whole("number", number, 0)
     if not os.path.isfile(path):  # nor is a name that is no name
         raise FileError(f"cannot read {path}: {'it is a folder' if os.path.isdir(path) else 'there is no such file'}.")
+    told = dict[str, str]()
     if path.suffix.lower() in NETCDF:
-        parts, scan = _curve_of_sweep(path)
+        parts, scan, told = _curve_of_sweep(path)
     elif path.suffix.lower() == ".ibw":
         parts, scan = of_wave(path)
     elif path.suffix.lower() in ARCHIVES:
@@ -76,7 +77,7 @@ def read_curve(
         parts, scan = of_text(path, columns, number), ScanData()
     ds = _assembled(path, parts)
     _say_more(ds, scan)
-    ds.attrs = {"source": path.name, **scan.values, "warnings": "\n".join(scan.warnings)}
+    ds.attrs = {"source": path.name, **told, **scan.values, "warnings": "\n".join(scan.warnings)}
     tell(scan.warnings)
     return ds
 
@@ -92,8 +93,8 @@ def is_curve(path: Path) -> bool:
     return int.from_bytes(head[140:144], "little") == 0  # no third dimension
 
 
-def _curve_of_sweep(path: Path) -> tuple[Parts, ScanData]:
-    """Curve of a simulated distance sweep, and its microscope."""
+def _curve_of_sweep(path: Path) -> tuple[Parts, ScanData, dict[str, str]]:
+    """Curve of a simulated distance sweep, its microscope, and the configuration, which says the law too."""
     ds = load(path)
     if "tip_offset" not in ds.dims or "direction" not in ds.dims:
         raise FileError(
@@ -105,7 +106,9 @@ def _curve_of_sweep(path: Path) -> tuple[Parts, ScanData]:
         for name in ("amplitude", "phase"):
             parts[name, way] = np.asarray(ds[name].isel(direction=i).values), "m" if name == "amplitude" else "degree"
     said = of_simulation(ds.attrs)
-    return parts, ScanData(said | ({"phase_sign": 1.0} if said else {}))
+    if not said:
+        return parts, ScanData(), {}
+    return parts, ScanData(said | {"phase_sign": 1.0}), {"configuration": ds.attrs["configuration"]}
 
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -35,6 +36,7 @@ from phasemap.plot.page import Page, beyond, draw_scale_bar, own_axes, side_leng
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
+from phasemap.results.channels import counted_from, lag_of
 from phasemap.results.descriptions import (
     describe_failures,
     describe_irregular,
@@ -43,7 +45,6 @@ from phasemap.results.descriptions import (
     microscope_in_words,
 )
 from phasemap.results.quantities import OF_SECOND_MODE
-from phasemap.results.variables import phase_lag
 
 LEADING = ("setpoint", "direction")  # dims that have a row for each of their values
 DOT_PITCH = 6.0  # of the dots that mark pixels [points]
@@ -77,9 +78,9 @@ def plot(
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. A quantity has the
     same colours in every picture. Heights count from the lowest pixel, and a measured image is drawn without its
-    tilt. A line on the colour bar of the phase marks 0, between attraction and repulsion. Pixels without a solution are
-    green, and a line below says how many there are, why, and what helps; another counts the pixels in which the motion
-    is irregular.
+    tilt. A line on the colour bar of the phase marks 0, between attraction and repulsion, or what was recorded there.
+    Pixels without a solution are green, and a line below says how many there are, why, and what helps; another counts
+    the pixels in which the motion is irregular.
 
     Parameters
     ----------
@@ -173,9 +174,14 @@ def colours_for_all(
 def _as_shown(ds: xr.Dataset, lag: bool) -> xr.Dataset:
     """Image whose height has no tilt where it was measured, and the phase as lag where that is asked for."""
     ds = _levelled(ds)
-    if not lag or "phase" not in ds:
+    if "phase" not in ds:
         return ds
-    return ds.assign(phase=phase_lag(ds["phase"]).assign_attrs(units="degree", called="phase lag", free=90.0))
+    if lag:
+        return ds.assign(phase=lag_of(ds).assign_attrs(units="degree", called="phase lag", free=90.0))
+    free = counted_from(ds)
+    if math.isnan(free) and not {"channels", "levelled"} & set(ds.attrs):  # else it may be anywhere
+        free = 0.0
+    return ds.assign(phase=ds["phase"].assign_attrs(free=free))
 
 
 def _usual(ds: xr.Dataset) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -21,7 +22,7 @@ from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
 from phasemap.io.metadata import of_simulation, recorded_microscope, recorded_sign
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_seen
-from phasemap.results.variables import MODAL, all_variables_of, check_variables, provenance, variables_of
+from phasemap.results.variables import MODAL, all_variables_of, check_variables, phase_lag, provenance, variables_of
 
 SETTINGS = ("stiffness", "resonance_frequency", "quality_factor", "free_amplitude")
 UNCERTAIN = {"phase": "degree", "amplitude": "m", "stiffness": "N/m", "quality_factor": "1", "free_amplitude": "m"}
@@ -143,7 +144,7 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -
 @unquestioned()  # who made the image was told then
 def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dict[str, Any]]:
     """Microscope, as far as the formulas need it, and settings of the scan that the image states."""
-    said = {**image.attrs, **of_simulation(image.attrs)}
+    said = {**of_simulation(image.attrs), **image.attrs}
     if scope is not None:
         return scope, said
     if found := recorded_microscope(image.attrs):
@@ -158,6 +159,25 @@ def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Mi
     scope = Microscope(Cantilever(stiffness, resonance, quality), Tip(ANY_RADIUS), drive)
     at_resonance = free * free / scope.driven_amplitude
     return replace(scope, drive=replace(drive, free_amplitude=at_resonance)), said
+
+
+def counted_from(image: xr.Dataset) -> float:
+    """Recorded phase where a simulated one is 0 [degree]; NaN of an image that does not say what it was in free air."""
+    said = {**of_simulation(image.attrs), **image.attrs}
+    if "phase_zero" not in said:
+        return math.nan
+    try:
+        free = _scope_and_settings(image, None)[0].free_phase
+    except InputError:
+        free = 0.0  # of a lever that is not said to be driven beside its resonance
+    return float(said["phase_zero"]) - recorded_sign(said) * free
+
+
+def lag_of(image: xr.Dataset) -> xr.DataArray:
+    """Lag behind the drive [degree], 90 at free resonance; from any zero where the image does not say its own."""
+    zero, sign = counted_from(image), recorded_sign(image.attrs)
+    zero = zero if math.isfinite(zero) else 0.0 if sign == 1 else 90.0
+    return phase_lag(sign * (image["phase"] - zero) if (zero, sign) != (0.0, 1) else image["phase"])
 
 
 def _phase(

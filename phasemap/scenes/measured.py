@@ -110,13 +110,12 @@ def scene_from(
     Notes
     -----
     Topography is the height less its tilt and row offsets, level on the material that covers most. Labels count the
-    materials from the lowest phase, or height; rows are aligned before thresholding (`phasemap.io.measured`). The
-    materials are placeholders, presets of unequal stiffness, unless `overrides` say
+    materials from the lowest phase, positive where repulsive, or height; rows are aligned before thresholding
+    (`phasemap.io.measured`). The materials are placeholders, presets of unequal stiffness, unless `overrides` say
     ``materials.material_0.modulus=...``; modulus and damping of all but the stiffest are moved to where they give the
-    contrast of the phase, if some do (not under laws that are marched in time): the stiffest has the highest phase, or
-    the lowest where the file says that its phase counts lag positive. The contact is DMT unless a simulated image says
-    its law. Where the file has no resonance frequency, the lever is taken as driven at resonance. A free amplitude
-    recorded off resonance is brought to resonance.
+    contrast of the phase, if some do (not under laws that are marched in time). The contact is DMT unless a simulated
+    image says its law. Where the file has no resonance frequency, the lever is taken as driven at resonance. A free
+    amplitude recorded off resonance is brought to resonance.
 
     Examples
     --------
@@ -152,11 +151,11 @@ def scene_from(
     }
     notes |= {
         "surface.pixel_size": "m, (dy, dx)",
-        "surface.materials": f"from the lowest {by} to the highest",
+        "surface.materials": f"from the lowest {by} to the highest{', repulsive positive' if by == 'phase' else ''}",
         "surface.topography": "m, recorded height without tilt and row offsets",
     }
     given = tables["materials"]
-    presets = placeholders(phases, by, scan.attrs)
+    presets = placeholders(phases)
     tables["materials"] = given | {
         name: placeholder_with(preset, given.get(name, {})) for name, preset in zip(names, presets, strict=True)
     }
@@ -277,7 +276,7 @@ def _off_resonance(tables: Table) -> float | None:
 
 def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, str]:
     """Labels of the materials, and a sentence where there is one only that was not asked for."""
-    values = scan["height" if phases == 1 else by].values
+    values = recorded_sign(scan.attrs if by == "phase" else {}) * scan["height" if phases == 1 else by].values
     uniform = np.zeros(values.shape, int)
     if phases == 1:
         return uniform, ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import damping_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
-from phasemap.io.metadata import recorded_sign
 from phasemap.scenes.scene import Scene
 from phasemap.scenes.tables import Table
 
@@ -23,12 +21,9 @@ TRIED = (0.02, 50.0, 31)  # factors on modulus and damping of a placeholder that
 NEAR = 0.5  # of a contrast that counts as given [degree]
 
 
-def placeholders(phases: int, by: str, attrs: Mapping[str, Any]) -> list[str]:
-    """Presets that stand for materials nobody has named, from the lowest label."""
-    if phases == 1:
-        return [ONE]
-    first = list(PLACEHOLDERS[:phases])
-    return first[::-1] if by == "phase" and recorded_sign(attrs) < 0 else first
+def placeholders(phases: int) -> list[str]:
+    """Presets that stand for materials nobody has named, from the lowest label: the stiffer, the higher the phase."""
+    return [ONE] if phases == 1 else list(PLACEHOLDERS[:phases])
 
 
 def placeholder_with(preset: str, given: Any) -> Any:

@@ -29,6 +29,7 @@ from phasemap.experiment.microscope import Microscope, Tip
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.io.measured import level_height, one_scan, segment_phase
+from phasemap.io.metadata import recorded_sign
 from phasemap.io.netcdf import load
 from phasemap.io.read import read_image
 from phasemap.scenes.tables import check_keys, construct, missing, switch
@@ -162,7 +163,7 @@ def _from_measured(
     with untold():  # who made the scene was told
         image = read_image(files.find("file", table["file"]), height=table.get("height"), phase=table.get("phase"))
     image = one_scan(image)
-    labels = segment_phase(image["phase"].values, len(chosen))
+    labels = segment_phase(recorded_sign(image.attrs) * image["phase"].values, len(chosen))
     topography = level_height(image["height"].values, labels == np.bincount(labels.ravel()).argmax())
     grid, variation = (coordinate_step(image, "y"), coordinate_step(image, "x")), variation_of(table)
     surface = Surface.from_labels(labels, chosen, topography=topography, pixel_size=grid, variation=variation)

@@ -606,7 +606,7 @@ def test_a_measured_image_stands_beside_the_simulated_one_with_its_zero_where_th
     subject = replace(subject_of(file), scope=scene.microscope)
     same = {
         f"materials.{i}.{name}": getattr(one, name)
-        for i, one in enumerate(reversed(subject_of(STEP).materials.values()))  # labels count from the least lag
+        for i, one in enumerate(subject_of(STEP).materials.values())  # labels count from the largest lag
         for name in ("modulus", "adhesion", "damping", "poisson_ratio")
     }
     setting = Setting.of(subject, {"changes": same, "lag": lag})
@@ -615,7 +615,7 @@ def test_a_measured_image_stands_beside_the_simulated_one_with_its_zero_where_th
     said = shown.about["measured"]
     assert said["phase"] == pytest.approx(30.0 if lag else -30.0, abs=0.01)
     np.testing.assert_allclose(setting.counted(measured.phase) + said["phase"], shown.phase, atol=0.01)
-    contrast = float(np.ptp(shown.phase)) * (1 if lag else -1)
+    contrast = float(np.ptp(shown.phase)) * (-1 if lag else 1)
     assert f"measured {contrast:+.1f}°, simulated {contrast:+.1f}°" in said["says"]
     sent, pixels = routes.sample(Offered(Opened(subject)), subject.name)[1], measured.phase.size
     height, phase = np.frombuffer(sent[-9 * pixels : -pixels], np.float32).reshape(2, 24, 32)  # before the labels

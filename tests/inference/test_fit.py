@@ -383,6 +383,12 @@ def test_a_recorded_curve_says_its_sensitivity_and_its_material_within_their_err
     assert len(pm.plot.plot(recorded(SCOPE, 21)).axes) == 2
 
 
+def test_a_curve_of_a_lever_that_is_known_to_be_driven_beside_its_resonance_counts_from_there() -> None:
+    beside = replace(SCOPE, drive=replace(SCOPE.drive, frequency=148.24e3 * (1 + SCOPE.cantilever.damping_ratio)))
+    found = of_curve(recorded(beside, 23), beside, FILM)
+    assert np.median(found.given["phase"][0][:, -3:]) == pytest.approx(beside.free_phase, abs=0.2)  # -45 degrees
+
+
 def test_what_the_free_lever_shows_is_data_as_well() -> None:
     found = of_curve(recorded(SCOPE, 23), SCOPE, FILM)
     phase, errors = found.given["phase"]

@@ -393,7 +393,7 @@ def test_the_microscope_of_simulated_files_is_theirs_with_its_law():
     wet = simulated_under(replace(scope, interaction=pm.Interaction("hertz")))
     wet.attrs["configuration"] = wet.attrs["configuration"].replace('"hertz"', '"capillary"')
     with pytest.raises(pm.InputError, match="contact is 'capillary'; allowed: a law that averaging knows"):
-        scope_of([wet], None)
+        pm.series([wet, wet.assign(phase=wet.phase + 1)])
 
 
 def test_laws_that_differ_between_files_or_are_the_users_own_are_said():
@@ -448,7 +448,7 @@ def test_files_whose_levers_differ_are_refused_unless_the_lever_is_given(name, u
     assert scope_of(files, pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE)))[1] == []
     lossy = pm.Interaction(pm.interaction.LossyDMT(3.0, 3e-7, 1e-9))
     with pytest.raises(pm.InputError, match="no losses of its own"):
-        scope_of(files, pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE), lossy))
+        pm.series(files, pm.Microscope(LEVER, TIP, pm.Drive(AMPLITUDE), lossy))
 
 
 @pytest.mark.parametrize(

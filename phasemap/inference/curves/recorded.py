@@ -70,7 +70,8 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any =
     z = curve["distance"].values
     values = {"amplitude": sensitivity * curve["amplitude"].values}
     if "phase" in curve and "phase_zero" in attrs:
-        values["phase"] = within_half_a_turn(recorded_sign(attrs) * (curve["phase"].values - attrs["phase_zero"]))
+        from_free = recorded_sign(attrs) * (curve["phase"].values - attrs["phase_zero"])
+        values["phase"] = within_half_a_turn(from_free + scope.free_phase)
     end = float(np.nanmin(np.nanmax(z, axis=1)))
     fine = np.linspace(0.0, end, FINE + 1)
     means_of = [_binned(*one, fine)[0] for one in zip(z, values["amplitude"], strict=True)]

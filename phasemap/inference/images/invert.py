@@ -244,13 +244,15 @@ def invert(
     scope : Microscope or sequence of Microscope
         One for each image if their drives differ. Its contact law has no neck.
     setpoints : sequence of float, optional
-        Amplitude over free amplitude of each image; taken from the attribute ``setpoint`` if missing.
+        Amplitude over free amplitude of each image; by default as the images say (``setpoint``, or
+        ``setpoint_amplitude`` in m).
     phase_error, height_error : float or sequence of float
         Standard errors of a pixel [degree, m], of all images or of each.
     phase_zero, height_zero : float or sequence of float, optional
         What the instrument says where the phase, or the height of the undeformed surface, is 0 [degree, m], of all
-        images or of each. The phase's is taken from the attribute ``phase_zero`` if missing. Only differences between
-        the height zeros count. Which way the phase counts is the attribute ``phase_sign``, -1 where lag is positive.
+        images or of each. The phase's is by default known by what the images say of the free lever (``phase_zero``).
+        Only differences between the height zeros count. Which way the phase counts is the attribute ``phase_sign``, -1
+        where lag is positive.
     phase_zero_error, height_zero_error : float or sequence of float
         Their standard errors [degree, m], in each image by itself. They are the same for all pixels of an image, and so
         is what they do to the maps.

@@ -202,8 +202,8 @@ def fit_regions(
         what the model leaves out.
     phase_zero : "shared", "free", float or sequence of float, optional
         What the instrument says where the phase is 0 [degree]: one unknown of all images, one unknown in each, or
-        numbers. By default the attribute ``phase_zero`` of the images, and "shared" if they have none. Which way the
-        phase counts is the attribute ``phase_sign``, -1 where lag is positive.
+        numbers. By default by what the images say of the free lever (``phase_zero``), and "shared" if they do not.
+        Which way the phase counts is the attribute ``phase_sign``, -1 where lag is positive.
     height_zero : "free", float or sequence of float
         What it says where the undeformed surface is [m]: one unknown in each image, or numbers of which only the
         differences count.
@@ -251,7 +251,8 @@ def fit_regions(
     factor = check_prior(prior, prior_factor)
     given = list_of_images(images)
     whole = make_stack(given, scope, setpoints, (phase_error, 0.0, 0.0), (height_error, 0.0, 0.0))
-    plan = make_plan(given, (phase_zero, phase_zero_error), (height_zero, height_zero_error), topography_error)
+    zeros = (phase_zero, phase_zero_error), (height_zero, height_zero_error)
+    plan = make_plan(given, whole.scopes, *zeros, topography_error)
     names, numbers = regions_of(labels, given[0]["phase"].shape)
     stack = plan.taken_off(whole, numbers >= 0).medians(numbers, len(names))
     fixed = {names.index(name): one for name, one in check_known(known, names, prior).items()}

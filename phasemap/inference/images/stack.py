@@ -7,7 +7,6 @@ Eq. (inversion-5)); what zeros are then follows from the materials.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,7 +19,7 @@ from phasemap._shared.arrays import Array, as_array, as_list, within_half_a_turn
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.microscope import Microscope
-from phasemap.io.metadata import recorded_sign
+from phasemap.io.metadata import of_simulation, recorded_sign
 from phasemap.solvers.problem import check_setpoint
 
 PHASE, HEIGHT = 0, 1
@@ -100,18 +99,19 @@ def list_of_images(images: object) -> list[xr.Dataset]:
     return found
 
 
-def setpoints_of(images: list[xr.Dataset], setpoints: object) -> tuple[float, ...]:
-    """Setpoint of each image: as given, or from its attributes."""
+def setpoints_of(images: list[xr.Dataset], setpoints: object, scopes: tuple[Microscope, ...]) -> tuple[float, ...]:
+    """Setpoint of each image: as given, or from its attributes, as an amplitude maybe."""
     allowed = f"{len(images)} numbers, one an image"
     if setpoints is not None:
         found = as_list("setpoints", setpoints, allowed)
         if len(found) != len(images):
             raise InputError("setpoints", setpoints, allowed)
     else:
-        found = [
-            one.attrs.get("setpoint", json.loads(one.attrs.get("configuration", "{}")).get("setpoint"))
-            for one in images
-        ]
+        found = []
+        for one, scope in zip(images, scopes, strict=True):
+            said = {**of_simulation(one.attrs), **one.attrs}
+            held = said.get("setpoint_amplitude")
+            found.append(said.get("setpoint", None if held is None else float(held) / scope.driven_amplitude))
         if None in found:
             why = f"because image {found.index(None)} has no attribute 'setpoint'"
             raise InputError("setpoints", None, f"{allowed}, {why}")
@@ -137,14 +137,15 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
     return scopes
 
 
-def zeros_of(images: list[xr.Dataset], name: str, given: object, unit: str) -> Array:
-    """Zero of a quantity in each image, as given or from the attribute of this name, shape (m,)."""
-    if given is None:
-        given = [one.attrs.get(name) for one in images]
-        if None in given:
-            allowed = f"a number or {len(images)} [{unit}], because an image has no attribute {name!r}"
-            raise InputError(name, None, allowed)
-    return of_each_image(name, given, unit, len(images))
+def recorded_zeros(images: list[xr.Dataset], scopes: tuple[Microscope, ...]) -> list[float] | None:
+    """Recorded phase [degree] where the simulated is 0, by that of the free lever; None if an image does not say it."""
+    said: list[dict[Any, Any]] = [{**of_simulation(one.attrs), **one.attrs} for one in images]
+    if not all("phase_zero" in one for one in said):
+        return None
+    return [
+        float(one["phase_zero"]) - recorded_sign(one) * scope.free_phase
+        for one, scope in zip(said, scopes, strict=True)
+    ]
 
 
 def of_each_image(name: str, value: object, unit: str, count: int, **bounds: float) -> Array:
@@ -161,7 +162,8 @@ def make_stack(
 ) -> Stack:
     """Check everything that is given for pixels, row by row; phase and height: error, zero and error of the zero."""
     count = len(images)
-    scopes, ratios = scopes_of(scope, count), setpoints_of(images, setpoints)
+    scopes = scopes_of(scope, count)
+    ratios = setpoints_of(images, setpoints, scopes)
     heights = count > 1 and all("height" in one for one in images)
     values = np.zeros((images[0]["phase"].size, count, 2))
     errors = np.full(values.shape, np.inf)
@@ -169,7 +171,11 @@ def make_stack(
     for channel, name, unit, error, zero, beside in channels:
         noise = of_each_image(f"{name}_error", error, unit, count, above=0)
         wrong = of_each_image(f"{name}_zero_error", beside, unit, count, minimum=0)
-        below = zeros_of(images, f"{name}_zero", zero, unit)
+        zero = recorded_zeros(images, scopes) if zero is None and channel == PHASE else zero
+        if zero is None:
+            allowed = f"a number or {count} [{unit}], because an image has no attribute {f'{name}_zero'!r}"
+            raise InputError(f"{name}_zero", None, allowed)
+        below = of_each_image(f"{name}_zero", zero, unit, count)
         if channel == HEIGHT and not heights:
             continue
         scale = np.radians(1.0) if channel == PHASE else 1.0
@@ -278,20 +284,21 @@ class ZeroPlan:
 
 
 def make_plan(
-    images: list[xr.Dataset], phase: tuple[Any, Any], height: tuple[Any, Any], topography_error: object
-) -> ZeroPlan:
+    images: list[xr.Dataset], scopes: tuple[Microscope, ...], phase: tuple[Any, Any], height: tuple[Any, Any],
+    topography_error: object,
+) -> ZeroPlan:  # fmt: skip
     """Check the zeros that are given, and their standard errors."""
     count = len(images)
     if phase[0] is None:
-        phase = (None if all("phase_zero" in one.attrs for one in images) else SHARED), phase[1]
+        phase = recorded_zeros(images, scopes) or SHARED, phase[1]
     kinds = _kind("phase_zero", phase[0], (SHARED, FREE)), _kind("height_zero", height[0], (FREE,))
     signs = np.array([recorded_sign(one.attrs) for one in images])
     none, unknown = np.zeros(count), isinstance(topography_error, float) and topography_error == np.inf
     return ZeroPlan(
         *kinds,
         signs,
-        none if kinds[0] else signs * np.radians(zeros_of(images, "phase_zero", phase[0], "degree")),
-        none if kinds[1] else zeros_of(images, "height_zero", height[0], "m"),
+        none if kinds[0] else signs * np.radians(of_each_image("phase_zero", phase[0], "degree", count)),
+        none if kinds[1] else of_each_image("height_zero", height[0], "m", count),
         np.radians(of_each_image("phase_zero_error", phase[1], "degree", count, minimum=0)),
         of_each_image("height_zero_error", height[1], "m", count, minimum=0),
         np.inf if unknown else number("topography_error", topography_error, "m", minimum=0),

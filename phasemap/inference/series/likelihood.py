@@ -142,6 +142,8 @@ class Part(NamedTuple):
     def solved(self, logs: Array, amplitudes: Array, ratios: Array) -> Array:
         """Phases [degree] of averaged orbits on both branches, shape (2, n, regions, m), NaN without an orbit.
 
+        They count from that of the free lever, as recorded ones do.
+
         `logs` (shape (n, r, 3)): of all regions; `amplitudes` [m] and `ratios`, shape (n, m).
         """
         count, regions, files = len(logs), len(self.regions), amplitudes.shape[1]
@@ -152,16 +154,16 @@ class Part(NamedTuple):
         flat = points.reshape(-1, 5)
         places, there = self.table.look(flat)
         found = self.model.at_settings(np.exp(flat[:, 3]), flat[:, 4]).phases(flat[:, :3], places, there)
-        return np.degrees(found.reshape(2, count, regions, files))
+        return np.degrees(found.reshape(2, count, regions, files)) - self.model.scope.free_phase
 
     def everywhere(self, logs: Array, amplitude: float, ratios: Array) -> Array:
-        """Phases [degree] of a combination (shape (r, 3)) at setpoints, shape (2, regions, k), without the table."""
+        """Phases as of `solved` of a combination, shape (r, 3), at setpoints, shape (2, regions, k), without table."""
         own, points = len(self.regions), len(ratios)
         at = np.full((2, own * points), np.nan)
         model = self.model.at_settings(np.full(own * points, amplitude), np.tile(ratios, own))
         logs = np.zeros((own, 3)) if self.known else logs[self.regions]
         found = model.phases(np.repeat(logs, points, axis=0), at, search=True)
-        return np.degrees(found).reshape(2, own, points)
+        return np.degrees(found).reshape(2, own, points) - self.model.scope.free_phase
 
 
 @dataclass(frozen=True, eq=False)

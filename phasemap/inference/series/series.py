@@ -283,6 +283,9 @@ def series(
     whole("seed", seed, 0)
     widths = _widths(prior, prior_factor)
     used, told = scope_of(images, scope)
+    if (law := used.interaction.law).in_time:
+        hint = "Fit single curves with phasemap.fit_distance instead."
+        raise InputError("contact", law.name, "a law that averaging knows: no films, no losses of its own", hint)
     given = {
         "setpoints": setpoints, "free_amplitudes": free_amplitudes, "phase_zero": phase_zero,
         "phase_zero_error": number("phase_zero_error", phase_zero_error, "degree", minimum=0), "sign": sign,

@@ -141,11 +141,7 @@ def scope_of(
         raise InputError(
             "the drive frequency", Word(listed), "the same in all files", "A series is of one sample and one lever."
         )
-    scope, told = (scope, []) if scope is not None else _scope_of_files(images, known, names, given)
-    if (law := scope.interaction.law).in_time:
-        hint = "Fit single curves with phasemap.fit_distance instead."
-        raise InputError("contact", law.name, "a law that averaging knows: no films, no losses of its own", hint)
-    return scope, told
+    return (scope, []) if scope is not None else _scope_of_files(images, known, names, given)
 
 
 def _scope_of_files(
@@ -222,11 +218,11 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
         factor = CALIBRATED
     zero, zeros, errors = _zeros(known, given["phase_zero"], given["phase_zero_error"], told)
     sign = given["sign"]
-    if sign is None and all("configuration" in one for one in known):
-        sign = 1  # of phasemap's own images
     if sign is None and len({one.get("phase_sign") for one in known}) == 1 and known[0].get("phase_sign") in (1, -1):
         sign = int(known[0]["phase_sign"])
         told.append(f"Phase is counted with sign {sign}, as this vendor documents.")
+    if sign is None and not any("phase_sign" in one for one in known) and all(of_simulation(one) for one in known):
+        sign = 1  # of phasemap's own images
     if sign is not None and not is_sign(sign):
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
