@@ -263,6 +263,9 @@ def those_that_act(spreads: dict[str, float | None], setup: CurveSetting) -> dic
         return row if from_afar else np.delete(row, range(col.LONGRANGE, col.DAMPING))
 
     def acts(name: str) -> bool:
+        law = setup.scope.interaction.law
+        if name in (taken := {"thickness": law.takes_film, "liquid_film": law.wets}):
+            return taken[name]
         value = setup.value(name) if name in of_forces else None
         return not value or not np.array_equal(forces(setup), forces(setup.with_parameter(name, 1.01 * value)))
 

@@ -11,12 +11,22 @@ import numpy as np
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import number, whole
 from phasemap._shared.errors import InputError, Word
-from phasemap.experiment.interaction import Interaction
-from phasemap.experiment.material import Material
+from phasemap.experiment.interaction import Interaction, check_memory
+from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
 from phasemap.inference.curves.data import CurveSetting, check_data, check_parameters
 from phasemap.inference.curves.evidence import search
-from phasemap.inference.curves.recorded import EVERY, begun, check_unsaid, compared, of_curve, refused, under, with_law
+from phasemap.inference.curves.recorded import (
+    EVERY,
+    as_known_to,
+    begun,
+    check_unsaid,
+    compared,
+    of_curve,
+    refused,
+    under,
+    with_law,
+)  # fmt: skip
 from phasemap.inference.curves.residuals import CurveProblem
 from phasemap.inference.curves.result import Fit, make_fit
 from phasemap.inference.determined import PRIOR
@@ -185,11 +195,12 @@ def fit_distance(
     fits: list[Fit] = []
     for law in named:
         beneath, first, more = under(law, scope, start)
+        first, unknown = as_known_to(beneath.interaction.law, first) if len(named) > 1 else (first, "")
         asked = with_law(parameters, CurveSetting(first, beneath, height), more)
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
         fit = _fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known)
         said = refused(scope.interaction, beneath.interaction) if isinstance(law, str) else ""
-        fits.append(replace(fit, status=f"{fit.status} {said}".rstrip()))
+        fits.append(replace(fit, status=" ".join(filter(None, (fit.status, said, unknown)))))
     best, *others = sorted(fits, key=lambda one: -one.evidence)
     return replace(best, rivals=tuple(others), status=f"{best.status} {left_out}".rstrip())
 
@@ -202,6 +213,8 @@ def _fit(
     if axis == "frequency" and Question(*begun[:2]).only_in_time:
         allowed = "one of a material and a law that are not marched in time"
         raise InputError("a frequency response", Word("given"), allowed, "fit_distance fits these too.")
+    if relaxes(begun[0]):
+        check_memory(begun[1].interaction.law, relaxes=True)
     data, setup = check_data(axis, values, direction, given), CurveSetting(*begun)
     chosen = check_parameters(parameters, setup, axis)
     if data.size <= len(chosen):

@@ -14,7 +14,7 @@ from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import number_of
 from phasemap._shared.notices import unquestioned
-from phasemap.experiment.interaction import Capillary, Interaction, LossyDMT, Neck, may_remember
+from phasemap.experiment.interaction import Capillary, ContactLaw, Interaction, LossyDMT, Neck, may_remember
 from phasemap.experiment.interaction.contact import LAWS
 from phasemap.experiment.material import Material, relaxes
 from phasemap.experiment.microscope import Microscope
@@ -199,6 +199,14 @@ def _named(name: str, given: Interaction) -> Interaction:
     if own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
         own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
     return own
+
+
+def as_known_to(law: ContactLaw, start: Material) -> tuple[Material, str]:
+    """The start as a law among several can have it, and what is said of what it does not know."""
+    foreign = ("thickness",) * (not law.takes_film) + ("liquid_film", "contact_angle") * (not law.wets)
+    lost = [name for name in foreign if getattr(start, name) is not None]
+    said = f"{law.name} contact is fitted without {', '.join(lost)} of the start, which it does not know."
+    return replace(start, **dict.fromkeys(lost)), said if lost else ""
 
 
 def refused(given: Interaction, own: Interaction) -> str:
