@@ -204,9 +204,9 @@ def _named(name: str, given: Interaction) -> Interaction:
 def as_known_to(law: ContactLaw, start: Material) -> tuple[Material, str]:
     """The start as a law among several can have it, and what is said of what it does not know."""
     foreign = ("thickness",) * (not law.takes_film) + ("liquid_film", "contact_angle") * (not law.wets)
-    lost = [name for name in foreign if getattr(start, name) is not None]
+    lost: dict[str, Any] = dict.fromkeys(name for name in foreign if getattr(start, name) is not None)
     said = f"{law.name} contact is fitted without {', '.join(lost)} of the start, which it does not know."
-    return replace(start, **dict.fromkeys(lost)), said if lost else ""
+    return replace(start, **lost), said if lost else ""
 
 
 def refused(given: Interaction, own: Interaction) -> str:
