@@ -169,12 +169,12 @@ def export(arguments: argparse.Namespace) -> None:
     """Write an image for Gwyddion."""
     from phasemap.io.export import export as write
     from phasemap.io.read import read_image
-    from phasemap.results.channels import lag_of
+    from phasemap.results.channels import as_lag
 
     with untold():
         image = read_image(arguments.image)
     if arguments.lag and "phase" in image:
-        image = image.assign(phase=lag_of(image))
+        image = as_lag(image)
     write(image, arguments.output, arguments.variable, arguments.direction, overwrite=arguments.overwrite)
     _print_warnings(image)
     print(f"written to  {arguments.output}")

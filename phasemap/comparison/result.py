@@ -20,7 +20,7 @@ from phasemap.comparison.pair import Directions, common_grid, pair_of, pitch_of
 from phasemap.comparison.registration import Registration, levelled, registration_of
 from phasemap.comparison.scores import correlation_of, outlier_lines, share_explained, similarity_of
 from phasemap.io.measured import largest_first, segment_phase
-from phasemap.io.metadata import of_simulation
+from phasemap.io.metadata import settings_of_image
 from phasemap.results.variables import provenance
 
 Array = np.ndarray
@@ -158,7 +158,7 @@ def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> t
         return None
     if not isinstance(offset, str) or offset not in ("fixed", "recorded"):
         raise InputError("offset", offset, "'recorded', 'free', 'fixed' or a number of degrees")
-    zeros = {name: of_simulation(ds.attrs) | ds.attrs for name, ds in zip(NAMES, (measured, simulated), strict=True)}
+    zeros = {name: settings_of_image(ds) for name, ds in zip(NAMES, (measured, simulated), strict=True)}
     if offset == "recorded" and not all("phase_zero" in known for known in zeros.values()):
         return None
     for name, known in zeros.items():
@@ -176,7 +176,7 @@ def _sign(sign: str | int, measured: xr.Dataset, simulated: xr.Dataset) -> tuple
     """The sign to be taken, or "free", and where it comes from."""
     if not isinstance(sign, str):
         return sign, "given"
-    known = [ds.attrs.get("phase_sign", 1 if of_simulation(ds.attrs) else 0) for ds in (measured, simulated)]
+    known = [settings_of_image(ds).get("phase_sign", 0) for ds in (measured, simulated)]
     if sign == "free" or not all(one in (1, -1) for one in known):
         return "free", "fitted"
     return int(known[0] * known[1]), "recorded"

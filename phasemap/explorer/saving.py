@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
@@ -15,7 +16,7 @@ import xarray as xr
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.pixels import coordinates
 from phasemap.experiment.control import Engage
-from phasemap.experiment.microscope import PARTS, Mode
+from phasemap.experiment.microscope import PARTS
 from phasemap.experiment.realism import Realism
 from phasemap.explorer.answers import image
 from phasemap.explorer.setting import Setting
@@ -108,19 +109,19 @@ def python_of(setting: Setting) -> str:
 def _python_of_surface(setting: Setting) -> str:
     """Python that makes the image of a surface and a microscope, which only the user's own Python knows."""
     scope = setting.scope
-    materials = [f"    {i}: pm.{one!r},  # {name!r}" for i, (name, one) in enumerate(setting.materials.items())]
+    materials = [f"    {i}: {_python(one)},  # {name!r}" for i, (name, one) in enumerate(setting.materials.items())]
     parts = []
     for part in PARTS:
         before, after = getattr(setting.subject.scope, part), getattr(scope, part)
         if differ := [one.name for one in fields(after) if getattr(before, one.name) != getattr(after, one.name)]:
             changes = {key: getattr(after, key) for key in differ}
-            values = ", ".join(f"{key}={'pm.' * isinstance(one, Mode)}{one!r}" for key, one in changes.items())
+            values = ", ".join(f"{key}={_python(one)}" for key, one in changes.items())
             parts.append(f"    {part}=replace(scope.{part}, {values}),")
     if scope.detector != setting.subject.scope.detector:
         parts.append(f"    detector={scope.detector!r},")
     changed = ["scope = replace(", "    scope,", *parts, ")"] if parts else []
-    control = "" if setting.control == Engage() else f", control=pm.{setting.control!r}"
-    control += "" if setting.realism == Realism() else f", realism=pm.{setting.realism!r}"
+    control = "" if setting.control == Engage() else f", control={_python(setting.control)}"
+    control += "" if setting.realism == Realism() else f", realism={_python(setting.realism)}"
     return "\n".join(
         [
             *(["from dataclasses import replace", ""] if parts else []),
@@ -139,6 +140,11 @@ def _python_of_surface(setting: Setting) -> str:
             "",
         ]
     )
+
+
+def _python(value: object) -> str:
+    """Python that makes a value, with the names of phasemap in it."""
+    return re.sub(r"\b(?=[A-Z]\w*\()", "pm.", repr(value))
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:

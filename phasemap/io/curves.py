@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
 from phasemap._shared.errors import FileError
 from phasemap._shared.notices import tell
 from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, OF_IMAGES, TEXT, Parts, of_text, of_wave
 from phasemap.io.curve_files import ARCHIVES, is_nanoscope, of_archive, of_nanoscope
-from phasemap.io.metadata import ScanData, of_simulation
+from phasemap.io.measured import on_one_turn
+from phasemap.io.metadata import CANONICAL, ScanData, is_simulated, settings_of_image
 from phasemap.io.netcdf import load
 from phasemap.io.read import NETCDF
 
@@ -105,10 +107,10 @@ def _curve_of_sweep(path: Path) -> tuple[Parts, ScanData, dict[str, str]]:
         parts["distance", way] = ds["tip_offset"].values, "m"
         for name in ("amplitude", "phase"):
             parts[name, way] = np.asarray(ds[name].isel(direction=i).values), "m" if name == "amplitude" else "degree"
-    said = of_simulation(ds.attrs)
-    if not said:
+    if not is_simulated(ds):
         return parts, ScanData(), {}
-    return parts, ScanData(said | {"phase_sign": 1.0}), {"configuration": ds.attrs["configuration"]}
+    said = {name: value for name, value in settings_of_image(ds).items() if name in CANONICAL}
+    return parts, ScanData(said), {"configuration": ds.attrs["configuration"]}
 
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:
@@ -170,13 +172,14 @@ def _say_more(ds: xr.Dataset, scan: ScanData) -> None:
     if "phase" not in ds:
         scan.warnings.append("There is no phase: only the amplitude is used.")
     elif is_free:
-        zero = float(np.nanmedian(ds["phase"].values[far]))
-        near = float(np.nanmedian(ds["phase"].values[z <= np.nanquantile(z, 0.02, axis=1, keepdims=True)]))
+        phase = on_one_turn(ds["phase"].values)
+        zero = float(np.nanmedian(phase[far]))
+        near = float(np.nanmedian(phase[z <= np.nanquantile(z, 0.02, axis=1, keepdims=True)]))
         scan.set_known(phase_zero=zero)
         if ds["phase"].attrs.get("counts") == "lag":
             scan.set_known(phase_sign=-1.0)
         if "phase_sign" not in scan.values:
-            scan.set_known(phase_sign=1.0 if near > zero else -1.0)
+            scan.set_known(phase_sign=1.0 if within_half_a_turn(near - zero) > 0 else -1.0)
             scan.warnings.append(
                 "The sign of the phase is not recorded: it is taken to be positive where the tip was nearest, as if "
                 "that were repulsive."

@@ -20,7 +20,7 @@ from phasemap._shared.files import replacing
 from phasemap._shared.pixels import coordinate_step, downwards
 from phasemap.io.gwyddion import MASKED, extra
 from phasemap.io.measured import one_scan
-from phasemap.io.metadata import CANONICAL, METRES
+from phasemap.io.metadata import CANONICAL, METRES, settings_of_image
 
 PALETTES = {"height": "Gwyddion.net", "phase": "Gray", "topography": "Gwyddion.net"}
 OTHER_PALETTE = "Warm"
@@ -117,7 +117,7 @@ def _write_gsf(
         raise InputError("the suffix", Path(path).suffix, ".gsf")
     gsffile = extra("gsffile", "writing .gsf files", "gwy")
     name = _chosen_variable(ds, variable)
-    _, title, values, bad = next(_fields(one_scan(ds[[name, *_status(ds)]], [name], direction)))
+    _, title, values, _ = next(_fields(one_scan(ds[[name, *_status(ds)]], [name], direction)))
     yreal, xreal = _size(ds)
     texts = {key: text.replace("=", ":").replace("\n", " ") for key, text in _notes(ds).items()}
     header = {
@@ -125,7 +125,7 @@ def _write_gsf(
         "ZUnits": UNITS.get(units := _units(ds, name), units), **texts,
     }  # fmt: skip
     with replacing(path, overwrite) as temporary:
-        gsffile.write_gsf(temporary, np.where(bad, np.nan, values).astype(np.float32), header)
+        gsffile.write_gsf(temporary, values.astype(np.float32), header)
     return Path(path)
 
 
@@ -181,7 +181,8 @@ def _size(ds: xr.Dataset) -> tuple[float, float]:
 
 def _notes(ds: xr.Dataset) -> dict[str, str]:
     """Settings and remarks of an image, as texts that `phasemap.read_image` reads back."""
-    known = {name: number(f"attribute {name}", ds.attrs[name], "") for name in CANONICAL if name in ds.attrs}
+    said = settings_of_image(ds)
+    known = {name: number(f"attribute {name}", said[name], "") for name in CANONICAL if name in said}
     numbers = {name: f"{value!r} {CANONICAL[name]}" for name, value in known.items()}
     return {name: str(ds.attrs[name]) for name in NOTES if name in ds.attrs} | numbers
 
@@ -235,7 +236,8 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
         values = image[name]
         for direction in values["direction"].values if "direction" in values.dims else [None]:
             one = values if direction is None else values.sel(direction=direction)
-            quantity = QUANTITIES.get(name, name) + ("" if direction in (None, "trace") else str(direction).title())
+            told = image.attrs.get("direction", "trace") if direction is None else direction
+            quantity = QUANTITIES.get(name, name) + ("" if told == "trace" else str(told).title())
             data = sidpy.Dataset.from_array(np.asarray(one.transpose("x", "y").values, float), title=quantity)
             data.data_type, data.quantity = "image", quantity
             units = str(one.attrs.get("units", "1"))

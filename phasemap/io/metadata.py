@@ -135,12 +135,28 @@ NOT_OURS = (ArithmeticError, AttributeError, KeyError, RecursionError, TypeError
 """Errors of an attribute ``configuration`` that is not there, or somebody else's."""
 
 
-def of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
+def settings_of_image(image: xr.Dataset) -> dict[str, Any]:
+    """What an image or a sweep says of its scan: attributes, and where phasemap made it what these leave out.
+
+    Of several setpoints it is that of the coordinate, where one was selected.
+    """
+    one = image.coords.get("setpoint")
+    selected = {} if one is None or one.ndim else {"setpoint": float(one)}
+    return {**_of_simulation(image.attrs), **selected, **image.attrs}
+
+
+def is_simulated(image: xr.Dataset) -> bool:
+    """True if phasemap made an image or a sweep."""
+    return bool(_of_simulation(image.attrs))
+
+
+def _of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
     """Canonical values of a simulated image or sweep, but the zero of a levelled phase; empty for others."""
     try:
         told = json.loads(attrs["configuration"])
         scope = microscope_of_configuration(told["microscope"])
-        found = _of_microscope(scope, told.get("setpoint"), told.get("control", {}))
+        setpoint = told.get("setpoint")
+        found = _of_microscope(scope, setpoint if isinstance(setpoint, int | float) else None, told.get("control", {}))
     except NOT_OURS:
         return {}
     return {name: value for name, value in found.items() if name != "phase_zero" or "levelled" not in attrs}
@@ -182,7 +198,7 @@ def _of_microscope(scope: Microscope, setpoint: Any, control: Mapping[str, Any])
         setpoint=setpoint, stiffness=lever.stiffness, resonance_frequency=lever.resonance_frequency,
         quality_factor=lever.quality_factor, tip_radius=scope.tip.radius, line_rate=control.get("line_rate"),
         proportional_gain=control.get("proportional_gain"), integral_gain=control.get("integral_gain"),
-        phase_zero=scope.free_phase,
+        phase_zero=scope.free_phase, phase_sign=1.0,
     )  # fmt: skip
     return scan.values
 
@@ -200,7 +216,7 @@ def day_of(text: str | None) -> float | None:
 def quantity(text: str | None) -> float | None:
     """A number with its unit in SI units, a percentage as a fraction; None where there is none."""
     found = _NUMBER.match(text or "")
-    if not found:
+    if not found or found[2].startswith(","):  # a decimal comma
         return None
     number, unit = float(found[1]), found[2].removesuffix("<sup>-1</sup>")
     if unit == "%":

@@ -20,7 +20,7 @@ from phasemap._shared.notices import tell
 from phasemap._shared.pixels import LONG_NAMES, centres, coordinates
 from phasemap.io.gwyddion import Channel, load_channels, merged
 from phasemap.io.measured import on_one_turn
-from phasemap.io.metadata import KINDS, METRES, Kind, check_places, implausible, of_simulation
+from phasemap.io.metadata import KINDS, METRES, Kind, check_places, implausible, settings_of_image
 from phasemap.io.netcdf import load
 from phasemap.io.vendors import operating_mode, scan_data
 
@@ -183,9 +183,12 @@ def _assemble(
     for kind, group in chosen.items():
         for channel in group.values():
             _check_unit(path, channel, KINDS[kind])
-        factor, unit = KINDS[kind].units[next(iter(group.values())).unit]
+        units = KINDS[kind].units
+        unit, *differ = dict.fromkeys(units[channel.unit][1] for channel in group.values())
+        if differ:
+            raise FileError(f"cannot use {path}: {kind} is in {unit} one way and in {differ[0]} the other.")
         with np.errstate(all="ignore"):  # of bytes that are not numbers
-            data = np.stack([channel.data * factor for channel in group.values()])
+            data = np.stack([channel.data * units[channel.unit][0] for channel in group.values()])
         if kind == "phase":
             data = on_one_turn(data)
         attrs = {"long_name": KINDS[kind].long_name, "units": unit}
@@ -278,8 +281,7 @@ def read_netcdf(path: Path) -> xr.Dataset:
     tell(doubts)
     if remarks or doubts:
         ds.attrs["warnings"] = "\n".join(filter(None, [str(ds.attrs.get("warnings", "")), *remarks, *doubts]))
-    ds.attrs = {**of_simulation(ds.attrs), **ds.attrs}
-    return ds
+    return ds.assign_attrs(settings_of_image(ds))
 
 
 def _converted(path: Path, ds: xr.Dataset, name: str, units: dict[str, tuple[float, str]], what: str) -> xr.Dataset:

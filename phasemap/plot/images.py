@@ -363,7 +363,7 @@ def _titles(ds: xr.Dataset) -> list[str]:
     configuration = json.loads(ds.attrs.get("configuration", "{}")) or _as_recorded(ds.attrs)
     said = [ds.attrs["source"]] if "vendor_metadata" in ds.attrs else []
     if "setpoint" in configuration:
-        setpoints = configuration["setpoint"] if "setpoint" not in ds.dims else []
+        setpoints = ds.coords.get("setpoint", configuration["setpoint"]) if "setpoint" not in ds.dims else []
         said += [f"setpoint {one:g}" for one in np.atleast_1d(setpoints)]
     elif volts := ds.attrs.get("setpoint_voltage"):
         said.append(f"setpoint {say(volts, 'V')}")

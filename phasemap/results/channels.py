@@ -20,7 +20,7 @@ from phasemap.experiment.control import Control
 from phasemap.experiment.described import describe
 from phasemap.experiment.lever import DETECTED
 from phasemap.experiment.microscope import Cantilever, Drive, Microscope, Tip
-from phasemap.io.metadata import of_simulation, recorded_microscope, recorded_sign
+from phasemap.io.metadata import recorded_microscope, recorded_sign, settings_of_image
 from phasemap.results.quantities import CHANNELS, Channel, channel_attributes, motion_seen
 from phasemap.results.variables import MODAL, all_variables_of, check_variables, phase_lag, provenance, variables_of
 
@@ -144,7 +144,7 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -
 @unquestioned()  # who made the image was told then
 def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dict[str, Any]]:
     """Microscope, as far as the formulas need it, and settings of the scan that the image states."""
-    said = {**of_simulation(image.attrs), **image.attrs}
+    said = settings_of_image(image)
     if scope is not None:
         return scope, said
     if found := recorded_microscope(image.attrs):
@@ -163,7 +163,7 @@ def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Mi
 
 def counted_from(image: xr.Dataset) -> float:
     """Recorded phase where a simulated one is 0 [degree]; NaN of an image that does not say what it was in free air."""
-    said = {**of_simulation(image.attrs), **image.attrs}
+    said = settings_of_image(image)
     if "phase_zero" not in said:
         return math.nan
     try:
@@ -178,6 +178,15 @@ def lag_of(image: xr.Dataset) -> xr.DataArray:
     zero, sign = counted_from(image), recorded_sign(image.attrs)
     zero = zero if math.isfinite(zero) else 0.0 if sign == 1 else 90.0
     return phase_lag(sign * (image["phase"] - zero) if (zero, sign) != (0.0, 1) else image["phase"])
+
+
+def as_lag(image: xr.Dataset) -> xr.Dataset:
+    """The image with its lag in place of the phase, and what its attributes then say of zero and sign."""
+    found, counted, said = image.assign(phase=lag_of(image)), counted_from(image), settings_of_image(image)
+    found.attrs["phase_sign"] = -1
+    if math.isfinite(counted):
+        found.attrs["phase_zero"] = 90.0 - recorded_sign(said) * (float(said["phase_zero"]) - counted)
+    return found
 
 
 def _phase(

@@ -209,7 +209,7 @@ def load_ensemble(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -
     samples = make_samples(tables["ensemble"], folder)
     for key in samples[0]:
         _check_key(key, tables)
-    check_overrides(overrides, samples[0])
+    check_overrides(overrides, samples)
     names = [name_of(key) for key in samples[0]]
     if len(set(names)) < len(names):
         raise InputError("names of variables", ", ".join(names), "another one for each key")
@@ -230,7 +230,7 @@ def _attributes_of(key: str) -> dict[str, str]:
     *tables, name = key.split(".")
     about = {"long_name": " ".join([*tables, name]).replace("_", " "), "key": key}
     unit = unit_of(key)
-    units = UDUNITS.get(unit, unit) or UNITS.get(name)
+    units = UDUNITS.get(unit, unit) or (UNITS.get(name) if tables[0] != "surface" else None)
     return about if units is None else {**about, "units": units}
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import netCDF4
 
 NUMBERS = {  # long name and units, of what is a number a sample
-    "failed": ("pixels without a solution", "1"),
+    "failed": ("pixels whose status is not good", "1"),
     "irregular": ("pixels with irregular motion", "1"),
     "distinct_materials": ("distinct materials; pixels where they are too many to count", "1"),
     "adhesion_force": ("largest adhesion between tip and sample", "N"),

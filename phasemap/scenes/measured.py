@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from phasemap._shared.asked import asked_as
-from phasemap._shared.checks import check_choice, whole
+from phasemap._shared.checks import check_choice, number, whole
 from phasemap._shared.errors import FileError, InputError, PhasemapError
 from phasemap._shared.files import check_target, replacing
 from phasemap._shared.notices import tell
@@ -26,7 +26,7 @@ from phasemap._shared.units import say
 from phasemap.experiment.presets import preset_of
 from phasemap.experiment.surface import Surface
 from phasemap.io.measured import APART, level_height, one_scan, segment_height, segment_phase, separation_of
-from phasemap.io.metadata import of_simulation, recorded_microscope, recorded_sign
+from phasemap.io.metadata import is_simulated, recorded_microscope, recorded_sign, settings_of_image
 from phasemap.io.netcdf import save
 from phasemap.io.read import read_image
 from phasemap.scenes.objects import microscope_of, written_microscope
@@ -134,7 +134,7 @@ def scene_from(
     for target in (path, maps_path):
         check_target(target, overwrite)
     scan = _scan_of(image, phases, by, direction)
-    tables, notes = _microscope(scan.attrs, list(overrides))
+    tables, notes = _microscope(settings_of_image(scan), list(overrides))
     labels, homogeneous = _labels(scan, phases, by)
     phases = int(labels.max()) + 1 if phases is None else phases
     tell([homogeneous] if homogeneous else [])
@@ -187,7 +187,7 @@ def _scan_of(
     """Scan of the image in one direction, with the channels that tell its materials apart."""
     if isinstance(image, str | os.PathLike):
         name, image = Path(image).name, read_image(image)
-        image.attrs |= {"source": name} if of_simulation(image.attrs) else {}  # which phasemap is there
+        image.attrs |= {"source": name} if is_simulated(image) else {}  # which phasemap is there
     if not hasattr(image, "data_vars"):
         raise InputError("the image", type(image).__name__, "an xarray.Dataset or a file")
     try:
@@ -209,7 +209,6 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         tables = with_override(tables, override)
         notes[override.partition("=")[0].strip()] = "given"
     lever, drive = tables["cantilever"], tables["drive"]
-    attrs = {**of_simulation(attrs), **attrs}
     nominal = str(attrs.get("nominal", "")).split()
     recorded = {key: float(attrs[name]) for key, name in RECORDED.items() if name in attrs}
     measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
@@ -236,7 +235,8 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         drive["free_amplitude"] = float(attrs["free_amplitude"]) * loss
         notes["drive.free_amplitude"] = "as recorded" + (", brought to resonance" if loss > 1.001 else "")
     if "setpoint" not in tables["scan"] and "setpoint_amplitude" in attrs and "free_amplitude" in drive and loss:
-        tables["scan"]["setpoint"] = float(attrs["setpoint_amplitude"]) * loss / float(drive["free_amplitude"])
+        free = number("drive.free_amplitude", drive["free_amplitude"], "m", above=0)
+        tables["scan"]["setpoint"] = float(attrs["setpoint_amplitude"]) * loss / free
         notes["scan.setpoint"] = "recorded amplitude over free amplitude"
     missing = [key for key in NEEDED if key.partition(".")[2] not in tables[key.partition(".")[0]]]
     if "setpoint_amplitude" in attrs and "drive.free_amplitude" in missing and "scan.setpoint" in missing:

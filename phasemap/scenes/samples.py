@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from phasemap._shared.quantities import NotThatUnit, in_si, is_number, with_unit
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.interaction import Interaction
+from phasemap.experiment.labels import Variation
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Cantilever, Drive, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
@@ -28,6 +29,7 @@ from phasemap.scenes.tables import check_keys, construct, stated_in, value_of
 OWNERS: dict[str, type] = {
     "cantilever": Cantilever, "tip": Tip, "drive": Drive, "drive.second": Mode, "interaction": Interaction,
     "control": Feedback, "accuracy": Accuracy, "realism": Realism, "realism.tip_change": TipChange,
+    "surface.variation": Variation,
 }  # fmt: skip
 
 
@@ -67,11 +69,12 @@ def make_samples(table: Table, folder: Path) -> tuple[Table, ...]:
     return _read(folder, table) if "table" in table else _drawn(table)
 
 
-def check_overrides(overrides: Iterable[str], varied: Iterable[str]) -> None:
-    """Refuse overrides of keys that are varied, by a preset too."""
+def check_overrides(overrides: Iterable[str], samples: Iterable[Mapping[str, Any]]) -> None:
+    """Refuse overrides of keys that are varied, by a preset too, in either of them."""
+    varied = {name for sample in samples for key, value in sample.items() for name in (key, *stated_in(key, value))}
     for override in overrides:
         name, _, text = override.partition("=")
-        if both := sorted(({name.strip()} | stated_in(name.strip(), value_of(text))) & set(varied)):
+        if both := sorted(({name.strip()} | stated_in(name.strip(), value_of(text))) & varied):
             raise InputError("override", override, f"a key that the ensemble does not vary, not {', '.join(both)}")
 
 

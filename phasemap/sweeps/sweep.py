@@ -231,9 +231,10 @@ def orbits(
     Returns
     -------
     xarray.Dataset
-        Dim "orbit", from far to near: variables as of an image, with floquet, feedback_slope and stable. The attribute
-        `complete` is 1 if every piece of the curve that was found was followed until it closes, leaves the range of
-        the instrument, or ends where a contact with a force that jumps is made or lost; 0 if one was given up before.
+        Dim "orbit", from far to near, or at one tip offset from the largest amplitude to the least: variables as of an
+        image, with floquet, feedback_slope and stable. The attribute `complete` is 1 if every piece of the curve that
+        was found was followed until it closes, leaves the range of the instrument, or ends where a contact with a force
+        that jumps is made or lost; 0 if one was given up before.
 
     Examples
     --------
@@ -253,8 +254,7 @@ def orbits(
         tip_offset = _offset(tip_offset)
         curves = curves_to_offset(path, tip_offset)
     rows = curves.seen(curves.wanted_rows)
-    if setpoint is not None:
-        rows = rows[np.argsort(-rows[:, col.TIP_OFFSET], kind="stable")]
+    rows = rows[np.argsort(-rows[:, col.AMPLITUDE if setpoint is None else col.TIP_OFFSET], kind="stable")]
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip
@@ -271,7 +271,7 @@ def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
         "floquet", "feedback_slope", "energy_closure", "branch",
     )  # fmt: skip
     found = xr.Dataset(of_rows(rows, names, "orbit"))
-    found["orbit"] = ("orbit", np.arange(len(rows)), {"long_name": "orbit, far to near"})
+    found["orbit"] = ("orbit", np.arange(len(rows)), {"long_name": "orbit"})
     stable = (rows[:, col.FLOQUET] < 1).astype(np.int8)
     found["stable"] = ("orbit", stable, coded("stability of the orbit at fixed tip offset", *STABILITY))
     return found

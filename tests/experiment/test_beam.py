@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import phasemap as pm
 from phasemap.experiment.beam import BETAS
 from phasemap.experiment.described import describe
-from phasemap.io.metadata import of_simulation
+from phasemap.io.metadata import settings_of_image
 from phasemap.scenes.objects import microscope_of, microscope_tables
 from phasemap.scenes.scene import scene_from_json
 from phasemap.validation.claims import microscope_from
@@ -139,7 +140,7 @@ SCOPES = [
 def test_a_lever_comes_back_from_the_provenance_of_an_image_and_from_a_scene(scope: pm.Microscope) -> None:
     stored = json.loads(json.dumps({"microscope": describe(scope), "setpoint": 0.7, "control": {}}))
     assert microscope_from(stored["microscope"]) == scope
-    said = of_simulation({"configuration": json.dumps(stored)})
+    said = settings_of_image(xr.Dataset(attrs={"configuration": json.dumps(stored)}))
     assert said["free_amplitude"] == scope.driven_amplitude and said["phase_zero"] == scope.free_phase
     assert microscope_of(json.loads(json.dumps(microscope_tables(scope)))) == scope
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import ast
 import tempfile
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import phasemap as pm
 from phasemap._shared.errors import InputError
 from phasemap.explorer.saving import python_of
 from phasemap.explorer.setting import Setting
@@ -71,6 +74,24 @@ def test_every_text_and_number_comes_back_from_the_toml_that_is_written(table: d
 def test_a_file_name_that_is_no_text_cannot_be_named_in_a_scene_and_that_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"text of a TOML file is '.*\\udcff'; allowed: characters of Unicode"):
         written(str(tmp_path / "\udcff"))
+
+
+def test_python_of_a_surface_of_ones_own_makes_its_microscope_and_materials() -> None:
+    lever = pm.Cantilever(2.0, 75e3, 200.0, modes=(pm.Eigenmode(80.0, 470e3, 600.0),))
+    scope = pm.Microscope(lever, pm.Tip(10e-9), pm.Drive(30e-9))
+    slow = pm.Material(adhesion=0.02, relaxation=pm.Prony([0.5e9, 0.2e9], [1e-6, 1e-4], 0.3e9))
+    surface = pm.Surface.from_labels(np.arange(6).reshape(2, 3) % 2, {0: slow, 1: pm.Material(3e9)}, pixel_size=2e-9)
+    moved = Setting.of(subject_of(surface, scope, 0.7), {"changes": {"cantilever.quality_factor": 250.0}})
+    moved = replace(
+        moved, scope=replace(moved.scope, cantilever=replace(lever, modes=(pm.Eigenmode(90.0, 4e5, 60.0),)))
+    )
+    script = python_of(moved)
+    assert "pm.Prony(" in script and "pm.Eigenmode(" in script
+    made = {"surface": surface, "scope": scope}
+    exec(script.partition("image = ")[0], made)
+    assert (
+        made["scope"] == moved.scope and sorted(made["materials"].values(), key=repr)[0].relaxation == slow.relaxation
+    )
 
 
 def test_a_lever_with_modes_is_saved_as_it_is(tmp_path: Path) -> None:

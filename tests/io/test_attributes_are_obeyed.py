@@ -17,9 +17,10 @@ import pytest
 import xarray as xr
 
 import phasemap as pm
+from phasemap.cli import main
 from phasemap.inference import sampling
 from phasemap.inference.series.settings import scope_of
-from phasemap.io.metadata import of_simulation
+from phasemap.io.metadata import CANONICAL, settings_of_image
 from phasemap.io.netcdf import load
 
 pytestmark = pytest.mark.skipif(find_spec("skimage") is None, reason='needs pip install "afm-phasemap[read]"')
@@ -28,6 +29,7 @@ SCOPE = pm.Microscope(pm.Cantilever(40.0, 300e3, 100.0), pm.Tip(10e-9), pm.Drive
 FREE = SCOPE.free_phase  # 28 degrees
 LABELS = (np.indices((24, 32))[1] >= 20).astype(int)
 PAIR = {0: pm.Material(1e9, 0.05, 0.02), 1: pm.Material(3e9, 0.05, 0.005)}
+SURFACE = pm.Surface.from_labels(LABELS, PAIR, pixel_size=4e-9, topography=2e-9 * LABELS)
 SETPOINTS = (0.5, 0.7)
 SHIFT = 37.0  # degrees
 Images = list[xr.Dataset]
@@ -41,10 +43,14 @@ def _few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @cache
 def simulated() -> tuple[xr.Dataset, ...]:
-    surface = pm.Surface.from_labels(LABELS, PAIR, pixel_size=4e-9, topography=2e-9 * LABELS)
-    images = [pm.simulate(surface, SCOPE, one) for one in SETPOINTS]
+    images = [pm.simulate(SURFACE, SCOPE, one) for one in SETPOINTS]
     noise = np.random.default_rng(1).normal(size=(2, *LABELS.shape))
     return tuple(one.assign(phase=one.phase + 0.05 * more) for one, more in zip(images, noise, strict=True))
+
+
+@cache
+def several_setpoints() -> xr.Dataset:
+    return pm.simulate(SURFACE, SCOPE, list(SETPOINTS))
 
 
 def with_phase(image: xr.Dataset, phase: Any, zero: float, sign: int) -> xr.Dataset:
@@ -62,12 +68,38 @@ def as_lag(image: xr.Dataset, _: Path) -> xr.Dataset:
     return with_phase(image, 90.0 - image.phase.values, 90.0 - FREE, -1)
 
 
-def recorded(image: xr.Dataset, _: Path) -> xr.Dataset:
+def recorded(image: xr.Dataset, folder: Path) -> xr.Dataset:
     """Nothing but what an instrument can know."""
-    said = {name: value for name, value in of_simulation(image.attrs).items() if name != "tip_radius"}
-    found = image[["height", "phase", "amplitude"]]
-    found.attrs = {"phase_sign": 1, **said}
+    found = with_radius(image, folder)
+    del found.attrs["tip_radius"]
     return found
+
+
+def with_radius(image: xr.Dataset, _: Path) -> xr.Dataset:
+    """The same, and of which tip."""
+    found = image[["height", "phase", "amplitude"]]
+    found.attrs = {name: value for name, value in settings_of_image(image).items() if name in CANONICAL}
+    return found
+
+
+def selected(image: xr.Dataset, _: Path) -> xr.Dataset:
+    """One of a Dataset of several setpoints."""
+    several = several_setpoints()
+    i = SETPOINTS.index(json.loads(image.attrs["configuration"])["setpoint"])
+    return several.isel(setpoint=i).assign(phase=image.phase)
+
+
+def in_gwyddion(image: xr.Dataset, folder: Path) -> xr.Dataset:
+    path = folder / "image.gwy"
+    pm.export(image, path, overwrite=True)
+    return pm.read_image(path)
+
+
+def as_lag_in_gwyddion(image: xr.Dataset, folder: Path) -> xr.Dataset:
+    source, path = folder / "image.nc", folder / "lag.gwy"
+    image.to_netcdf(source)
+    assert main(["export", str(source), str(path), "--lag", "--overwrite"]) == 0
+    return pm.read_image(path)
 
 
 def shifted(image: xr.Dataset, folder: Path) -> xr.Dataset:
@@ -140,7 +172,8 @@ CONSUMERS: tuple[Callable[[Images, Path], dict[str, Any]], ...] = (
     compare, channels, invert, fit_regions, series, scene_from, measured_surface, drawn_as_lag,
 )  # fmt: skip
 WAYS: dict[Any, Any] = {  # each, and the plain way to say the same
-    from_file: None, as_lag: None, shifted: recorded, shifted_lag: recorded, held_in_metres: recorded,
+    from_file: None, selected: None, as_lag: None, in_gwyddion: with_radius, as_lag_in_gwyddion: with_radius,
+    shifted: recorded, shifted_lag: recorded, held_in_metres: recorded,
 }  # fmt: skip
 
 

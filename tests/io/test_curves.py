@@ -46,6 +46,16 @@ def test_columns_with_names_and_units_are_a_curve_of_both_directions(tmp_path: P
 
 
 @pytest.mark.filterwarnings(TOLD)
+@pytest.mark.parametrize("free", [0.0, 178.0, -178.0])
+def test_the_sign_of_a_phase_is_not_turned_by_the_end_of_its_range(tmp_path: Path, free: float) -> None:
+    phase = (free + 90.0 - LAG + 180) % 360 - 180  # up to 5 degrees more where the tip is nearest
+    curve = pm.read_curve(
+        text(tmp_path / "curve.txt", "z [nm]\tamp [mV]\tphase [deg]", 1e9 * Z, 1e3 * AMPLITUDE, phase)
+    )
+    assert curve.attrs["phase_sign"] == 1 and curve.attrs["phase_zero"] == pytest.approx(free)
+
+
+@pytest.mark.filterwarnings(TOLD)
 @pytest.mark.parametrize("mark", [";", "\t", "; "])
 def test_a_decimal_comma_is_no_mark_between_columns(tmp_path: Path, mark: str) -> None:
     point = text(tmp_path / "point.txt", "z [nm]\tAmplitude [mV]\tPhase lag [deg]", 1e9 * Z, 1e3 * AMPLITUDE, LAG)

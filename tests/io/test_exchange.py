@@ -40,6 +40,8 @@ def test_sidpy_has_an_image_as_it_was(directions: bool) -> None:
     first = given.isel(direction=0) if directions else given
     np.testing.assert_array_equal(phase.compute(), first.phase.values.T)
     np.testing.assert_array_equal(made["Channel_000"].compute(), first.height.values.T)
+    alone = pm.to_sidpy(first.assign_attrs(direction="retrace"))
+    assert [one.quantity for one in alone.values()] == ["HeightRetrace", "PhaseRetrace"]
 
 
 def test_what_does_not_fit_is_named() -> None:

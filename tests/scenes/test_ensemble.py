@@ -407,6 +407,16 @@ def test_a_key_that_is_varied_cannot_be_set_too(tmp_path: Path) -> None:
         InputError, match=r"override is 'scan\.setpoint=0\.6'; allowed: a key that the ensemble does not"
     ):
         load_ensemble(written(tmp_path), ["scan.setpoint=0.6"])
+    presets = '[ensemble]\ncount = 2\n[ensemble.vary]\n"materials.soft.preset" = ["PS", "LDPE"]\n'
+    with pytest.raises(InputError, match=r"does not vary, not materials\.soft\.modulus"):
+        load_ensemble(written(tmp_path, presets), ["materials.soft.modulus=2e9"])
+
+
+def test_what_varies_within_materials_is_varied_as_a_share(tmp_path: Path) -> None:
+    share = '[ensemble]\ncount = 2\n[ensemble.vary]\n"surface.variation.modulus" = [0.1, 0.2]\n'
+    scene = SCENE.replace("pixel_size = 4e-9", 'pixel_size = 4e-9\nvariation = { correlation_length = "8 nm" }')
+    load_ensemble(written(tmp_path, share, scene)).simulate(tmp_path / "out.nc")
+    assert load(tmp_path / "out.nc")["surface.variation.modulus"].attrs["units"] == "1"
 
 
 def test_a_file_is_either_a_scene_or_an_ensemble(tmp_path: Path) -> None:

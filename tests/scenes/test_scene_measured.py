@@ -261,8 +261,9 @@ def test_a_setpoint_in_metres_follows_from_the_free_amplitude(tmp_path: Path) ->
     image = without("setpoint", "free_amplitude").assign_attrs(setpoint_amplitude=15e-9)
     with pytest.raises(PhasemapError, match=r"does not say tip\.radius, drive\.free_amplitude: give"):
         scene_from(image, tmp_path / "scene.toml", 1)
-    scene = scene_from(image, tmp_path / "scene.toml", 1, [TIP, "drive.free_amplitude=25e-9"])
-    assert scene.options["setpoint"] == pytest.approx(0.6)
+    for i, free in enumerate(("25e-9", "25nm", "'25 nm'")):
+        scene = scene_from(image, tmp_path / f"scene{i}.toml", 1, [TIP, f"drive.free_amplitude={free}"])
+        assert scene.options["setpoint"] == pytest.approx(0.6)
 
 
 def test_bad_values_are_refused_and_nothing_is_written(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from phasemap._shared.arrays import Array, as_array, as_list, within_half_a_turn
 from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
 from phasemap.experiment.microscope import Microscope
-from phasemap.io.metadata import of_simulation, recorded_sign
+from phasemap.io.metadata import recorded_sign, settings_of_image
 from phasemap.solvers.problem import check_setpoint
 
 PHASE, HEIGHT = 0, 1
@@ -109,7 +109,7 @@ def setpoints_of(images: list[xr.Dataset], setpoints: object, scopes: tuple[Micr
     else:
         found = []
         for one, scope in zip(images, scopes, strict=True):
-            said = {**of_simulation(one.attrs), **one.attrs}
+            said = settings_of_image(one)
             held = said.get("setpoint_amplitude")
             found.append(said.get("setpoint", None if held is None else float(held) / scope.driven_amplitude))
         if None in found:
@@ -139,7 +139,7 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
 
 def recorded_zeros(images: list[xr.Dataset], scopes: tuple[Microscope, ...]) -> list[float] | None:
     """Recorded phase [degree] where the simulated is 0, by that of the free lever; None if an image does not say it."""
-    said: list[dict[Any, Any]] = [{**of_simulation(one.attrs), **one.attrs} for one in images]
+    said = [settings_of_image(one) for one in images]
     if not all("phase_zero" in one for one in said):
         return None
     return [

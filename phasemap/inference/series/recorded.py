@@ -17,7 +17,7 @@ from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import tell, untold
 from phasemap._shared.units import listed as listed_words
-from phasemap.io.metadata import of_simulation
+from phasemap.io.metadata import settings_of_image
 from phasemap.io.read import read_image
 
 OF_TUNE = {"drive_frequency": 2e-4, "drive_voltage": 0.02, "phase_zero": 5.0, "lock_in_phase": 1.0, "day": 0.5}
@@ -64,7 +64,7 @@ def recorded_of(
     images: Sequence[xr.Dataset], names: Sequence[str], told: list[str]
 ) -> tuple[list[dict[str, Any]], NDArray[np.intp]]:
     """Settings that each file, or else its tune, states, and the tune of each, shape (m,); doubts are told."""
-    known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    known: list[dict[str, Any]] = [settings_of_image(one) for one in images]
     tunes, said = _tunes_of(known, OF_TUNE)
     if len(said) > 1:
         listed = "; ".join(", ".join(names[i] for i in np.flatnonzero(tunes == k).tolist()) for k in range(len(said)))

@@ -20,7 +20,7 @@ from phasemap.experiment.microscope import AMPLITUDE, Cantilever, Drive, Microsc
 from phasemap.experiment.presets import levers
 from phasemap.inference.images.stack import FREE, SHARED, of_each_image
 from phasemap.inference.series.recorded import recorded_of
-from phasemap.io.metadata import of_simulation, recorded_microscope
+from phasemap.io.metadata import is_simulated, recorded_microscope, settings_of_image
 
 HELD = "held"  # beside the words of `stack`
 RADIUS = 10e-9  # of a tip of which nothing is said [m]
@@ -132,7 +132,7 @@ def scope_of(
     images: Sequence[xr.Dataset], scope: Microscope | None, given: Collection[str] = ()
 ) -> tuple[Microscope, list[str]]:
     """The microscope, of the files, what is `given` in place of theirs, and what has to be assumed, which is told."""
-    known: list[dict[str, Any]] = [of_simulation(one.attrs) | dict(one.attrs) for one in images]
+    known: list[dict[str, Any]] = [settings_of_image(one) for one in images]
     names = [str(one.attrs.get("title") or f"image {i}") for i, one in enumerate(images)]
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
     if frequencies and max(frequencies) > (1 + SAME_DRIVE) * min(frequencies):
@@ -220,9 +220,8 @@ def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[
     sign = given["sign"]
     if sign is None and len({one.get("phase_sign") for one in known}) == 1 and known[0].get("phase_sign") in (1, -1):
         sign = int(known[0]["phase_sign"])
-        told.append(f"Phase is counted with sign {sign}, as this vendor documents.")
-    if sign is None and not any("phase_sign" in one for one in known) and all(of_simulation(one) for one in known):
-        sign = 1  # of phasemap's own images
+        if not all(is_simulated(one) for one in images):
+            told.append(f"Phase is counted with sign {sign}, as this vendor documents.")
     if sign is not None and not is_sign(sign):
         raise InputError("sign", sign, "1, -1 or None")
     if sign is None:
