@@ -28,7 +28,6 @@ from phasemap.sweeps.contrasts.pair import (
     Inversion,
     Pair,
     PhaseJump,
-    regime_of,
 )  # fmt: skip
 
 Array = np.ndarray
@@ -153,7 +152,7 @@ def reason_of(
         found.append(
             PointMotion.of(
                 work.lever, float(work.amplitudes[material]), math.degrees(row[col.PHASE]), name=name, advice="",
-                regime=REGIMES[int(regime_of(row))], bistable=bool(regime[at] == BISTABLE),
+                regime="repulsive" if col.is_repulsive(row) else "attractive", bistable=bool(regime[at] == BISTABLE),
                 motion=words["motion"][int(motion[at])], solver=words["solver"][int(engaged.solver[at])],
                 lost=float(row[col.DISSIPATION]), virial=float(row[col.VIRIAL]),
                 indentation=float(row[col.INDENTATION]), tip_offset=float(row[col.TIP_OFFSET]),
