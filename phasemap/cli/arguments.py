@@ -74,6 +74,9 @@ def check_files(arguments: argparse.Namespace) -> None:
     from phasemap.io.netcdf import check_dataset
 
     output, plot = arguments.output, arguments.plot
+    for name in NAMES if plot is None else ():
+        if (given := getattr(arguments, name, None)) is not None:
+            raise InputError(f"--{name}", given, "nothing without --plot")
     if plot is not None and plot == output:
         raise InputError("--plot", str(plot), "another file than that of -o")
     if output is not None:

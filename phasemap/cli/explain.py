@@ -135,15 +135,15 @@ def add_series(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(overrides=[])
     about = "two or more measured images; key=value sets a part of the microscope"
     parser.add_argument("files", metavar="FILE", nargs="+", help=about)
-    parser.add_argument(
-        "--regions", type=whole_number, default=2, metavar="N", help="number of regions to find; default: 2"
-    )
+    parser.add_argument("--regions", type=whole_number, metavar="N", help="number of regions to find; default: 2")
     about = "channel that distinguishes regions; default: phase, or height where it shows the same far more sharply"
     parser.add_argument("--by", choices=("phase", "height"), help=about)
     about = "netCDF files with maps of regions, as phasemap scene writes them"
     parser.add_argument("--labels", metavar="LIST", help=about)
     about = "region whose material is known, a preset or one of the scene's, such as 0=mica"
     parser.add_argument("--known", metavar="LABEL=NAME", help=about)
+    about = "material as first guess, a preset or one of the scene's; default: 1 GPa, 0.05 J/m2, damping 0.01"
+    parser.add_argument("--prior", metavar="NAME", help=about)
     parser.add_argument("--setpoints", metavar="LIST", help="setpoints of the files; default: as recorded")
     about = "free amplitudes at the drive frequency [m], or shared or free; default: as recorded"
     parser.add_argument("--free-amplitudes", metavar="LIST", help=about)
@@ -166,20 +166,27 @@ def series(arguments: argparse.Namespace) -> None:
     from phasemap.scenes.scene import load_setup
 
     check_files(arguments)
+    if arguments.regions is not None and arguments.labels is not None:
+        raise InputError("--regions", arguments.regions, "nothing beside --labels, which are the regions")
     words = [word for word in arguments.files if "=" in word] + arguments.overrides
     paths = [Path(word) for word in arguments.files if "=" not in word]
     images = read_files(paths)
     setup = None if arguments.scene is None else load_setup(arguments.scene, [])
     scope, told = microscope_of_files(images, words, None if setup is None else setup.microscope)
     named = {} if setup is None else setup.materials
-    known = known_in(arguments.known, lambda name: named[name] if name in named else Material.preset(name))
-    options: dict[str, Any] = {
+
+    def material_of(name: str) -> Material:
+        return named[name] if name in named else Material.preset(name)
+
+    known = known_in(arguments.known, material_of)
+    options: dict[str, Any] = {} if arguments.prior is None else {"prior": material_of(arguments.prior)}
+    options |= {
         name: one_each(name, getattr(arguments, name), unit, len(paths), "a file", ("shared", "free"))
         for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree"))
     }
     found = explain(
         images, scope,
-        regions=arguments.regions, by=arguments.by, labels=_labels(arguments.labels, len(paths)), known=known,
+        regions=arguments.regions or 2, by=arguments.by, labels=_labels(arguments.labels, len(paths)), known=known,
         sign=arguments.sign, phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed,
         **options,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phasemap._shared.checks import check_choice
-from phasemap._shared.errors import InputError, PhasemapError
+from phasemap._shared.errors import InputError, PhasemapError, Word
 from phasemap.cli.arguments import (
     SURFACE_UNUSED,
     add_files,
@@ -111,7 +111,7 @@ def invert(arguments: argparse.Namespace) -> None:
     if arguments.scene.suffix.lower() != ".toml":
         raise InputError("the scene", str(arguments.scene), "a scene file (.toml)", NEEDED)
     overrides = [word for word in arguments.images if "=" in word] + arguments.overrides
-    setup = load_setup(arguments.scene, overrides)
+    setup = load_setup(arguments.scene, overrides, "--setpoints")
     check_files(arguments)
     given = _load([Path(word) for word in arguments.images if "=" not in word], setup, arguments, overrides)
     options: dict[str, Any] = {"setpoints": given.setpoints, "prior_factor": arguments.prior_factor}
@@ -141,6 +141,8 @@ def _load(paths: list[Path], setup: SceneSetup, arguments: argparse.Namespace, o
         _numbers_of(name, arguments, len(images)) or [None] * len(images) for name in ("setpoints", "free_amplitudes")
     )
     fixed = any(word.partition("=")[0].strip() == "drive.free_amplitude" for word in overrides)
+    if fixed and amplitudes[0] is not None:
+        raise InputError("drive.free_amplitude", Word("given"), "nothing beside --free-amplitudes")
     scopes = []
     for i, (path, image) in enumerate(zip(paths, images, strict=True)):
         if amplitudes[i] is None:
@@ -161,6 +163,8 @@ def _invert(
 ) -> tuple[xr.Dataset, list[str]]:
     """Dataset of regions or maps, and notes on it."""
     if arguments.regions is not None:
+        if arguments.zeros_from is not None:
+            raise InputError("--zeros-from", arguments.zeros_from, "nothing beside --regions: it is for maps by pixel")
         return _by_regions(arguments.regions, given, setup, options, arguments), []
     if arguments.zeros_from is None:
         for name in ("known", "flat"):

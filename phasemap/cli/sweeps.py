@@ -93,7 +93,11 @@ def sweep(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     check_choice("AXIS", arguments.axis, dict.fromkeys(("distance", "setpoint", "frequency", *UNITS)))
     ends, points, overrides = _split_words(arguments.overrides, arguments.axis, arguments.points)
-    setup = load_setup(arguments.scene, overrides)
+    swept = f"AXIS, which is {arguments.axis}" if arguments.axis in ("distance", "setpoint") else ""
+    held = (
+        "--setpoint" if arguments.setpoint is not None else "--tip-offset" if arguments.tip_offset is not None else ""
+    )
+    setup = load_setup(arguments.scene, overrides, swept or held)
     name, material = _material(setup, arguments.material)
     values = _axis_values(arguments, ends, points, material, setup.microscope)
     check_files(arguments)
@@ -279,7 +283,7 @@ def contrast(arguments: argparse.Namespace) -> None:
     from phasemap.sweeps.contrasts.contrast_map import contrast as map_contrast
 
     started = time.perf_counter()
-    setup = load_setup(arguments.scene, arguments.overrides)
+    setup = load_setup(arguments.scene, arguments.overrides, "--setpoints")
     names = _names(setup, arguments.materials)
     options: dict[str, Any] = {
         "setpoints": _values("--setpoints", arguments.setpoints),

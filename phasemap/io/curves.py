@@ -14,7 +14,7 @@ import xarray as xr
 from phasemap._shared.arrays import within_half_a_turn
 from phasemap._shared.asked import asked_as
 from phasemap._shared.checks import whole
-from phasemap._shared.errors import FileError
+from phasemap._shared.errors import FileError, InputError
 from phasemap._shared.notices import tell
 from phasemap.io.curve_columns import DIRECTIONS, FEWEST, NAMES, OF_IMAGES, TEXT, Parts, of_text, of_wave
 from phasemap.io.curve_files import ARCHIVES, is_nanoscope, of_archive, of_nanoscope
@@ -66,12 +66,17 @@ def read_curve(
     path, number = Path(path), whole("number", number, 0)
     if not os.path.isfile(path):  # nor is a name that is no name
         raise FileError(f"cannot read {path}: {'it is a folder' if os.path.isdir(path) else 'there is no such file'}.")
-    told = dict[str, str]()
-    if path.suffix.lower() in NETCDF:
+    told, kind = dict[str, str](), path.suffix.lower()
+    one = kind in NETCDF or kind == ".ibw"
+    if one and number:
+        raise InputError("number", number, f"0, for {path.name} holds one curve")
+    if columns is not None and (one or kind in ARCHIVES or is_nanoscope(path)):
+        raise InputError("columns", columns, f"None, for {path.name} is no text")
+    if kind in NETCDF:
         parts, scan, told = _curve_of_sweep(path)
-    elif path.suffix.lower() == ".ibw":
+    elif kind == ".ibw":
         parts, scan = of_wave(path)
-    elif path.suffix.lower() in ARCHIVES:
+    elif kind in ARCHIVES:
         parts, scan = of_archive(path, number)
     elif is_nanoscope(path):
         parts, scan = of_nanoscope(path, number)

@@ -112,7 +112,12 @@ def one_scan(
             raise FileError(f"cannot use {source}: there is no {name} channel; it holds {listed}.")
     known = image["direction"].values.tolist() if "direction" in image.dims else [image.attrs.get("direction")]
     if direction is not None and not (isinstance(direction, str) and direction in known):
-        raise InputError("direction", direction, "one that was read: " + ", ".join(map(str, known)))
+        listed = (
+            "None, for the image has no directions"
+            if known == [None]
+            else "one that was read: " + ", ".join(map(str, known))
+        )
+        raise InputError("direction", direction, listed)
     if "direction" not in image.dims:
         return image
     chosen = direction or known[0]

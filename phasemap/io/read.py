@@ -85,6 +85,9 @@ def read_image(
         if name is not None and not isinstance(name, str):
             raise InputError(kind, name, "the name of a channel, or None")
     if path.suffix.lower() in NETCDF:
+        for kind, name in wanted.items():
+            if name not in (None, kind):
+                raise InputError(kind, name, f"None for an image in netCDF, whose variable is called {kind}")
         return read_netcdf(path)
     channels = load_channels(path)
     mode = operating_mode(path, merged(channels))

@@ -53,6 +53,7 @@ RECORDED = {
     "drive.frequency": "drive_frequency",
 }
 """Keys of a scene, and the attributes of an image that say them."""
+EDIT = "Change it in the scene that is written."
 MATCHED = "start that gives the measured contrast, not a measurement: edit"
 UNITS_OF = {"height": "m", "phase": "degree"}
 
@@ -140,27 +141,33 @@ def scene_from(
     tell([homogeneous] if homogeneous else [])
     maps = _maps(scan, labels, by)
     shares = _shares(maps["labels"].values, scan)
-    names = [f"material_{label}" for label in range(phases)]
+    names, given = [f"material_{label}" for label in range(phases)], tables["materials"]
     pixel_size = [coordinate_step(scan, dim) for dim in ("y", "x")]
-    tables["surface"] |= {
+    surface = {
         "kind": "labels",
         "labels": {"file": maps_path.name, "variable": "labels"},
         "topography": {"file": maps_path.name, "variable": "topography"},
         "pixel_size": pixel_size,
         "materials": names,
     }
+    for key in surface:
+        if key in tables["surface"]:
+            raise InputError(f"[surface] {key}", tables["surface"][key], "nothing, for it is the image's", EDIT)
+    tables["surface"] |= surface
+    for key in given:
+        check_choice("material", key, names)  # another would be in no pixel
     notes |= {
         "surface.pixel_size": "m, (dy, dx)",
         "surface.materials": f"from the lowest {by} to the highest{', repulsive positive' if by == 'phase' else ''}",
         "surface.topography": "m, recorded height without tilt and row offsets",
     }
-    given = tables["materials"]
     presets = placeholders(phases)
     tables["materials"] = given | {
         name: placeholder_with(preset, given.get(name, {})) for name, preset in zip(names, presets, strict=True)
     }
     notes |= {f"materials.{name}": share for name, share in zip(names, shares, strict=True)}
     scene = scene_from_tables(tables, path.parent, Surface(1e9, pixel_size=1e-9, shape=(2, 2)))  # refuses bad values
+    _check_film(scene)
     for name in names:
         tables["materials"][name] = with_own_damping(tables["materials"][name], given.get(name, {}), scene.microscope)
     made = {
@@ -209,12 +216,20 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         tables = with_override(tables, override)
         notes[override.partition("=")[0].strip()] = "given"
     lever, drive = tables["cantilever"], tables["drive"]
+    named = lever.pop("preset", None)
+    usual = {} if named is None else construct("[cantilever]", {}, partial(preset_of, "levers", named)).values
+    of_preset = {f"cantilever.{name}": value for name, value in usual.items()}, f"of the preset {named}"
     nominal = str(attrs.get("nominal", "")).split()
     recorded = {key: float(attrs[name]) for key, name in RECORDED.items() if name in attrs}
     measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
-    _fill(tables, notes, measured, "as recorded")
     scope, law = recorded_microscope(attrs) or (None, "")
     written = {} if scope is None else written_microscope(scope)
+    if written and usual:  # a lever that was simulated is one that was chosen, as the preset is, and not measured
+        _fill(tables, notes, *of_preset)
+        del written["cantilever"]
+    if written and "frequency" not in written["drive"]:  # it is that of the lever, whatever that is
+        del measured["drive.frequency"], recorded["drive.frequency"]
+    _fill(tables, notes, measured, "as recorded")
     if law or not written:
         written["interaction"] = {}
         note = f"assumed, for {law} is not one of phasemap's laws" if law else "assumed"
@@ -222,10 +237,13 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     for part, table in written.items():
         tables.setdefault(part, {})
         _fill(tables, notes, {f"{part}.{name}": value for name, value in table.items()}, "as recorded")
-    if "preset" in lever:
-        named = lever.pop("preset")
-        usual = construct("[cantilever]", {}, partial(preset_of, "levers", named)).values
-        _fill(tables, notes, {f"cantilever.{name}": value for name, value in usual.items()}, f"of the preset {named}")
+    _fill(tables, notes, *of_preset)
+    tell(
+        f"The {name.replace('_', ' ')} is as recorded, {lever[name]:g}, and not of the preset {named}: give "
+        f"cantilever.{name}={value:g} if it is to be."
+        for name, value in usual.items()
+        if lever[name] != value and notes[f"cantilever.{name}"] == "as recorded"
+    )
     _fill(tables, notes, recorded, "nominal, of levers of this type")
     if "resonance_frequency" not in lever and "frequency" in drive:
         lever["resonance_frequency"] = drive["frequency"]
@@ -249,6 +267,15 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
             missing,
         )
     return tables, notes
+
+
+def _check_film(scene: Scene) -> None:
+    """Refuse a law of films without a film, which no image says the thickness of."""
+    materials = scene.config["materials"]
+    if scene.microscope.interaction.law.takes_film and all(one["thickness"] is None for one in materials.values()):
+        key = f"materials.{next(iter(materials))}.thickness"
+        allowed = "a thickness in m of one material at least, where the contact is that of a film"
+        raise InputError(key, None, allowed, f"Give it, such as {key}=20nm.")
 
 
 def _fill(tables: Table, notes: dict[str, str], values: Mapping[str, Any], note: str) -> None:

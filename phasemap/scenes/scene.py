@@ -48,6 +48,7 @@ TABLES = (
     "scan", "surface", "materials", "cantilever", "tip", "drive", "interaction", "detector", "control", "accuracy",
     "realism", "output",
 )  # fmt: skip
+NOT_OF_SETUP = ("surface", "control", "accuracy", "realism", "output", "ensemble")
 REQUIRED_TABLES = ("scan", "surface", "cantilever", "tip", "drive")
 
 
@@ -164,9 +165,19 @@ class SceneSetup:
     setpoint: float | None
 
 
-def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> SceneSetup:
-    """Read microscope, materials and setpoint of a scene file; its surface is neither made nor read."""
+def load_setup(path: str | os.PathLike[str], overrides: Iterable[str] = (), setpoint_by: str = "") -> SceneSetup:
+    """Read microscope, materials and setpoint of a scene file; its surface is neither made nor read.
+
+    An override of what is not read is refused; `setpoint_by`: option that gives the setpoint instead of the scene.
+    """
+    overrides = list(overrides)
     tables = read_tables(path, overrides)
+    for override in overrides:
+        key = override.partition("=")[0].strip()
+        if setpoint_by and key in ("setpoint", "scan.setpoint"):
+            raise InputError("override", override, f"a key that is used here; the setpoint is that of {setpoint_by}")
+        if key != "surface.materials" and (key.partition(".")[0] in NOT_OF_SETUP or key == "scan.solver"):
+            raise InputError("override", override, "a key of microscope or materials: this one is of an image")
     check_keys("the scene's table", tables, (*TABLES, "ensemble"), ("cantilever", "tip", "drive"))
     scan, complaints = table_of(tables, "scan"), Complaints()
     setpoint = complaints.of(scan_of, scan) if "setpoint" in scan else None

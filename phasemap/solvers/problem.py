@@ -57,6 +57,18 @@ class Work:
         return found
 
     @property
+    def loses(self) -> Array:
+        """Which contacts lose energy of their own or draw necks of liquid; shape (n,)."""
+        lossy = bool(self.law.lossy) & ((self.rows[:, col.WITHDRAWN] > 0) | (self.rows[:, col.LOSS] > 0))
+        found: Array = lossy | (self.rows[:, col.FORMING] < 0)
+        return found
+
+    def static(self) -> tuple[Array, Work]:
+        """Places of the contacts that neither remember nor lose, and work of these alone, whose law is static."""
+        places = np.flatnonzero(~(self.remembers | self.loses))
+        return places, replace(self.part(places), law=self.law._replace(memory=0, lossy=0))
+
+    @property
     def in_time(self) -> bool:
         """True if contacts remember, lose energy of their own, or draw necks of liquid: only the march knows these."""
         return bool(self.law.memory or self.law.lossy) or bool((self.rows[:, col.FORMING] < 0).any())

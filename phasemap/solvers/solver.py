@@ -235,10 +235,8 @@ class OnlyInTime(FromFar):
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
         """March what remembers or is wet, and let `other` solve the rest without memory."""
-        rows, remembers = work.rows, work.remembers
+        remembers, engaged = work.remembers, work.loses
         forgetful = replace(work, law=work.law._replace(memory=0))
-        lossy = bool(work.law.lossy) & ((rows[:, col.WITHDRAWN] > 0) | (rows[:, col.LOSS] > 0))
-        engaged = lossy | (rows[:, col.FORMING] < 0)
         self.engage(forgetful, np.flatnonzero(engaged & ~remembers), answers, accuracy.periods)
         self.engage(work, np.flatnonzero(engaged & remembers), answers, accuracy.periods)
         far = np.flatnonzero(remembers & ~engaged)
@@ -249,10 +247,9 @@ class OnlyInTime(FromFar):
             self._march(remembering_rows, work, far, answers, accuracy.periods)  # from averaged orbits that are sure
             far = far[answers.status[far] != col.GOOD]
         self.engage(work, far, answers, accuracy.periods)
-        rest = np.flatnonzero(~(remembers | engaged))
+        rest, plain = work.static()
         if not len(rest):
             return
-        plain = replace(forgetful.part(rest), law=forgetful.law._replace(lossy=0))
         some = answers.of(rest)
         self.other.solve(plain, accuracy, some)
         answers.put(rest, some)

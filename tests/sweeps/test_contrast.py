@@ -99,6 +99,8 @@ def test_a_viscous_material_beside_one_that_relaxes_lets_go_as_it_does_alone(sol
     found = pm.contrast(relaxing, viscous, scope, [0.6, 0.7], solver=solver)
     alone = [pm.solve_pixel(viscous, scope, setpoint, solver).phase for setpoint in (0.6, 0.7)]
     assert found.phase.sel(material="second").values.tolist() == alone
+    one, both = pm.Microscope(pm.Cantilever(26.0, 300e3, 300.0), TIP, pm.Drive(10e-9)), pm.Material(0.5e9, 0.05, 0.01)
+    assert pm.contrast(relaxing, both, one, [0.6, 0.9]).regime[1].values.tolist() == [BISTABLE, BISTABLE]
 
 
 def test_regimes_are_those_of_all_stable_orbits(jumping: xr.Dataset) -> None:

@@ -182,7 +182,9 @@ def make_model(scopes: Sequence[Microscope], setpoints: Sequence[float], prior: 
         allowed = "'linear', for images of contacts that remember are not inverted"
         raise InputError("withdrawal", scope.interaction.withdrawal, allowed)
     if scope.interaction.law.takes_film and prior.thickness is None:
-        raise InputError("thickness of the prior", None, "a number in m, of the film, where the contact is that of one")
+        allowed = "a number in m, of the film, where the contact is that of one"
+        hint = "prior=Material(..., thickness=20e-9) has it, or with --prior NAME a material of the scene."
+        raise InputError("thickness of the prior", None, allowed, hint)
     amplitudes = [ratio * one.driven_amplitude for ratio, one in zip(setpoints, scopes, strict=True)]
     model = Model(
         np.ones(3), float(np.log(factor)), None, 0.0, scope, scope.interaction.token(),

@@ -47,6 +47,8 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     if by is not None:
         check_choice("by", by, WAYS)
     if labels is not None:
+        if by is not None:
+            raise InputError("by", by, "None beside labels, which are the regions")
         return Regions(_given(labels, images), ["Regions as given."])
     if by == "height" and not all("height" in one for one in images):
         raise InputError("by", by, "'phase', because a file has no height")

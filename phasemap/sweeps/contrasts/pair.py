@@ -93,14 +93,14 @@ class Pair:
 def regimes(work: Work, periods: int = MOST_PERIODS) -> Array:
     """Regime (NONE, ATTRACTIVE, REPULSIVE, BISTABLE) of each setpoint: the branches on which a stable orbit holds it.
 
-    None is known of contacts that remember: there only what engaging leads to is. `periods` of the drive may be
-    integrated for each.
+    None is known of contacts that remember or are wet: there only what engaging leads to is. `periods` of the drive may
+    be integrated for each.
     """
-    if work.in_time:
-        return np.full(len(work), NONE, np.int8)
-    attractive, repulsive = stable_branches(work, Orbit(), Accuracy(periods=periods)).stable
-    codes: Array = ATTRACTIVE * attractive + REPULSIVE * repulsive
-    return codes.astype(np.int8)
+    codes, (known, static) = np.full(len(work), NONE, np.int8), work.static()
+    if len(known):
+        attractive, repulsive = stable_branches(static, Orbit(), Accuracy(periods=periods)).stable
+        codes[known] = ATTRACTIVE * attractive + REPULSIVE * repulsive
+    return codes
 
 
 def regime_of(rows: Array) -> Array:
