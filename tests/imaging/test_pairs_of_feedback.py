@@ -133,3 +133,28 @@ def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
     with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
         at_rest(case)
     assert raised.value.name in PAIRS.refusals(case)
+
+
+BESIDE = {
+    "relaxing": (pm.Material(2e9, 0.02), pm.Material(1e9, 0.02, relaxed_modulus=5e8, relaxation_time=1e-7), {}),
+    "ting": (pm.Material(2e9, 0.02), pm.Material(2e9, 0.02, 0.03), {"withdrawal": "ting"}),
+    "wet": (
+        pm.Material(2e9, 0.02, 0.03, liquid_film=0.0), pm.Material(2e9, 0.02, liquid_film=2e-9),
+        {"contact": pm.interaction.Capillary(tip_film=0.0)},
+    ),
+    "neck": (pm.Material(1e9), pm.Material(0.5e9, 0.05), {"contact": "jkr", "decay_length": None}),
+    "loss": (pm.Material(1e9, 0.0, 0.02), pm.Material(0.5e9, 0.05), {"contact": pm.interaction.LossyDMT(2.0, 0.0)}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+def test_a_line_is_the_same_beside_lines_of_a_material_that_remembers_or_is_wet(beside: str) -> None:
+    *pair, changes = BESIDE[beside]
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 30.0), pm.Tip(10e-9), pm.Drive(20e-9), pm.Interaction(**changes))
+    gains = pm.Feedback(line_rate=200.0, proportional_gain=0.05, integral_gain=3e3, engage="line")
+    alone, both = (
+        pm.simulate(pm.Surface.from_labels(labels, pair, pixel_size=2e-9), scope, SETPOINT, "march", gains)
+        for labels in (np.zeros((2, 6), int), np.repeat([[0], [1]], 6, axis=1))
+    )
+    for name in ("height", "phase", "amplitude_error"):
+        np.testing.assert_array_equal(both[name].values[..., :1, :], alone[name].values[..., :1, :])
