@@ -21,7 +21,7 @@ from phasemap.experiment.microscope import Microscope
 from phasemap.results.status import Status
 from phasemap.results.variables import STABILITY, coded, flag_attributes, of_rows, provenance
 from phasemap.solvers.continuation.curves import Curves
-from phasemap.solvers.continuation.path import UNITS, Question, Spacing, path_of, path_over
+from phasemap.solvers.continuation.path import MATERIAL, UNITS, Question, Spacing, path_of, path_over
 from phasemap.solvers.continuation.visit import (
     Jump,
     OffOrbit,
@@ -194,12 +194,14 @@ def parameter(
         return height if ratio is None else ratio * changed.driven_amplitude
 
     scale, of_amplitude = Spacing.over(axis), ratio is not None
-    every = [question.with_parameter(name, float(value)) for value in np.sort(axis)]
     directions, words = ("up", "down"), name.replace("_", " ")
     about = Axis(name, axis, UNITS[name], words, directions, col.PARAMETER, of_amplitude, value=scale.value)
     held: dict[str, float | None] = {"setpoint": ratio} if of_amplitude else {"tip_offset": height}
-    if any(one.only_in_time for one in every):
+    values = np.sort(axis).tolist()
+    laws = values if name in MATERIAL else values[:1]  # what changes the lever or the drive leaves the contact as it is
+    if any(question.with_parameter(name, value).only_in_time for value in laws):
         _check_no_samples(samples)
+        every = [question.with_parameter(name, value) for value in values]
         works, n = [one.work(marched=True) for one in every], len(axis)
         most = longest_memory(work.law for work in works)
         visits = [  # each direction is begun far above the surface
