@@ -20,7 +20,7 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     `work`: holds the case in row ``known.index``.
     """
     from phasemap._kernels.law import parameters
-    from phasemap._kernels.orbits.time.march import march_period
+    from phasemap._kernels.orbits.time.march import march_oscillator
     from phasemap._kernels.orbits.time.tip import PeriodResult
 
     reference, amplitude = known.reference, known.case.amplitude
@@ -34,6 +34,6 @@ def march_period_time(work: Work, known: Known, eta: float) -> float:
     def several() -> None:
         y[:] = state
         for _ in range(PERIODS):
-            march_period(Oscillator(work.law, p, work.lever), reference.tip_offset, eta, y, acc)
+            march_oscillator(Oscillator(work.law, p, work.lever), reference.tip_offset, eta, y, acc)
 
     return best_of(several, 0.0)[0] / PERIODS

@@ -1,6 +1,6 @@
 """Modes of the cantilever, the second and higher ones too: their numbers in the lever, and the answer of all together.
 
-The lever is that of `phasemap.experiment.lever_modes.lever_of`.
+The lever is that of `phasemap.experiment.lever_numbers.lever_of`.
 """
 
 from __future__ import annotations

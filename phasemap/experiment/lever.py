@@ -1,4 +1,4 @@
-"""Energies of the lever's first harmonic, and the signal of the detector; `lever_modes.lever_of` makes its numbers."""
+"""Energies of the lever's first harmonic, and the detector's signal; `lever_numbers.lever_of` makes its numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
-from phasemap.experiment.lever_modes import modal_motion
+from phasemap.experiment.lever_numbers import modal_motion
 
 
 def energy_supplied(lever: Array, amplitude: Array, phase: Array) -> Array:

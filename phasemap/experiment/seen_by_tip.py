@@ -21,7 +21,7 @@ from phasemap._shared.checks import number, numbers
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.memory import check_fits
 from phasemap._shared.notices import unquestioned
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.material_rows import properties
 from phasemap.experiment.microscope import Microscope, Tip
 from phasemap.experiment.surface_maps import QUANTITIES, where

@@ -20,7 +20,7 @@ from phasemap._shared.units import say
 from phasemap.experiment.cantilever import Cantilever
 from phasemap.experiment.described import describe
 from phasemap.experiment.lever import of_tip
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, rows_of
 from phasemap.explorer.limits import accuracy_of, far_off

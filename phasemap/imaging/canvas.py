@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from phasemap._shared.memory import check_fits
 from phasemap._shared.pixels import coordinates
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.experiment.surface import Surface
 from phasemap.results.quantities import CHANNELS, channel_attributes, is_derived, motion_seen, needs_of

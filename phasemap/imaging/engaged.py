@@ -16,7 +16,7 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.threads import Progress, bounds_of, spread
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import of_tip
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.material_rows import film_of, liquid_of, relaxation_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import PENDING, Canvas, Values, values_of

@@ -17,7 +17,7 @@ from phasemap._kernels import columns as col
 from phasemap._shared.arrays import Array
 from phasemap._shared.units import ELECTRONVOLT
 from phasemap.experiment.lever import drive_energy, energy_supplied, lost_in_air, of_tip, virial_of
-from phasemap.experiment.lever_modes import lever_of, modal_motion
+from phasemap.experiment.lever_numbers import lever_of, modal_motion
 from phasemap.experiment.microscope import Microscope, SecondMode
 from phasemap.results.variables import FLOATS
 

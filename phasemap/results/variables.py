@@ -19,7 +19,7 @@ from phasemap._shared.errors import InputError
 from phasemap.experiment.accuracy import ERROR_HEIGHT, ERROR_PHASE
 from phasemap.experiment.control import Control
 from phasemap.experiment.lever import DETECTED
-from phasemap.experiment.lever_modes import beat_of_second
+from phasemap.experiment.lever_numbers import beat_of_second
 from phasemap.results.status import Status
 
 Array = np.ndarray

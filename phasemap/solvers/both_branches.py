@@ -100,7 +100,7 @@ def stable_branches(
         _limit_repulsive_branch(part, accuracy.periods, own)
         for rows in own.rows:
             rows[:] = shown(rows, work)
-        if engaged is not None:  # as the detector sees it already
+        if engaged is not None:  # as the detector sees it already; all are good, so that no branch is NOWHERE
             own.rows[ENGAGED] = own.rows[own.engaged, np.arange(len(part))] = engaged[0][some]
         found.put(some, own)
 

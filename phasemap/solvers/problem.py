@@ -14,7 +14,7 @@ from phasemap._shared.checks import number
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.notices import question
 from phasemap.experiment.arms import most_arms
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import film_of, liquid_of, properties, relaxation_of, rows_of
 from phasemap.experiment.microscope import Microscope

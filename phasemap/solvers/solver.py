@@ -67,9 +67,9 @@ class Orbit:
         """Exact orbits, to `accuracy` or of all columns, and in time where no curve leads to one."""
         limits = (0.0, 0.0) if self.complete else (min(accuracy.phase, PHASE), min(accuracy.height, LENGTH))
         if self.in_time:
-            solve_exactly(work, limits, False, accuracy.periods, answers)
+            solve_exactly(work, limits, average=False, periods=accuracy.periods, answers=answers)
         else:
-            solve_on_curves(work, limits, False, answers)
+            solve_on_curves(work, limits, average=False, answers=answers)
 
 
 def solve_exactly(work: Work, limits: tuple[float, float], average: bool, periods: int, answers: Answers) -> None:

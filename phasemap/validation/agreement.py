@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.lowering import deepest_offset
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.imaging.engaged import DEEPEST
 from phasemap.imaging.imperfections import changes
 from phasemap.results.channels import channels

@@ -16,7 +16,7 @@ from phasemap._kernels.orbits.collocation.path import fixed_path
 from phasemap._kernels.orbits.collocation.stability import determinant_of_return, floquet
 from phasemap._kernels.orbits.collocation.system import head_of, new_orbit
 from phasemap._kernels.quadrature import TABLES
-from phasemap.experiment.lever_modes import one_mode
+from phasemap.experiment.lever_numbers import one_mode
 
 STIFFNESS, FREE, Q = 40.0, 16e-9, 20.0  # [N/m], [m] at resonance, quality factor
 

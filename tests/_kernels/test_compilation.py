@@ -24,7 +24,7 @@ from phasemap._kernels.compilation import disk_cache, kernel
 from phasemap._kernels.compilation.first_use import FirstUse
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap.cli import kinds_of_work
-from phasemap.experiment.lever_modes import one_mode
+from phasemap.experiment.lever_numbers import one_mode
 
 PACKAGE = Path(pm.__file__).parent
 SMALL = """

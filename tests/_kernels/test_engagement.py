@@ -24,7 +24,7 @@ from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, REPULSIVE, UNCLEAR, Maximum
 from phasemap._kernels.orbits.harmonic_orbit import HarmonicOrbit
 from phasemap._kernels.orbits.response.orbit_at_setpoint import ResponseWorkspace
-from phasemap.experiment.lever_modes import one_mode
+from phasemap.experiment.lever_numbers import one_mode
 
 STIFFNESS, FREE, Q = 40.0, 16e-9, 400.0  # [N/m], [m] at resonance, quality factor
 HERTZ, REACH, PULL = 3e5, 0.3e-9, 2e-9  # K sqrt(R) [N/m^1.5], d0 [m], f0 [N]: a polymer under a tip of 10 nm

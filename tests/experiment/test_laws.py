@@ -34,7 +34,7 @@ from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.experiment import interaction as laws
 from phasemap.experiment.described import describe
 from phasemap.experiment.interaction import JKR, Capillary, ContactLaw, Interaction, MaugisDugdale, Neck
-from phasemap.experiment.lever_modes import one_mode
+from phasemap.experiment.lever_numbers import one_mode
 from phasemap.solvers.problem import make_work
 
 MODULUS, ADHESION, RADIUS = 1e9, 0.05, 20e-9
@@ -666,7 +666,7 @@ LONG_TO_COMPILE = ("neck, damped", "punch", "jkr, bias")
 def marched(problem: Any, z0: float, y: np.ndarray, eta: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
     y, acc = y.copy(), PeriodResult()
     for _ in range(periods):
-        assert march.march_period(problem, z0, eta, y, acc) > 0
+        assert march.march_oscillator(problem, z0, eta, y, acc) > 0
     return y, acc
 
 

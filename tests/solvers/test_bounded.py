@@ -18,7 +18,7 @@ from phasemap._kernels.orbits.time.tip import MovingTip, PeriodMap, PeriodResult
 from phasemap._kernels.scanning.feedback_loop import Setup
 from phasemap._kernels.scanning.line import approach_in_time
 from phasemap._kernels.scanning.periods import new_periods
-from phasemap.experiment.lever_modes import lever_of, one_mode
+from phasemap.experiment.lever_numbers import lever_of, one_mode
 from phasemap.imaging.feedback.lines import loop_of
 from phasemap.solvers.continuation.curves import settling_periods
 from phasemap.solvers.problem import work_of_material

@@ -14,7 +14,7 @@ import phasemap as pm
 from benchmarks.accuracy.regimes import REGIMES, Batch, draw
 from phasemap._kernels import columns as col
 from phasemap._kernels.engagement.by_averaging import narrowest_amplitude_ratio
-from phasemap.experiment.lever_modes import one_mode
+from phasemap.experiment.lever_numbers import one_mode
 from phasemap.solvers.problem import Work
 from phasemap.solvers.run import run
 from phasemap.solvers.solver import by_name

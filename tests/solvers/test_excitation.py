@@ -15,11 +15,11 @@ from phasemap._kernels import columns as col
 from phasemap._kernels import excitation as kernel
 from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.orbits.collocation.path import fixed_path
-from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.march import march_oscillator
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap._kernels.rows.answers import Answers
 from phasemap.experiment.lever import detected_signal, of_tip, offset_and_factor, sees_tip
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.scenes.scene import load_scene
 from phasemap.solvers.both_branches import stable_branches
 from phasemap.solvers.continuation.whole_curves import held_curves
@@ -122,7 +122,7 @@ def test_the_spread_is_that_of_the_deflection_behind_a_lock_in() -> None:
     tip, acc = np.array([amplitude * math.sin(phase), amplitude * math.cos(phase), 0.0]), PeriodResult()
     shown, low = np.empty(6000, complex), 0j
     for i in range(-3000, len(shown)):
-        march_period(work.oscillator(0), pixel.tip_offset, 0.5, tip, acc)
+        march_oscillator(work.oscillator(0), pixel.tip_offset, 0.5, tip, acc)
         now = complex(*detected_phasor(work.lever, acc.cos, acc.sin))
         low = now + math.exp(-2 * math.pi / 100) * (low - now)
         if i >= 0:

@@ -16,11 +16,11 @@ from cases import Case, hold_in_time, label, load
 
 from phasemap._kernels import columns as col
 from phasemap._kernels.law import Oscillator
-from phasemap._kernels.orbits.time import march, period, runge_kutta
+from phasemap._kernels.orbits.time import equation_of_motion, march, runge_kutta
 from phasemap._kernels.orbits.time import tip as of_tip
 from phasemap._kernels.orbits.time.tip import PeriodMap, PeriodResult
 from phasemap.experiment.interaction import Interaction
-from phasemap.experiment.lever_modes import one_mode
+from phasemap.experiment.lever_numbers import one_mode
 
 Problem = Oscillator
 
@@ -70,7 +70,7 @@ def settled(problem: Problem, orbit: dict[str, float], eta: float, most: int = 1
 def marched(problem: Problem, z0: float, y: np.ndarray, eta: float, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
     y, acc = y.copy(), PeriodResult()
     for _ in range(periods):
-        assert march.march_period(problem, z0, eta, y, acc) > 0
+        assert march.march_oscillator(problem, z0, eta, y, acc) > 0
     return y, acc
 
 
@@ -111,8 +111,8 @@ def test_the_cubic_through_a_step_turns_and_crosses_where_it_should() -> None:
     def v(t: float) -> float:
         return 1.2 - 1.8 * t - 0.6 * t * t
 
-    assert v(period.time_of_turn.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
-    assert x(period.time_of_crossing.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert v(equation_of_motion.time_of_turn.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
+    assert x(equation_of_motion.time_of_crossing.py_func(x(0), v(0), x(h), v(h), h)) == pytest.approx(0, abs=1e-14)
 
 
 @pytest.mark.parametrize("count", [2, 4, 8])
@@ -272,9 +272,9 @@ def test_a_fast_tip_does_not_step_over_the_force_before_contact() -> None:
 def test_a_hopeless_period_ends_with_a_status() -> None:
     problem, acc = problem_of(TAPPING), PeriodResult()
     y = state_of(TAPPING_ORBIT)
-    assert march.march_period(problem, TAPPING_ORBIT["tip_offset"], 1e-6, y, acc) == -col.NOT_SETTLED
-    assert march.march_period(problem, TAPPING_ORBIT["tip_offset"], 0.3, np.array([math.nan, 0.0]), acc) < 0
-    assert march.march_period(problem, math.nan, 0.3, state_of(TAPPING_ORBIT), acc) < 0
+    assert march.march_oscillator(problem, TAPPING_ORBIT["tip_offset"], 1e-6, y, acc) == -col.NOT_SETTLED
+    assert march.march_oscillator(problem, TAPPING_ORBIT["tip_offset"], 0.3, np.array([math.nan, 0.0]), acc) < 0
+    assert march.march_oscillator(problem, math.nan, 0.3, state_of(TAPPING_ORBIT), acc) < 0
 
 
 # Settled orbits.

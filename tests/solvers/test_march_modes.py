@@ -153,7 +153,7 @@ def test_the_error_is_of_order_eight(group: str) -> None:
     for eta in [0.06, *etas]:
         tip = tip_on(oscillator, row)
         for _ in range(3):
-            assert march.march_period(oscillator, tip.u[Z0], eta, tip.u, tip.acc) > 0
+            assert march.march_oscillator(oscillator, tip.u[Z0], eta, tip.u, tip.acc) > 0
         ends.append(np.array([*np.delete(tip.u, Z0), tip.acc.cos, tip.acc.sin]))
     errors = np.abs(np.array(ends[1:]) - ends[0]).max(axis=1)
     assert np.polyfit(np.log(etas), np.log(errors), 1)[0] == pytest.approx(8, abs=0.8)
@@ -170,7 +170,7 @@ def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int) -> None:
     free = drive / complex(work.lever[col.DYNAMIC_STIFFNESS], work.lever[col.DYNAMIC_LOSS])
     state = new_state(work.law, work.lever, 0.0, free.real, -omega * free.imag, 3e-8)
     tip = MovingTip(state.copy(), PeriodResult(), PeriodMap(), Periods())
-    assert march.march_period(oscillator, 3e-8, 0.1, tip.u, tip.acc) > 0
+    assert march.march_oscillator(oscillator, 3e-8, 0.1, tip.u, tip.acc) > 0
     assert tip.u == pytest.approx(state, abs=1e-13 * abs(free))
     assert [tip.acc.cos, -tip.acc.sin] == pytest.approx([free.real, free.imag], abs=1e-12 * abs(free))
     # By Liouville's theorem the volume of neighbours falls by what all modes lose; differences leave 1e-7 or so.
@@ -198,10 +198,10 @@ def test_a_contact_that_a_mode_makes_again_within_a_flight_is_found() -> None:
     row, oscillator = settled(case)
     tip = tip_on(oscillator, row)
     for _ in range(60):
-        assert march.march_period(oscillator, row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
+        assert march.march_oscillator(oscillator, row[col.TIP_OFFSET], ETA, tip.u, tip.acc) > 0
     found = tip.acc.cos, tip.acc.sin
     for _ in range(60):  # in steps so short that none has two contacts
-        assert march.march_period(oscillator, row[col.TIP_OFFSET], 0.2 * ETA, tip.u, tip.acc) > 0
+        assert march.march_oscillator(oscillator, row[col.TIP_OFFSET], 0.2 * ETA, tip.u, tip.acc) > 0
     assert (tip.acc.cos, tip.acc.sin) == pytest.approx(found, abs=1e-9 * row[col.AMPLITUDE])
     assert tip.u[Z] < row[col.TIP_OFFSET] or tip.u[V] != 0.0
 
@@ -255,7 +255,7 @@ def test_over_a_solid_that_relaxes_a_lever_moves_as_over_independent_elements(mo
             dy, dw = rates(y, pushed, tau)
             dy, dw = rates(y + 0.5 * h * dy, pushed + 0.5 * h * dw, tau + 0.5 * h)
             y, pushed = y + h * dy, pushed + h * dw
-        assert march.march_period(work.oscillator(0), z0, 0.2, state, acc) > 0
+        assert march.march_oscillator(work.oscillator(0), z0, 0.2, state, acc) > 0
         assert acc.deepest > 2e-9
         # 6000 steps and 400 elements: 1e-4 of the amplitude with one mode as with several.
         assert (state[Z], state[V]) == pytest.approx((y[:, 0].sum(), y[:, 1].sum()), abs=2e-4 * 18e-9)

@@ -14,7 +14,7 @@ import pytest
 import phasemap as pm
 from phasemap._kernels import columns as col
 from phasemap._kernels.orbits.averaged.harmonics import harmonics
-from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.march import march_oscillator
 from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import PeriodResult
 from phasemap.solvers.problem import work_of_material
@@ -71,7 +71,7 @@ def test_the_contact_goes_on_from_whatever_was_before(case: dict[str, Any]) -> N
     y[:2] = case["start"]
     assert case["error"] < 1e-6
     for z, v, lost in case["states"]:
-        assert march_period(work.oscillator(0), case["tip_offset"], 0.12, y, acc) > 0
+        assert march_oscillator(work.oscillator(0), case["tip_offset"], 0.12, y, acc) > 0
         # The root of a turn before, which a contact passes as it grows again, is no end of a step: 1.4e-5 of A here.
         np.testing.assert_allclose(y[:2], (z, v), rtol=0, atol=3e-5 * amplitude)
         assert acc.loss == pytest.approx(lost, rel=1e-4)
@@ -85,7 +85,7 @@ def test_dents_that_nearly_fit_the_tip_do_not_stall_a_march(ratio: float, time: 
     y, acc = np.zeros(memory_size(1)), PeriodResult()
     y[:2] = 20e-9, 22e-9
     for z0 in np.linspace(26e-9, 16e-9, 160):  # lowered far faster than dents recover
-        assert 0 < march_period(work.oscillator(0), z0, 0.5, y, acc) < 500
+        assert 0 < march_oscillator(work.oscillator(0), z0, 0.5, y, acc) < 500
         assert abs(y[0]) < 60e-9
 
 
@@ -367,7 +367,7 @@ def test_on_a_shaker_the_tip_moves_as_one_that_is_driven_itself() -> None:
     tip = free / abs(free) * pixel.amplitude * np.exp(1j * math.radians(pixel.phase)) + y
     direct = replace(shaken, drive=pm.Drive(lever.quality_factor * y))
     same = pm.solve_pixel(solid, direct, abs(tip) / direct.drive.free_amplitude)
-    # The steps of both leave 2e-6 degree (`march_period`), 3.5e-8: of an amplitude of 16 nm 6e-16 m.
+    # The steps of both leave 2e-6 degree (`march_oscillator`), 3.5e-8: of an amplitude of 16 nm 6e-16 m.
     assert math.degrees(np.angle(1j * tip)) == pytest.approx(same.phase, abs=2e-6)
     assert pixel.tip_offset == pytest.approx(same.tip_offset, abs=6e-16)
     assert pixel.dissipation == pytest.approx(same.dissipation, rel=1e-7)

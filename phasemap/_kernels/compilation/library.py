@@ -102,6 +102,7 @@ class _Version:
         self._kinds, self._symbol = arguments, symbol
         self._pack = [_packer(kind) for kind in arguments]
         self._answer = type("Answer", (ctypes.Structure,), {"_fields_": [("value", _layout(answer))]})
+        # An array that is returned holds a reference to its memory, which is given back once it is copied.
         self._unpack = _unpacker(answer, code.NRT_MemInfo_call_dtor)
         self._function = code[symbol]
         passed = (one for kind in arguments for one in _passed(kind))

@@ -44,7 +44,7 @@ from phasemap._kernels.numerics import copy, copy_rows, count_smaller, narrow_br
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.contacts_and_necks import is_grazing
 from phasemap._kernels.orbits.collocation.errors import estimate_errors, fill_errors_as_seen, slopes_along_curve
-from phasemap._kernels.orbits.collocation.held_setpoint import hold_amplitude, hold_parameter
+from phasemap._kernels.orbits.collocation.held_equation import hold_amplitude, hold_parameter
 from phasemap._kernels.orbits.collocation.near import solve_near, tolerance_of
 from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, force_jumps, last_step_within_tolerance
 from phasemap._kernels.orbits.collocation.observables import complete_row, fill_observables, time_trace

@@ -9,7 +9,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.averaged.orbits import ratio_far_from_surface
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
-from phasemap._kernels.orbits.collocation.held_setpoint import Equation
+from phasemap._kernels.orbits.collocation.held_equation import Equation
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.newton import MOST_NEWTON_STEPS, NewtonLimits, begin_harmonic, solve_orbit
 from phasemap._kernels.orbits.collocation.path import (

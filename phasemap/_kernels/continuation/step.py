@@ -39,7 +39,7 @@ from phasemap._kernels.numerics import copy_rows
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.contacts_and_necks import times_left
 from phasemap._kernels.orbits.collocation.elements import lay_again
-from phasemap._kernels.orbits.collocation.held_setpoint import Equation, hold_amplitude
+from phasemap._kernels.orbits.collocation.held_equation import Equation, hold_amplitude
 from phasemap._kernels.orbits.collocation.newton import NewtonLimits, solve_orbit
 from phasemap._kernels.orbits.collocation.path import Path, drift_at, held_equation, oscillator_at
 from phasemap._kernels.orbits.collocation.stability import determinant_of_return, floquet

@@ -22,7 +22,7 @@ from phasemap._kernels.engagement.second_drive import (
 from phasemap._kernels.excitation import detected_phasor
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
-from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.march import march_oscillator
 from phasemap._kernels.orbits.time.tip import Z0, MovingTip, PeriodResult, add_period, ring_down_periods
 from phasemap._kernels.records import clear, numbers_of, record
 
@@ -130,7 +130,7 @@ def average_periods(
     for i in range(count):
         tip.u[Z0] -= way + gain * (math.hypot(lock_in.low_cos, lock_in.low_sin) - setpoint)
         tip.periods.marched += 1
-        if march_period(oscillator, tip.u[Z0], step_size, tip.u, acc) < 0:
+        if march_oscillator(oscillator, tip.u[Z0], step_size, tip.u, acc) < 0:
             return False
         add_period(total.period, acc)
         lock_in.least_depth = min(lock_in.least_depth, acc.deepest)

@@ -23,7 +23,7 @@ class Goal(NamedTuple):
     """Amplitude that a tip is to hold in time, and the effort allowed."""
 
     amplitude: float  # [m]; 0 where the tip offset is left alone
-    step_size: float  # of a periodic orbit, as for `march_period`
+    step_size: float  # of a periodic orbit, as for `march_oscillator`
     most_periods: int  # marched in all
 
 

@@ -68,7 +68,7 @@ class Controller(NamedTuple):
     # Whether the contact has hysteresis. Then the tip offset follows little by little, in every period, which keeps the
     # motion to its pattern of taps.
     sticky: bool
-    step_size: float  # as for `march_period`
+    step_size: float  # as for `march_oscillator`
     block: int  # periods of an average
     size: int  # averages of a group
     fewest: int  # groups that are needed

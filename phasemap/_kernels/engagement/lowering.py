@@ -169,7 +169,7 @@ class Fall(NamedTuple):
 
     amplitude: float  # at which a feedback takes over [m]
     pace: float  # by which it is lowered in a period until then [m]
-    step_size: float  # as for `march_period`
+    step_size: float  # as for `march_oscillator`
     gentle: bool  # whether many periods may be passed at once
 
 

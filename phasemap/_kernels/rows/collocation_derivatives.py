@@ -28,7 +28,7 @@ from phasemap._kernels.orbits.averaged.branch import MEASURED_OFFSET, MEASURED_P
 from phasemap._kernels.orbits.averaged.sides import ATTRACTIVE, Maximum
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.elements import lay_again
-from phasemap._kernels.orbits.collocation.held_setpoint import hold_detected_setpoint, hold_parameter
+from phasemap._kernels.orbits.collocation.held_equation import hold_detected_setpoint, hold_parameter
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.newton import share_motion

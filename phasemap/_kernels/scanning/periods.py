@@ -14,7 +14,7 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator, parameters
-from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.march import march_oscillator
 from phasemap._kernels.orbits.time.surface_memory import memory_size
 from phasemap._kernels.orbits.time.tip import TOUCHES, PeriodResult, V, Z, fill_higher_modes
 from phasemap._kernels.records import record
@@ -105,7 +105,7 @@ def march_on(state: PeriodsUnderLoop, setup: Setup, row: np.ndarray, stretch: St
         _add_time(memory, min(passed, span), tally)
     while passed + 0.5 * period < span:
         z0 = y[SCANNER] - ground - slope * (passed + 0.5 * period)
-        if march_period(oscillator, z0, memory.step_size, state.tip, state.sums) < 0:
+        if march_oscillator(oscillator, z0, memory.step_size, state.tip, state.sums) < 0:
             return col.DIVERGED
         y[A_REAL], y[A_IMAG] = state.sums.cos, -state.sums.sin
         if noisy:

@@ -22,7 +22,7 @@ from phasemap._shared.threads import bounds_of, spread
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
 from phasemap.experiment.control import Feedback
 from phasemap.experiment.lever import offset_and_factor
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.microscope import Microscope
 from phasemap.imaging.canvas import Canvas, values_of
 from phasemap.imaging.engaged import stiffening

@@ -18,7 +18,7 @@ from numpy.polynomial.chebyshev import chebval2d
 
 from phasemap._kernels.engagement.by_averaging import narrowest_amplitude_ratio
 from phasemap._shared.arrays import Array
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.imaging.interpolation import chebyshev
 from phasemap.imaging.interpolation.chebyshev import clipped
 from phasemap.imaging.interpolation.exact_orbits import HEIGHT, ExactOrbits

@@ -25,7 +25,7 @@ from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import bounds_of, chunk_of, spread, workers_of
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.lever import of_tip, virial_of
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.material_rows import contact_stiffness, film_of, properties, rows_of
 from phasemap.experiment.microscope import Microscope

@@ -28,7 +28,7 @@ from phasemap._kernels.continuation.step import copy_orbit
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, phase_of
 from phasemap._kernels.orbits.averaged.orbits import averaged_orbits
-from phasemap._kernels.orbits.collocation.held_setpoint import HOLD_AMPLITUDE, HOLD_OFFSET
+from phasemap._kernels.orbits.collocation.held_equation import HOLD_AMPLITUDE, HOLD_OFFSET
 from phasemap._kernels.orbits.collocation.near import tolerance_of
 from phasemap._kernels.orbits.collocation.path import Path, oscillator_at
 from phasemap._kernels.orbits.collocation.system import EQUATIONS_OTHER, Orbit, head_of, new_orbit, new_orbit_like

@@ -19,7 +19,7 @@ from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.notices import unquestioned
 from phasemap._shared.threads import Progress, spread
 from phasemap.experiment.accuracy import MOST_PERIODS, Accuracy
-from phasemap.experiment.lever_modes import lever_of
+from phasemap.experiment.lever_numbers import lever_of
 from phasemap.experiment.material import Material
 from phasemap.experiment.microscope import Microscope
 from phasemap.solvers.both_branches import stable_branches

@@ -1,7 +1,8 @@
 """Averaged orbits on either side of the resonance, found by how near the tip comes at its lowest point.
 
-As the tip comes near at a fixed amplitude, attraction raises the mismatch of the drive to a maximum, and repulsion
-raises it once more behind that: the attractive orbit lies outside of the maximum, the repulsive one behind it.
+The mismatch of the drive is h = (X^2 + Y^2)/u0^2 - 1 with the drive X + iY that a harmonic orbit needs and the u0 that
+there is (`lever.mismatch`). As the tip comes near at a fixed amplitude, attraction raises it to a maximum, and
+repulsion raises it once more behind that: the attractive orbit lies outside of the maximum, the repulsive one behind.
 """
 
 from __future__ import annotations

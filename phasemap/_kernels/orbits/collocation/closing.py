@@ -9,9 +9,9 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.lever import drive_needed
 from phasemap._kernels.lever_modes import mode_of, modes_of
 from phasemap._kernels.numerics import copy_rows, solve_equations
-from phasemap._kernels.orbits.collocation.held_setpoint import Equation
+from phasemap._kernels.orbits.collocation.held_equation import Equation
+from phasemap._kernels.orbits.collocation.lever_over_element import add_response, free_transfer
 from phasemap._kernels.orbits.collocation.linearised import add_times
-from phasemap._kernels.orbits.collocation.mode_motion import add_response, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_OTHER,

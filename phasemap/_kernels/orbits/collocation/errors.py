@@ -23,7 +23,7 @@ from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.collocation.closing import curve_derivative, solve_step
 from phasemap._kernels.orbits.collocation.contacts_and_necks import find_contacts
 from phasemap._kernels.orbits.collocation.elements import append_element, lay_elements
-from phasemap._kernels.orbits.collocation.held_setpoint import hold_amplitude, hold_parameter
+from phasemap._kernels.orbits.collocation.held_equation import hold_amplitude, hold_parameter
 from phasemap._kernels.orbits.collocation.linearised import linearise_orbit
 from phasemap._kernels.orbits.collocation.system import (
     RA,

@@ -20,7 +20,7 @@ from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Oscillator, has_longrange, parameters
 from phasemap._kernels.lever_modes import mode_of, modes_of
 from phasemap._kernels.numerics import eliminate_columns
-from phasemap._kernels.orbits.collocation.mode_motion import add_response, fill_turns, free_transfer
+from phasemap._kernels.orbits.collocation.lever_over_element import add_response, fill_turns, free_transfer
 from phasemap._kernels.orbits.collocation.system import (
     DRIFT_STEP,
     EQUATIONS_CURRENT,

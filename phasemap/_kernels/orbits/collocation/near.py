@@ -11,7 +11,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.lever import free_amplitude, scale_of
 from phasemap._kernels.orbits.collocation.elements import lay_again
-from phasemap._kernels.orbits.collocation.held_setpoint import HOLD_AMPLITUDE, HOLD_OFFSET, hold_amplitude, hold_offset
+from phasemap._kernels.orbits.collocation.held_equation import HOLD_AMPLITUDE, HOLD_OFFSET, hold_amplitude, hold_offset
 from phasemap._kernels.orbits.collocation.newton import (
     MOST_NEWTON_STEPS,
     NewtonLimits,

@@ -16,7 +16,7 @@ from phasemap._kernels.lever_modes import modes_of, static_share
 from phasemap._kernels.orbits.collocation.closing import apply_step, solve_step
 from phasemap._kernels.orbits.collocation.contacts_and_necks import PERMANENT
 from phasemap._kernels.orbits.collocation.elements import lay_again, lay_elements
-from phasemap._kernels.orbits.collocation.held_setpoint import (
+from phasemap._kernels.orbits.collocation.held_equation import (
     Equation,
     hold_amplitude,
     hold_detected_setpoint,

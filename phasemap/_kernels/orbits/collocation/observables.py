@@ -13,7 +13,7 @@ from phasemap._kernels.lever import drive_needed
 from phasemap._kernels.lever_modes import detected_compliance, mode_of, modes_of
 from phasemap._kernels.orbits.collocation.closing import curve_derivative
 from phasemap._kernels.orbits.collocation.contacts_and_necks import depth_at, motion_in_element
-from phasemap._kernels.orbits.collocation.held_setpoint import hold_amplitude, hold_parameter
+from phasemap._kernels.orbits.collocation.held_equation import hold_amplitude, hold_parameter
 from phasemap._kernels.orbits.collocation.stability import floquet
 from phasemap._kernels.orbits.collocation.system import (
     IN_CONTACT,

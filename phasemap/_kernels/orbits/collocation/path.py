@@ -17,7 +17,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.excitation import detected_amplitude_of_orbit
 from phasemap._kernels.law import Law, Oscillator, parameters
 from phasemap._kernels.lever import scale_of
-from phasemap._kernels.orbits.collocation.held_setpoint import Equation, hold_detected_setpoint
+from phasemap._kernels.orbits.collocation.held_equation import Equation, hold_detected_setpoint
 from phasemap._kernels.orbits.collocation.system import DRIFT_STEP, Orbit, head_of, no_drift
 
 # Kinds of paths.

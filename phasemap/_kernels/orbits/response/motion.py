@@ -35,7 +35,12 @@ UNRESOLVED_SHARE = 0.1
 
 @kernel(fastmath=ANY_ORDER)
 def fill_response(nodes: Nodes, lever: np.ndarray, mean: float, push: float, drag: float) -> None:
-    """Replace deflection w and rate w' at the nodes by the lever's response to the force g."""
+    """Replace deflection w and rate w' at the nodes by the lever's response to the force g.
+
+    w = -G g, with Green's function G of all modes, less its mean and first harmonic: theory, Eqs. (response-4) to
+    (response-6). `round_`, E times the integral of g exp(-lambda theta), is what all periods before add to the running
+    integrals.
+    """
     nodes.missed = 0.0
     for i in range(modes_of(lever)):
         mode = mode_of(lever, i)

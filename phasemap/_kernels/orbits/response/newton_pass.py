@@ -95,6 +95,7 @@ def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) ->
         fill_mode(nodes, mode)
         for k in range(n):
             j = contact_node(k)
+            # exp(-lambda phi) times the weight of the node, without the force that `Nodes` says
             nodes.re[j], nodes.im[j] = (
                 nodes.weight[j] * nodes.growth[j] * nodes.turn_cos[j],
                 -nodes.weight[j] * nodes.growth[j] * nodes.turn_sin[j],
@@ -110,13 +111,13 @@ def _fill_system(lever: np.ndarray, nodes: Nodes, workspace: NewtonWorkspace) ->
             row = m[j]
             for part in range(parts):
                 first, start = first_of(part), N * part
-                if part == part_of_j:
+                if part == part_of_j:  # the running integral of it has passed
                     for k in range(N):
                         passed, weight = RUNNING[j - N * part_of_j, k], GAUSS_WEIGHTS[k]
                         row[start + k] += (b_re * weight + t_re * passed) * nodes.im[first + k] + (
                             b_im * weight + t_im * passed
                         ) * nodes.re[first + k]
-                else:
+                else:  # all of it has passed, or none has: E + 1 or E, as H in `nodes`
                     p_re, p_im = (b_re + t_re, b_im + t_im) if part < part_of_j else (b_re, b_im)
                     for k in range(N):
                         row[start + k] += GAUSS_WEIGHTS[k] * (p_re * nodes.im[first + k] + p_im * nodes.re[first + k])

@@ -2,9 +2,9 @@
 
 A kind of contact is a file of its own, with a named tuple that has the fields law, p, compliance, pull, edge_force and
 edge_slope, as `Elastic` has them, and now, a record whose mode says what the contact does; with a kernel for each
-function here that is `Chosen`; and with the period that `march.march_period` asks for. `elastic_and_neck` has
-surfaces that remember nothing, with a neck or without; `relaxing` those that relax. Wherever the mode is OFF_SURFACE,
-x is the depth, and elsewhere its root; what happens where, and what comes then, the kind alone knows.
+function here that is `Chosen`; and with the period that `march.march_oscillator` asks for. `elastic` has
+surfaces that remember nothing, with a neck or without (`neck`); `relaxing` those that relax. Wherever the mode is
+OFF_SURFACE, x is the depth, and elsewhere its root; what happens where, and what comes then, the kind alone knows.
 """
 
 from __future__ import annotations
@@ -127,9 +127,10 @@ def first_moved(contact: Any) -> int:
 
 @Chosen
 def fill_own_slopes(contact: Any, off: bool, push: Any, y: Moved, a: float, k: Moved) -> float:
-    """Fill in the slope of x, and of what the contact has of its own, at an acceleration z''.
+    """Fill into `k` the derivatives by s of x, and of what the contact has of its own, where the state is `y`.
 
-    Returns the rate of the energy into the surface over stiffness, without that of `Push.drag`.
+    `a`: acceleration z'' of the tip [m]. Returns the rate of the energy into the surface over stiffness, without that
+    of `Push.drag`.
     """
     raise NotImplementedError
 
@@ -148,7 +149,7 @@ def edge_of(contact: Any, event: int, time: float) -> tuple[float, float]:
 
 @Chosen
 def stop_at_event(contact: Any, here: Here, motion: Motion) -> None:
-    """End a step at the first event in it, if any (`period.end_step_at_event`), and note it in ``motion.event``."""
+    """End a step at the first event in it, if any, by `equation_of_motion.end_step_at_event`: in ``motion.event``."""
     raise NotImplementedError
 
 

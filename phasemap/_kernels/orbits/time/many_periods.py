@@ -20,7 +20,7 @@ from phasemap._kernels.compilation import kernel
 from phasemap._kernels.law import Oscillator
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.time.arms import dent_survival
-from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.march import march_oscillator
 from phasemap._kernels.orbits.time.period_map import (
     Tolerance,
     come_to_rest,
@@ -70,7 +70,7 @@ def _change(oscillator: Oscillator, step_size: float, tip: MovingTip, at: comple
     copy(tip.u, y)
     y[Z], y[V], y[Z0] = at.real, at.imag, z0
     tip.periods.marched += 1
-    if march_period(oscillator, z0, step_size, y, tip.acc) < 0:
+    if march_oscillator(oscillator, z0, step_size, y, tip.acc) < 0:
         return complex(math.nan, math.nan)
     return complex(y[Z], y[V]) - at
 

@@ -1,19 +1,8 @@
-"""The full equation of motion marched in time: slow, and what all other orbits are checked against.
+"""A period over any surface: which kind of contact marches it.
 
-    z'' + 2 (alpha0 + alpha_s(d)) z' + z + F(d)/k = u0 cos(omega tau),    d = z - z0          (Wang 1999, Eq. 1)
-
-by an explicit Runge-Kutta method of order 8 (`runge_kutta`) on steps laid out by a smooth density; no control repeats
-them, so the error is C eta^8 (theory, Eqs. (time-1) and (time-2)). Order 8 needs an analytic right-hand side, and F ~
-d^(3/2), alpha_s ~ d^(1/2) are not:
-
-* out of contact the state is (d, v) and the independent variable s is the time tau;
-* in contact it is (q, v), q = sqrt(d), with dtau = 2 q ds:    q' = v,    v' = 2 q z'',    tau' = 2 q,
-  in which every multiple of 1/2 is an analytic power of d, through q = 0 and beyond;
-* each change from one to the other is the end of a step (`period`).
-
-All are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q). What the surface does is a plug-in (`contact`):
-`elastic_and_neck` has the period over surfaces that remember nothing, `relaxing_events` that over surfaces that do. The
-latter is compiled by itself, where a material asks for it, and called by its address (`Law.memory`).
+`elastic` has the period over surfaces that remember nothing, `relaxing_events` that over surfaces that do; both step
+through it by `equation_of_motion.march_period`. The latter is compiled by itself, where a material asks for it, and
+called by its address (`Law.memory`).
 """
 
 from __future__ import annotations
@@ -28,7 +17,7 @@ from phasemap._kernels.compilation import COMPILES, LIBRARY, kernel
 from phasemap._kernels.compilation.of_numba import carray, cgutils, intrinsic, ir, types
 from phasemap._kernels.law import Law, Oscillator
 from phasemap._kernels.orbits.time.arms import remembers
-from phasemap._kernels.orbits.time.elastic_and_neck import march_elastic
+from phasemap._kernels.orbits.time.elastic import march_elastic
 from phasemap._kernels.orbits.time.relaxing_events import march_relaxing
 from phasemap._kernels.orbits.time.surface_memory import CONTACT_MODE, INNER_COUNT, OUTER_COUNT
 from phasemap._kernels.orbits.time.tip import PeriodResult
@@ -40,7 +29,7 @@ LEVER_SIZE = (col.MODE + col.MODE_NUMBERS * col.MOST_MODES,)  # at most: what is
 
 @intrinsic
 def _march_by_address(_context: Any, law: Any, p: Any, lever: Any, z0: Any, step_size: Any, y: Any, acc: Any) -> Any:
-    """March one period over a surface that remembers; arguments as for `march_period`."""
+    """March one period over a surface that remembers; arguments as for `march_oscillator`."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         addresses, row, lever_, z0_, eta_, y_, acc_ = arguments
@@ -93,8 +82,8 @@ def address_of_relaxing() -> int:
 
 
 @kernel
-def march_period(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """March for a period of the drive, from drive phase 0 on or where y says that periods begin.
+def march_oscillator(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
+    """March a lever over a material for a period, from drive phase 0 on or where y says that periods begin.
 
     The settled phase is off by less than 1e-4, 2e-6, 2e-9 degree at a `step_size` of 0.5, 0.3, 0.15 in nine of ten
     orbits with Q <= 1000; the error is of order 8 in it (eta in the theory) and proportional to Q.

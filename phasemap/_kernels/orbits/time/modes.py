@@ -71,10 +71,10 @@ def harmonic_of_mode(lever: np.ndarray, i: int, tip: complex) -> complex:
 
 @kernel
 def air_beside_first_harmonic(lever: np.ndarray, tip: complex, air: float) -> float:
-    """Energy [J] into air in the balance of the tip, from what the damping of all modes takes in a period.
+    """Energy [J] into air in the balance of the tip, from `air` [J], what the damping of all modes takes in a period.
 
-    `tip`: complex amplitude of the first harmonic [m], which loses what the dynamic stiffness says: theory,
-    Eq. (time-7).
+    That is `air` less what the first harmonics of all modes take, plus what the first harmonic of the tip takes
+    according to the dynamic stiffness, its complex amplitude being `tip` [m]: theory, Eq. (time-7).
     """
     omega, stiffness = lever[col.OMEGA], lever[col.STIFFNESS]
     air += math.pi * stiffness * lever[col.DYNAMIC_LOSS] * abs(tip) ** 2

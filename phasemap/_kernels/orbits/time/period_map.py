@@ -16,7 +16,7 @@ from phasemap._kernels.law import Oscillator, contact_force
 from phasemap._kernels.numerics import copy
 from phasemap._kernels.orbits.energy_balance import energy_closure
 from phasemap._kernels.orbits.time.arms import dent_survival
-from phasemap._kernels.orbits.time.march import march_period
+from phasemap._kernels.orbits.time.march import march_oscillator
 from phasemap._kernels.orbits.time.modes import air_beside_first_harmonic
 from phasemap._kernels.orbits.time.surface_memory import OUTER_COUNT
 from phasemap._kernels.orbits.time.tip import (
@@ -78,7 +78,7 @@ class Tolerance(NamedTuple):
 def march_tip(oscillator: Oscillator, step_size: float, tip: MovingTip) -> bool:
     """March a tip for a period of the drive."""
     tip.periods.marched += 1
-    return march_period(oscillator, tip.u[Z0], step_size, tip.u, tip.acc) >= 0
+    return march_oscillator(oscillator, tip.u[Z0], step_size, tip.u, tip.acc) >= 0
 
 
 @kernel
@@ -98,7 +98,7 @@ def march_beside(oscillator: Oscillator, step_size: float, tip: MovingTip, way: 
             y[i] = u[i]
         move_state(lever, way, 1.0, y)
         tip.periods.marched += 1
-        if march_period(oscillator, y[Z0], step_size, y, tip.acc) < 0 or y[TOUCHES] != u[TOUCHES]:
+        if march_oscillator(oscillator, y[Z0], step_size, y, tip.acc) < 0 or y[TOUCHES] != u[TOUCHES]:
             return False
     for i in range(coordinate_count(lever)):
         to.motion[i] = y[entry_of(i)] - (u[entry_of(i)] + way.motion[i])

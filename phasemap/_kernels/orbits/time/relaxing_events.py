@@ -35,19 +35,20 @@ from phasemap._kernels.orbits.time.contact import (
     pass_event,
     stop_at_event,
 )
-from phasemap._kernels.orbits.time.modes import Modes, fill_modes
-from phasemap._kernels.orbits.time.period import (
+from phasemap._kernels.orbits.time.equation_of_motion import (
     advance,
     beam_over,
     begin_period,
     end_period,
     end_step_at_event,
-    march_through,
+    march_period,
     stop_at_touch,
     stop_at_turn,
     time_of_crossing,
     try_turn,
 )
+from phasemap._kernels.orbits.time.modes import Modes, fill_modes
+from phasemap._kernels.orbits.time.neck import form_or_break_neck
 from phasemap._kernels.orbits.time.relaxing import (
     Memory,
     Relaxing,
@@ -240,15 +241,6 @@ def end_contact(contact: Relaxing, motion: Motion) -> None:
 
 
 @kernel
-def form_or_break_neck(contact: Relaxing, motion: Motion) -> None:
-    """Let a neck of liquid form, or break; its steps add up all its work, so attraction stores nothing meanwhile."""
-    now, x, t = contact.now, motion.here.at.x, motion.time
-    motion.sums.loss += stored_energy(contact, 0.0, x, t)
-    now.held = 1 - now.held
-    motion.sums.loss -= stored_energy(contact, 0.0, x, t)
-
-
-@kernel
 def turn_contact(contact: Relaxing, motion: Motion) -> bool:
     """Let a contact that grew shrink, or the other way round; False where a Kelvin-Voigt surface cannot."""
     u, m, now, t = motion.here.at, contact.m, contact.now, motion.time
@@ -348,7 +340,7 @@ def find_dent(m: np.ndarray, now: Memory, arms: Arms, free: float) -> float:
 
 @kernel
 def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """March one period over a surface that remembers, as `march_period` does; `surface_memory` names entries of y."""
+    """March a period over a surface that remembers, as `march_oscillator` does; `surface_memory` names entries of y."""
     law, p, lever = oscillator
     motion, modes, now, arms, compliance = Motion(), Modes(), Memory(), Arms(), 1 / lever[col.STIFFNESS]
     fill_modes(lever, modes)
@@ -374,7 +366,7 @@ def march_relaxing(oscillator: Oscillator, z0: float, step_size: float, y: np.nd
     contact = Relaxing(law, p, compliance, pull, edge_force, edge_slope, y, stiff, layer, arms, t0, pace, now)
     here = Here(contact, beam)
     begin_on_surface(contact, here, y[TOUCHES] != 0.0, motion)
-    steps, t = march_through(here, step_size, motion), motion.time
+    steps, t = march_period(here, step_size, motion), motion.time
     depth = tip_depth(contact, u, t)
     motion.sums.loss += stored_energy(contact, u.x, depth, t)
     y[memory.CONTACT_MODE], y[memory.CONTACT_EDGE] = now.mode, u.x

@@ -2,8 +2,9 @@
 
 E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), section II.5.
 
-The equation and its variables are explained in `march`; what the surface does is a plug-in, `contact`. Loops over the
-numbers of a lever with one mode have a length that LLVM knows: they are written out, and nothing is kept in memory.
+The equation and its variables are explained in `equation_of_motion`; what the surface does is a plug-in, `contact`.
+Loops over the numbers of a lever with one mode have a length that LLVM knows: they are written out, and nothing is kept
+in memory.
 """
 
 from __future__ import annotations

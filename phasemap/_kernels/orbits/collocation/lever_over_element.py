@@ -1,4 +1,4 @@
-"""Motion of each mode of the lever over an element: left alone, and by a force at the nodes.
+"""What the lever does over an element, mode by mode: left alone, and by a force at the nodes.
 
 A mode left alone turns by exp(lambda theta), lambda = a + i nu, and answers a kick of one with Im exp(lambda theta) /
 (omega^2 nu): theory, Eq. (collocation-4).

@@ -1,4 +1,4 @@
-"""Modes of the lever, also the second and higher ones, as an array for the kernels; the motion of each in an orbit."""
+"""The lever with all its modes as an array of numbers for the kernels; the motion of each mode in an orbit."""
 
 from __future__ import annotations
 

@@ -1,5 +1,17 @@
-"""A period of the drive, marched over a contact of any kind, in steps that end where something happens.
+"""The full equation of motion, marched over one period: slow, and what all other orbits are checked against.
 
+    z'' + 2 (alpha0 + alpha_s(d)) z' + z + F(d)/k = u0 cos(omega tau),    d = z - z0          (Wang 1999, Eq. 1)
+
+by an explicit Runge-Kutta method of order 8 (`runge_kutta`) on steps laid out by a smooth density; no control repeats
+them, so the error is C eta^8 (theory, Eqs. (time-1) and (time-2)). Order 8 needs an analytic right-hand side, and F ~
+d^(3/2), alpha_s ~ d^(1/2) are not:
+
+* out of contact the state is (d, v) and the independent variable s is the time tau;
+* in contact it is (q, v), q = sqrt(d), with dtau = 2 q ds:    q' = v,    v' = 2 q z'',    tau' = 2 q,
+  in which every multiple of 1/2 is an analytic power of d, through q = 0 and beyond;
+* each change from one to the other is the end of a step.
+
+All are x' = v, v' = w z'', tau' = w with (x, w) = (d, 1) or (q, 2 q). What the surface does is a plug-in (`contact`).
 A step goes to the first event in it: the cubic through both ends says where about, Newton's method on the step's length
 where exactly.
 """
@@ -194,8 +206,8 @@ def _move_on(here: Here, motion: Motion) -> None:
 
 
 @kernel
-def march_through(here: Here, step_size: float, motion: Motion) -> int:
-    """March to the end of a period; returns the steps taken, or minus a status."""
+def march_period(here: Here, step_size: float, motion: Motion) -> int:
+    """March from the beginning of a period to its end; returns the steps taken, or minus a status."""
     steps = 0
     while motion.time_left > LEFT_BY_ROUNDING:
         steps += 1

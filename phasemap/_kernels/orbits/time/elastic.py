@@ -15,7 +15,6 @@ import numpy as np
 from phasemap._kernels import columns as col
 from phasemap._kernels.compilation import ANY_ORDER, kernel
 from phasemap._kernels.law import Law, Oscillator, contact_force, damping, withdrawn_force
-from phasemap._kernels.neck_energy import loop_energy
 from phasemap._kernels.orbits.time.contact import (
     FIRST_TOUCH,
     LAST_TOUCH,
@@ -41,17 +40,18 @@ from phasemap._kernels.orbits.time.contact import (
     step_length,
     stop_at_event,
 )
-from phasemap._kernels.orbits.time.modes import Modes, fill_modes
-from phasemap._kernels.orbits.time.period import (
+from phasemap._kernels.orbits.time.equation_of_motion import (
     beam_over,
     begin_period,
     end_period,
     end_step_at_event,
-    march_through,
+    march_period,
     stop_at_touch,
     stop_at_turn,
     try_turn,
 )
+from phasemap._kernels.orbits.time.modes import Modes, fill_modes
+from phasemap._kernels.orbits.time.neck import NECK_DRAWN, break_neck, draw_neck
 from phasemap._kernels.orbits.time.step_density import (
     CONTACT_WEIGHT,
     LEAST_GAP_IN_NECK,
@@ -64,9 +64,7 @@ from phasemap._kernels.orbits.time.step_density import (
 from phasemap._kernels.orbits.time.tip import TOUCHES, WITHDRAWING, PeriodResult
 from phasemap._kernels.records import record
 
-# What the contact does, beside OFF_SURFACE.
-CONTACT_MADE = 1
-NECK_DRAWN = 2
+CONTACT_MADE = 1  # what the contact does, beside OFF_SURFACE and NECK_DRAWN
 
 
 @record
@@ -131,7 +129,7 @@ def _first_moved(contact: Elastic) -> int:
 @fill_own_slopes.of(Elastic)
 @kernel(inline=True)
 def _fill_own_slopes(contact: Elastic, off: bool, push: Push, y: Moved, a: float, k: Moved) -> float:
-    """Fill in dx/dt, which is the tip's speed; returns the power that the surface takes, but for its drag."""
+    """Fill in dx/ds, which is the tip's speed; returns the power that the surface takes, but for its drag."""
     k.x = y.v
     if off or contact.now.withdrawing == 0:
         return 0.0
@@ -201,20 +199,6 @@ def _enter_contact(contact: Elastic, beam: DrivenLever, q: float, motion: Motion
     now.deep = depth_reached(contact, beam, q, u.v, pull_in_contact(contact, beam, beam.z0 + q * q, u))
 
 
-@kernel
-def _draw_neck(contact: Elastic, q: float, motion: Motion) -> None:
-    """Let the contact draw out a neck: the tip is in it, at q."""
-    now = contact.now
-    now.mode, now.bottom, now.deep, motion.here.at.x = NECK_DRAWN, contact.p[col.RELEASE], contact.neck, q
-
-
-@kernel(inline=True)
-def _break_neck(contact: Elastic, motion: Motion) -> None:
-    """Let the neck break: the tip is off the surface at the depth of release, and the energy of the loop is lost."""
-    contact.now.mode, motion.here.at.x = OFF_SURFACE, contact.p[col.RELEASE]
-    motion.sums.loss += loop_energy(contact.law, contact.p) * contact.compliance
-
-
 @pass_event.of(Elastic)
 @kernel(inline=True)
 def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
@@ -231,11 +215,11 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
         motion.sums.deepest = max(motion.sums.deepest, u.x * u.x)
         return True
     if event == FIRST_TOUCH and contact.p[col.FORMING] < 0.0:
-        _draw_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
+        draw_neck(contact, math.sqrt(contact.p[col.FORMING] - contact.p[col.RELEASE]), motion)
     elif event == LAST_TOUCH and contact.neck > 0 and u.v <= 0:
-        _draw_neck(contact, contact.neck, motion)
+        draw_neck(contact, contact.neck, motion)
     elif event == NECK_BREAKS:
-        _break_neck(contact, motion)
+        break_neck(contact, motion)
     elif u.v > 0:
         _enter_contact(contact, here.beam, 0.0, motion)
     else:
@@ -245,7 +229,7 @@ def _pass_event(contact: Elastic, here: Here, motion: Motion) -> bool:
 
 @kernel(shared=True)
 def march_elastic(oscillator: Oscillator, z0: float, step_size: float, y: np.ndarray, acc: PeriodResult) -> int:
-    """March for a period of the drive over a surface without memory: see `march.march_period`."""
+    """March for a period of the drive over a surface without memory: see `march.march_oscillator`."""
     # Not `parameters`: p is a row of numbers or numbers already, and this takes both.
     law, p, lever = oscillator
     row: Row = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
@@ -261,9 +245,9 @@ def march_elastic(oscillator: Oscillator, z0: float, step_size: float, y: np.nda
         if has_withdrawal_force(contact) and (y[TOUCHES] == WITHDRAWING or u.v < 0.0):
             contact.now.withdrawing = 1
     elif contact.neck > 0 and (u.x > row[col.RELEASE] if y[TOUCHES] != 0.0 else u.x > row[col.FORMING]):
-        _draw_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
+        draw_neck(contact, math.sqrt(u.x - row[col.RELEASE]), motion)
     here = Here(contact, beam)
-    steps = march_through(here, step_size, motion)
+    steps = march_period(here, step_size, motion)
     touches = contact.now.mode != OFF_SURFACE
     if contact.neck > 0 or law.lossy != 0:
         y[TOUCHES] = (WITHDRAWING if contact.now.withdrawing == 1 else 1.0) if touches else 0.0

@@ -1,6 +1,6 @@
-"""Equations by which an orbit by collocation holds the setpoint, as amplitude of the tip or as the detector sees it.
+"""The equation that is solved with an orbit by collocation, for what is held: amplitude, offset or parameter.
 
-And those that hold a tip offset or a parameter in its place. `solve_orbit` (`newton.py`) solves one with the orbit.
+An amplitude is that of the tip, or as the detector sees it. `solve_orbit` (`newton.py`) solves one with the orbit.
 """
 
 from __future__ import annotations
