@@ -215,20 +215,27 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
     for override in overrides:
         tables = with_override(tables, override)
         notes[override.partition("=")[0].strip()] = "given"
-    lever, drive = tables["cantilever"], tables["drive"]
-    named = lever.pop("preset", None)
+    _fill_stated(tables, notes, attrs)
+    _fill_derived(tables, notes, attrs)
+    _check_complete(tables, attrs)
+    return tables, notes
+
+
+def _fill_stated(tables: Table, notes: dict[str, str], attrs: Mapping[str, Any]) -> None:
+    """Set what the image states, as measured or simulated, what a preset of the lever does, and what is nominal."""
+    named = tables["cantilever"].pop("preset", None)
     usual = {} if named is None else construct("[cantilever]", {}, partial(preset_of, "levers", named)).values
     of_preset = {f"cantilever.{name}": value for name, value in usual.items()}, f"of the preset {named}"
     nominal = str(attrs.get("nominal", "")).split()
     recorded = {key: float(attrs[name]) for key, name in RECORDED.items() if name in attrs}
-    measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
     scope, law = recorded_microscope(attrs) or (None, "")
     written = {} if scope is None else written_microscope(scope)
     if written and usual:  # a lever that was simulated is one that was chosen, as the preset is, and not measured
         _fill(tables, notes, *of_preset)
         del written["cantilever"]
     if written and "frequency" not in written["drive"]:  # it is that of the lever, whatever that is
-        del measured["drive.frequency"], recorded["drive.frequency"]
+        del recorded["drive.frequency"]
+    measured = {key: value for key, value in recorded.items() if RECORDED[key] not in nominal}
     _fill(tables, notes, measured, "as recorded")
     if law or not written:
         written["interaction"] = {}
@@ -238,6 +245,7 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         tables.setdefault(part, {})
         _fill(tables, notes, {f"{part}.{name}": value for name, value in table.items()}, "as recorded")
     _fill(tables, notes, *of_preset)
+    lever = tables["cantilever"]
     tell(
         f"The {name.replace('_', ' ')} is as recorded, {lever[name]:g}, and not of the preset {named}: give "
         f"cantilever.{name}={value:g} if it is to be."
@@ -245,6 +253,11 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         if lever[name] != value and notes[f"cantilever.{name}"] == "as recorded"
     )
     _fill(tables, notes, recorded, "nominal, of levers of this type")
+
+
+def _fill_derived(tables: Table, notes: dict[str, str], attrs: Mapping[str, Any]) -> None:
+    """Set what follows from the rest: resonance, free amplitude at resonance, and a setpoint that is said in metres."""
+    lever, drive = tables["cantilever"], tables["drive"]
     if "resonance_frequency" not in lever and "frequency" in drive:
         lever["resonance_frequency"] = drive["frequency"]
         notes["cantilever.resonance_frequency"] = "assumed to be the drive frequency, for the file does not say"
@@ -256,6 +269,10 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
         free = number("drive.free_amplitude", drive["free_amplitude"], "m", above=0)
         tables["scan"]["setpoint"] = float(attrs["setpoint_amplitude"]) * loss / free
         notes["scan.setpoint"] = "recorded amplitude over free amplitude"
+
+
+def _check_complete(tables: Table, attrs: Mapping[str, Any]) -> None:
+    """Refuse a microscope of which something is missing, with what to give."""
     missing = [key for key in NEEDED if key.partition(".")[2] not in tables[key.partition(".")[0]]]
     if "setpoint_amplitude" in attrs and "drive.free_amplitude" in missing and "scan.setpoint" in missing:
         missing.remove("scan.setpoint")  # follows from the free amplitude
@@ -266,7 +283,6 @@ def _microscope(attrs: Mapping[str, Any], overrides: list[str]) -> tuple[Table, 
             f"such as {example}.",
             missing,
         )
-    return tables, notes
 
 
 def _check_film(scene: Scene) -> None:

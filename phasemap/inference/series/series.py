@@ -223,8 +223,7 @@ def series(
     labels : array_like of int, or a sequence of them, one a file; optional
         Regions (2 to 5) that are known, -1 where pixels are left out.
     known : mapping of int to Material, optional
-        Materials that need not be sought, by the label of their region: beyond the prior, and of another thickness
-        than its film, if they like.
+        Materials that need not be sought, by the label of their region; beyond the prior, if they like.
     setpoints, free_amplitudes : float or sequence of float, optional
         Of the files [1, m at the drive frequency], in their order. By default as recorded. Free amplitudes that are not
         known in metres are "shared" (one unknown scale; what is recorded in volts, or of the drive, says how they
@@ -235,7 +234,7 @@ def series(
     phase_zero_error : float
         Standard error of each file's zero [degree].
     sign : {1, -1}, optional
-        -1 if the instrument counts lag positive; by default both are tried.
+        -1 if the instrument counts lag positive; by default as recorded, else both are tried.
     phase_error : float
         Error of a region's median beside its standard error [degree]: crosstalk, and what the model leaves out.
     prior : Material
